@@ -1,0 +1,8 @@
+//! The command line: arguments, messages, exit codes; one file per command.
+
+use std::process::ExitCode;
+
+/// Runs the command line of this process.
+pub fn main() -> ExitCode {
+    ExitCode::SUCCESS
+}

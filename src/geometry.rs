@@ -1,0 +1,244 @@
+//! Frames as types: a [`Transform<To, From>`] maps coordinates in `From` to coordinates in `To`.
+//!
+//! Names follow the types: `tracker_from_base * base_from_flange * flange_from_target`. Raw numbers enter a frame
+//! through one door, [`Transform::claim`] and [`Position::claim`], which says what is claimed.
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::Mul;
+
+use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+/// The laser tracker's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tracker {}
+/// The arm's base, as its nominal chain defines it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Base {}
+/// The flange at the end of the nominal chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Flange {}
+/// The measured target: a reflector (SMR) or a 6-DoF probe.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Target {}
+/// The controller's own tool point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tool {}
+/// The frame in which the controller states its commands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Command {}
+
+/// A rigid transform from frame `From` to frame `To`; translation in mm.
+pub struct Transform<To, From> {
+    isometry: Isometry3<f64>,
+    frames: PhantomData<(To, From)>,
+}
+
+impl<To, From> Transform<To, From> {
+    /// Claims that `isometry` (mm) maps coordinates in `From` to coordinates in `To`.
+    pub const fn claim(isometry: Isometry3<f64>) -> Self {
+        Self {
+            isometry,
+            frames: PhantomData,
+        }
+    }
+
+    /// Claims that the two frames coincide.
+    pub fn identity() -> Self {
+        Self::claim(Isometry3::identity())
+    }
+
+    /// The same relation read the other way.
+    pub fn inverse(&self) -> Transform<From, To> {
+        Transform::claim(self.isometry.inverse())
+    }
+
+    /// The bare numbers, mm.
+    pub const fn isometry(&self) -> &Isometry3<f64> {
+        &self.isometry
+    }
+
+    /// Where the origin of `From` lies in `To`.
+    pub fn origin(&self) -> Position<To> {
+        Position::claim(Point3::from(self.isometry.translation.vector))
+    }
+}
+
+impl<To, From> Clone for Transform<To, From> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<To, From> Copy for Transform<To, From> {}
+impl<To, From> PartialEq for Transform<To, From> {
+    fn eq(&self, other: &Self) -> bool {
+        self.isometry == other.isometry
+    }
+}
+impl<To, From> fmt::Debug for Transform<To, From> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.isometry.fmt(f)
+    }
+}
+
+impl<A, B, C> Mul<Transform<B, C>> for Transform<A, B> {
+    type Output = Transform<A, C>;
+    fn mul(self, other: Transform<B, C>) -> Transform<A, C> {
+        Transform::claim(self.isometry * other.isometry)
+    }
+}
+
+/// A point in the frame `F`, mm.
+pub struct Position<F> {
+    point: Point3<f64>,
+    frame: PhantomData<F>,
+}
+
+impl<F> Position<F> {
+    /// Claims that `point` (mm) is stated in the frame `F`.
+    pub const fn claim(point: Point3<f64>) -> Self {
+        Self {
+            point,
+            frame: PhantomData,
+        }
+    }
+
+    /// The bare coordinates, mm.
+    pub const fn point(&self) -> &Point3<f64> {
+        &self.point
+    }
+
+    /// The bare coordinates as a vector from the frame's origin, mm.
+    pub const fn coords(&self) -> Vector3<f64> {
+        self.point.coords
+    }
+}
+
+impl<F> Clone for Position<F> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<F> Copy for Position<F> {}
+impl<F> PartialEq for Position<F> {
+    fn eq(&self, other: &Self) -> bool {
+        self.point == other.point
+    }
+}
+impl<F> fmt::Debug for Position<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.point.fmt(f)
+    }
+}
+
+impl<To, From> Mul<Position<From>> for Transform<To, From> {
+    type Output = Position<To>;
+    fn mul(self, position: Position<From>) -> Position<To> {
+        Position::claim(self.isometry * position.point)
+    }
+}
+
+/// An isometry from a translation (mm) and fixed-axis roll, pitch, yaw (rad): `Rot(z, yaw) Rot(y, pitch) Rot(x, roll)`.
+pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
+    Isometry3::from_parts(
+        Translation3::from(xyz_mm),
+        UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]),
+    )
+}
+
+/// The rigid transform that maps `from` onto `to` with the least squares of weighted distances.
+///
+/// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant mended as in Umeyama 1991).
+/// `None` with fewer than three points or when they lie on a line, where the rotation is not determined.
+pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Option<Isometry3<f64>> {
+    let total: f64 = weights.iter().sum();
+    if to.len() < 3 || to.len() != from.len() || to.len() != weights.len() || total <= 0.0 {
+        return None;
+    }
+    let barycentre = |points: &[Point3<f64>]| {
+        points
+            .iter()
+            .zip(weights)
+            .fold(Vector3::zeros(), |sum, (p, &w)| sum + p.coords * w)
+            / total
+    };
+    let (to_centre, from_centre) = (barycentre(to), barycentre(from));
+    let mut cross = nalgebra::Matrix3::zeros();
+    for ((p, q), &w) in to.iter().zip(from).zip(weights) {
+        cross += (p.coords - to_centre) * (q.coords - from_centre).transpose() * w;
+    }
+    let svd = cross.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let largest = svd.singular_values.max();
+    // On a line only one singular value is left: turning about the line changes nothing.
+    if svd
+        .singular_values
+        .iter()
+        .filter(|&&s| s > 1e-9 * largest)
+        .count()
+        < 2
+    {
+        return None;
+    }
+    let handedness = (u * v_t).determinant().signum();
+    // nalgebra sorts the singular values, so the last direction is the weakest one.
+    let mend = nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, handedness));
+    let rotation =
+        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * mend * v_t));
+    Some(Isometry3::from_parts(
+        Translation3::from(to_centre - rotation * from_centre),
+        rotation,
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn align_finds_a_known_transform() {
+        let truth = isometry_from_rpy([1000.0, -20.0, 300.0], [0.3, -1.2, 2.5]);
+        let from: Vec<_> = [
+            [0.0, 0.0, 0.0],
+            [500.0, 0.0, 10.0],
+            [0.0, 700.0, -3.0],
+            [20.0, 40.0, 600.0],
+        ]
+        .map(Point3::from)
+        .to_vec();
+        let to: Vec<_> = from.iter().map(|p| truth * p).collect();
+        let found = align(&to, &from, &[1.0, 2.0, 0.5, 1.0]).expect("four points span space");
+        assert!(
+            (found.to_homogeneous() - truth.to_homogeneous())
+                .abs()
+                .max()
+                < 1e-9
+        );
+    }
+
+    #[test]
+    fn align_refuses_points_on_a_line() {
+        let line: Vec<_> = (0..5)
+            .map(|i| Point3::new(f64::from(i), 2.0 * f64::from(i), 0.0))
+            .collect();
+        assert!(align(&line, &line, &[1.0; 5]).is_none());
+    }
+
+    #[test]
+    fn frames_compose_and_invert() {
+        let tracker_from_base =
+            Transform::<Tracker, Base>::claim(isometry_from_rpy([1.0, 2.0, 3.0], [0.1, 0.2, 0.3]));
+        let base_from_flange =
+            Transform::<Base, Flange>::claim(isometry_from_rpy([4.0, 5.0, 6.0], [0.4, 0.5, 0.6]));
+        let flange_point = Position::<Flange>::claim(Point3::new(7.0, 8.0, 9.0));
+        let once = (tracker_from_base * base_from_flange) * flange_point;
+        let twice = tracker_from_base * (base_from_flange * flange_point);
+        assert!((once.coords() - twice.coords()).norm() < 1e-12);
+        assert!(
+            ((tracker_from_base.inverse() * once).coords()
+                - (base_from_flange * flange_point).coords())
+            .norm()
+                < 1e-12
+        );
+    }
+}

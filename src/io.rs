@@ -1,0 +1,1 @@
+//! Everything that touches a file: logs, Parquet tables, schemas, the lake.

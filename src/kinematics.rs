@@ -1,0 +1,17 @@
+//! The arm as a chain of elementary transforms.
+//!
+//! Every link is a product of elementary motions, each a constant, a joint variable, or a constant with a free
+//! parameter (an *elementary transform sequence*; METHOD.md 2). DH, Hayati and a URDF are all such sequences, so one
+//! core serves every convention and the derivative of any element is one column: its unit twist carried to the end.
+//!
+//! - [`chain`]: the sequence, its forward kinematics and its differential.
+//! - [`parameter`]: what can be identified, by name.
+//! - [`arm`]: a robot file made into a chain; joint names, limits, coupling.
+
+pub mod arm;
+pub mod chain;
+pub mod parameter;
+
+pub use arm::{Arm, ArmError, Joint, RobotFile};
+pub use chain::{Axis, Chain, Differential, Element, Motion, Twist};
+pub use parameter::{LinkQuantity, Parameter};

@@ -1,0 +1,347 @@
+//! A chain of elementary transforms: forward kinematics and its differential with respect to joints and parameters.
+//!
+//! The differential is METHOD.md 2 (the seed paper's Eqs. 3–7) in its geometric form: a free element that moves by `ε`
+//! moves everything after it by `ε` times its unit twist, so a column is that twist carried to the chain's end.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, UnitVector3, Vector3};
+
+use super::parameter::Parameter;
+
+/// An axis of the frame an element stands in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Axis {
+    /// x.
+    X,
+    /// y.
+    Y,
+    /// z.
+    Z,
+}
+
+impl Axis {
+    /// The three axes in order.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// The axis as a unit vector of its own frame.
+    pub fn unit(self) -> UnitVector3<f64> {
+        match self {
+            Self::X => Vector3::x_axis(),
+            Self::Y => Vector3::y_axis(),
+            Self::Z => Vector3::z_axis(),
+        }
+    }
+}
+
+/// An elementary motion: along an axis in mm, or about it in rad.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Motion {
+    /// Along the axis, mm.
+    Translation(Axis),
+    /// About the axis, rad.
+    Rotation(Axis),
+}
+
+impl Motion {
+    /// The transform of this motion by `amount` (mm or rad).
+    pub fn by(self, amount: f64) -> Isometry3<f64> {
+        match self {
+            Self::Translation(axis) => Translation3::from(axis.unit().into_inner() * amount).into(),
+            Self::Rotation(axis) => Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_axis_angle(&axis.unit(), amount),
+            ),
+        }
+    }
+}
+
+/// One element of a chain.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Element {
+    /// A constant transform.
+    Fixed(Isometry3<f64>),
+    /// A joint variable: the motion by `sign · q[joint]`.
+    Joint {
+        /// Along or about which axis.
+        motion: Motion,
+        /// Which axis variable, counted from 0.
+        joint: usize,
+        /// +1 or −1.
+        sign: f64,
+    },
+    /// A constant with a free parameter: the motion by `nominal + offset`.
+    Free {
+        /// Along or about which axis.
+        motion: Motion,
+        /// The nominal value, mm or rad.
+        nominal: f64,
+        /// What it is called.
+        parameter: Parameter,
+    },
+}
+
+/// The motion of the chain's end, in the chain's root frame, per unit of one variable.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Twist {
+    /// Velocity of the end's origin, mm per unit.
+    pub linear: Vector3<f64>,
+    /// Angular velocity, rad per unit.
+    pub angular: Vector3<f64>,
+}
+
+impl Twist {
+    /// No motion at all.
+    pub fn zero() -> Self {
+        Self {
+            linear: Vector3::zeros(),
+            angular: Vector3::zeros(),
+        }
+    }
+}
+
+/// A line or direction in the root frame, before it is carried to the end.
+#[derive(Debug, Clone, Copy)]
+enum UnitMotion {
+    Translation(Vector3<f64>),
+    Rotation {
+        axis: Vector3<f64>,
+        through: Vector3<f64>,
+    },
+}
+
+impl UnitMotion {
+    fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
+        match motion {
+            Motion::Translation(axis) => {
+                Self::Translation(frame.rotation * axis.unit().into_inner())
+            }
+            Motion::Rotation(axis) => Self::Rotation {
+                axis: frame.rotation * axis.unit().into_inner(),
+                through: frame.translation.vector,
+            },
+        }
+    }
+
+    fn carried_to(self, end: &Vector3<f64>, sign: f64) -> Twist {
+        match self {
+            Self::Translation(direction) => Twist {
+                linear: direction * sign,
+                angular: Vector3::zeros(),
+            },
+            Self::Rotation { axis, through } => Twist {
+                linear: axis.cross(&(end - through)) * sign,
+                angular: axis * sign,
+            },
+        }
+    }
+}
+
+/// Where the chain ends, and how that end moves with every joint and every free parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Differential {
+    /// The end in the root frame.
+    pub end: Isometry3<f64>,
+    /// One twist per joint variable.
+    pub joints: Vec<Twist>,
+    /// One twist per free parameter, in [`Chain::parameters`]' order.
+    pub parameters: Vec<Twist>,
+}
+
+/// A chain of elementary transforms from a root frame to an end frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain {
+    elements: Vec<Element>,
+    joints: usize,
+}
+
+impl Chain {
+    /// A chain of `elements`, from the root to the end.
+    pub fn new(elements: Vec<Element>) -> Self {
+        let joints = elements
+            .iter()
+            .filter_map(Element::joint)
+            .max()
+            .map_or(0, |last| last + 1);
+        Self { elements, joints }
+    }
+
+    /// The elements, from the root to the end.
+    pub fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// How many joint variables the chain reads.
+    pub const fn joint_count(&self) -> usize {
+        self.joints
+    }
+
+    /// The free parameters in the order of the parameter vector. This function alone owns that order.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        self.elements
+            .iter()
+            .filter_map(Element::parameter)
+            .collect()
+    }
+
+    /// The same chain with `before` in front of it and `after` behind it.
+    #[must_use]
+    pub fn extended(&self, before: Vec<Element>, after: Vec<Element>) -> Self {
+        let mut elements = before;
+        elements.extend_from_slice(&self.elements);
+        elements.extend(after);
+        Self::new(elements)
+    }
+
+    /// The same chain with `offsets` (in [`Self::parameters`]' order) taken into its nominal values.
+    ///
+    /// # Panics
+    /// When there are fewer offsets than parameters.
+    #[must_use]
+    pub fn with_offsets(&self, offsets: &[f64]) -> Self {
+        let mut next = offsets.iter();
+        let elements = self.elements.iter().map(|element| match element {
+            Element::Free {
+                motion,
+                nominal,
+                parameter,
+            } => {
+                let offset = next.next().expect("one offset for each free parameter");
+                Element::Free {
+                    motion: *motion,
+                    nominal: nominal + offset,
+                    parameter: *parameter,
+                }
+            }
+            other => other.clone(),
+        });
+        Self {
+            elements: elements.collect(),
+            joints: self.joints,
+        }
+    }
+
+    /// The end in the root frame at the axis variables `q` (rad or mm) with `offsets` added to the free parameters.
+    ///
+    /// # Panics
+    /// When `q` or `offsets` is shorter than the chain asks for.
+    pub fn forward(&self, q: &[f64], offsets: &[f64]) -> Isometry3<f64> {
+        let mut end = Isometry3::identity();
+        let mut next = offsets.iter();
+        for element in &self.elements {
+            end *= element.transform(q, &mut next);
+        }
+        end
+    }
+
+    /// The end of the nominal chain: [`Self::forward`] with no offsets.
+    pub fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
+        let mut end = Isometry3::identity();
+        for element in &self.elements {
+            end *= element.nominal(q);
+        }
+        end
+    }
+
+    /// The origin and z axis of each joint in the root frame, in chain order, at `q` with `offsets`.
+    pub fn joint_axes(&self, q: &[f64], offsets: &[f64]) -> Vec<(Point3<f64>, Vector3<f64>)> {
+        let mut end = Isometry3::identity();
+        let mut next = offsets.iter();
+        let mut axes = Vec::with_capacity(self.joints);
+        for element in &self.elements {
+            if let Element::Joint {
+                motion: Motion::Rotation(axis) | Motion::Translation(axis),
+                ..
+            } = element
+            {
+                axes.push((
+                    Point3::from(end.translation.vector),
+                    end.rotation * axis.unit().into_inner(),
+                ));
+            }
+            end *= element.transform(q, &mut next);
+        }
+        axes
+    }
+
+    /// The end and its twists at the axis variables `q` with `offsets` added to the free parameters.
+    ///
+    /// # Panics
+    /// When `q` or `offsets` is shorter than the chain asks for.
+    pub fn differential(&self, q: &[f64], offsets: &[f64]) -> Differential {
+        let mut end = Isometry3::identity();
+        let mut next = offsets.iter();
+        let mut joints = Vec::with_capacity(self.joints);
+        let mut parameters = Vec::with_capacity(offsets.len());
+        for element in &self.elements {
+            match element {
+                Element::Fixed(_) => {}
+                Element::Joint {
+                    motion,
+                    joint,
+                    sign,
+                } => joints.push((*joint, *sign, UnitMotion::of(*motion, &end))),
+                Element::Free { motion, .. } => parameters.push(UnitMotion::of(*motion, &end)),
+            }
+            end *= element.transform(q, &mut next);
+        }
+        let tip = end.translation.vector;
+        let mut joint_twists = vec![Twist::zero(); self.joints];
+        for (joint, sign, unit) in joints {
+            let twist = unit.carried_to(&tip, sign);
+            joint_twists[joint].linear += twist.linear;
+            joint_twists[joint].angular += twist.angular;
+        }
+        let parameters = parameters
+            .into_iter()
+            .map(|unit| unit.carried_to(&tip, 1.0))
+            .collect();
+        Differential {
+            end,
+            joints: joint_twists,
+            parameters,
+        }
+    }
+}
+
+impl Element {
+    /// The free parameter of this element, if it has one.
+    pub const fn parameter(&self) -> Option<Parameter> {
+        match self {
+            Self::Free { parameter, .. } => Some(*parameter),
+            Self::Fixed(_) | Self::Joint { .. } => None,
+        }
+    }
+
+    const fn joint(&self) -> Option<usize> {
+        match self {
+            Self::Joint { joint, .. } => Some(*joint),
+            Self::Fixed(_) | Self::Free { .. } => None,
+        }
+    }
+
+    fn transform<'a>(
+        &self,
+        q: &[f64],
+        offsets: &mut impl Iterator<Item = &'a f64>,
+    ) -> Isometry3<f64> {
+        match self {
+            Self::Free {
+                motion, nominal, ..
+            } => motion.by(nominal + offsets.next().expect("one offset for each free parameter")),
+            other => other.nominal(q),
+        }
+    }
+
+    fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
+        match self {
+            Self::Fixed(isometry) => *isometry,
+            Self::Joint {
+                motion,
+                joint,
+                sign,
+            } => motion.by(sign * q[*joint]),
+            Self::Free {
+                motion, nominal, ..
+            } => motion.by(*nominal),
+        }
+    }
+}

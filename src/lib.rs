@@ -1,0 +1,22 @@
+//! From a robot controller's log and a laser tracker's log to joined stations, identified kinematic errors,
+//! error-similarity grids, accuracy reports and a compensation table.
+//!
+//! ```text
+//!  controller.mcap ─┐
+//!                   ├─ ingest ─→ join ─→ fit ─→ similarity ─→ grid ─→ compensation ─→ report
+//!  tracker.mcap ────┘
+//! ```
+//!
+//! Core modules ([`units`], [`geometry`], [`kinematics`]) know no stage. A stage is a plain function that uses core and
+//! the output of earlier stages. Only [`io`], the pipeline and the command line read and write.
+
+pub mod geometry;
+pub mod kinematics;
+pub mod progress;
+pub mod units;
+
+pub mod ingest;
+pub mod join;
+
+pub mod cli;
+pub mod io;

@@ -1,0 +1,155 @@
+//! Units and clocks: lengths are mm, angles rad, times ns, everywhere inside the crate.
+//!
+//! A [`Stamp`] belongs to one clock; stamps of two clocks do not subtract, a [`ClockModel`] converts between them.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::marker::PhantomData;
+
+/// Millimetres in a metre.
+pub const MM_PER_M: f64 = 1000.0;
+/// Nanoseconds in a second.
+pub const NS_PER_S: f64 = 1e9;
+
+/// The controller's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controller {}
+/// The laser tracker's clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tracker {}
+
+/// A moment in the clock `C`, in nanoseconds of that clock.
+pub struct Stamp<C> {
+    ns: i64,
+    clock: PhantomData<C>,
+}
+
+impl<C> Stamp<C> {
+    /// Claims that `ns` was read from the clock `C`.
+    pub const fn from_ns(ns: i64) -> Self {
+        Self {
+            ns,
+            clock: PhantomData,
+        }
+    }
+
+    /// Nanoseconds of the clock `C`.
+    pub const fn ns(self) -> i64 {
+        self.ns
+    }
+
+    /// Nanoseconds from `earlier` to `self`; negative when `self` comes first, saturating at the ends of `i64`.
+    pub const fn since_ns(self, earlier: Self) -> i64 {
+        self.ns.saturating_sub(earlier.ns)
+    }
+
+    /// Seconds from `earlier` to `self`.
+    pub fn since_s(self, earlier: Self) -> f64 {
+        self.since_ns(earlier) as f64 / NS_PER_S
+    }
+
+    /// The moment `ns` nanoseconds later.
+    #[must_use]
+    pub const fn plus_ns(self, ns: i64) -> Self {
+        Self::from_ns(self.ns.saturating_add(ns))
+    }
+}
+
+// Derives would ask the same of the marker `C`.
+impl<C> Clone for Stamp<C> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<C> Copy for Stamp<C> {}
+impl<C> PartialEq for Stamp<C> {
+    fn eq(&self, other: &Self) -> bool {
+        self.ns == other.ns
+    }
+}
+impl<C> Eq for Stamp<C> {}
+impl<C> PartialOrd for Stamp<C> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl<C> Ord for Stamp<C> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.ns.cmp(&other.ns)
+    }
+}
+impl<C> fmt::Debug for Stamp<C> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ns", self.ns)
+    }
+}
+
+/// How the two clocks of a session relate: `tracker − t₀ = (1 + drift)(controller − t₀) + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClockModel {
+    /// t₀, the first stamp of the controller's log.
+    pub origin: Stamp<Controller>,
+    /// What the tracker's clock is ahead at t₀, ns.
+    pub offset_ns: f64,
+    /// How much faster the tracker's clock runs (12e-6 is 12 ppm).
+    pub drift: f64,
+}
+
+impl ClockModel {
+    /// The tracker's reading at a moment of the controller's clock.
+    pub fn to_tracker(&self, stamp: Stamp<Controller>) -> Stamp<Tracker> {
+        let elapsed = stamp.since_ns(self.origin);
+        let correction = self.drift.mul_add(elapsed as f64, self.offset_ns);
+        Stamp::from_ns(
+            self.origin
+                .ns()
+                .saturating_add(elapsed)
+                .saturating_add(round_ns(correction)),
+        )
+    }
+
+    /// The controller's reading at a moment of the tracker's clock.
+    pub fn to_controller(&self, stamp: Stamp<Tracker>) -> Stamp<Controller> {
+        let elapsed = stamp.ns().saturating_sub(self.origin.ns());
+        let correction = (self.drift * elapsed as f64 + self.offset_ns) / (1.0 + self.drift);
+        self.origin
+            .plus_ns(elapsed.saturating_sub(round_ns(correction)))
+    }
+}
+
+/// The whole nanosecond nearest to `ns`, saturating.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "float to integer casts saturate, which is what is wanted"
+)]
+pub fn round_ns(ns: f64) -> i64 {
+    ns.round() as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clock_model_maps_there_and_back_to_the_nanosecond() {
+        let origin = Stamp::from_ns(1_605_000_000_000_200_000);
+        let clock = ClockModel {
+            origin,
+            offset_ns: -4.131e9,
+            drift: -25e-6,
+        };
+        // An hour after t₀ the tracker has lost 25 µs/s · 3600 s = 90 ms.
+        let controller = origin.plus_ns(3_600_000_000_000);
+        let tracker = clock.to_tracker(controller);
+        assert_eq!(tracker.ns() - controller.ns(), -4_131_000_000 - 90_000_000);
+        assert!((clock.to_controller(tracker).since_ns(controller)).abs() <= 1);
+    }
+
+    #[test]
+    fn stamps_at_the_ends_of_the_clock_saturate() {
+        let first = Stamp::<Controller>::from_ns(i64::MIN);
+        let last = Stamp::<Controller>::from_ns(i64::MAX);
+        assert_eq!(last.since_ns(first), i64::MAX);
+        assert_eq!(last.plus_ns(1), last);
+    }
+}
