@@ -19,6 +19,7 @@ pub mod units;
 pub mod fit;
 pub mod ingest;
 pub mod join;
+pub mod similarity;
 
 pub mod cli;
 pub mod io;
