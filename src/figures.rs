@@ -80,6 +80,19 @@ pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
     ascending(norms).get(rank - 1).copied()
 }
 
+/// The same where several errors are of one station: `independent` stations in all, each with a share of the errors.
+///
+/// The rank is that of `independent` errors, carried to the same share of all of them.
+pub fn upper_tolerance_bound_of(
+    norms: &[f64],
+    independent: usize,
+    coverage: Coverage,
+) -> Option<f64> {
+    let rank = bound_rank(independent, coverage)?;
+    let place = (rank * norms.len()).div_ceil(independent);
+    ascending(norms).get(place.checked_sub(1)?).copied()
+}
+
 /// The rank k of the order statistic that bounds, from 1; `None` where even the largest does not.
 pub fn bound_rank(n: usize, coverage: Coverage) -> Option<usize> {
     let binomial = Binomial::new(coverage.share, u64::try_from(n).ok()?).ok()?;

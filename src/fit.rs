@@ -22,7 +22,7 @@ use thiserror::Error;
 pub use holdout::Blocks;
 pub use loss::Loss;
 pub use observation::{Noise, Observation, TrackerUncertainty, observations};
-pub use problem::{Frames, Freedom, Prior, Problem, Unknown};
+pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
 pub use solve::{Convergence, Solution};
 
@@ -45,6 +45,9 @@ pub struct FitSettings {
     pub prior_angle_mrad: f64,
     /// Whether orientations are fitted where the log has them.
     pub orientations: bool,
+    /// Where the target sits at the flange, where it is known; with one tool orientation nothing else tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<KnownTarget>,
     /// How the work space is cut for held-out figures.
     pub blocks: Blocks,
 }
@@ -57,19 +60,20 @@ impl Default for FitSettings {
             prior_length_mm: 3.0,
             prior_angle_mrad: 3.0,
             orientations: false,
+            target: None,
             blocks: Blocks::default(),
         }
     }
 }
 
 impl FitSettings {
-    /// The weak prior, unless the settings switch it off.
-    pub fn prior(&self) -> Option<Prior> {
-        let prior = Prior {
-            length_mm: self.prior_length_mm,
-            angle_rad: self.prior_angle_mrad * 1e-3,
-        };
-        (prior.length_mm > 0.0 && prior.angle_rad > 0.0).then_some(prior)
+    /// What the settings expect of geometry and target before any measurement.
+    pub fn prior(&self) -> Prior {
+        let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
+        Prior {
+            geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
+            target: self.target,
+        }
     }
 }
 
@@ -186,7 +190,7 @@ pub fn identify(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Result<Calibration, FitError> {
-    let starts = start::frames(arm, observations, sessions, settings.loss)?;
+    let starts = start::frames(arm, observations, sessions, settings)?;
     let problem = Problem::new(
         observations,
         arm.chain(),

@@ -17,6 +17,7 @@ pub mod progress;
 pub mod units;
 
 pub mod fit;
+pub mod grid;
 pub mod ingest;
 pub mod join;
 pub mod similarity;

@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::observation::Observation;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
@@ -39,24 +40,52 @@ pub enum Freedom {
     Geometry,
 }
 
-/// Sizes that the weak prior expects of the geometry's offsets, as standard deviations.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Where the target sits at the flange, as far as it is known before the fit.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownTarget {
+    /// Along the flange's axes, mm.
+    pub xyz_mm: [f64; 3],
+    /// Standard uncertainty per axis, mm.
+    pub sd_mm: f64,
+}
+
+/// What is expected of the unknowns before any measurement, as standard deviations; the rest is free.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Prior {
-    /// Of lengths, mm.
-    pub length_mm: f64,
-    /// Of angles, rad.
-    pub angle_rad: f64,
+    /// Of the geometry's lengths, mm; and of its angles, rad.
+    pub geometry: Option<(f64, f64)>,
+    /// Of the target's place.
+    pub target: Option<KnownTarget>,
 }
 
 impl Prior {
-    /// The prior's standard deviation of a parameter; frames are free of it.
-    pub fn sd(&self, unknown: Unknown) -> Option<f64> {
-        let size = if unknown.parameter.is_angle() {
-            self.angle_rad
-        } else {
-            self.length_mm
-        };
-        unknown.session.is_none().then_some(size)
+    /// The expected offset of an unknown from `starts` and its standard deviation; `None` where it is free.
+    fn of(&self, unknown: Unknown, starts: &[Frames]) -> Option<(f64, f64)> {
+        match (unknown.session, unknown.parameter) {
+            (None, parameter) => {
+                let (length_mm, angle_rad) = self.geometry?;
+                Some((
+                    0.0,
+                    if parameter.is_angle() {
+                        angle_rad
+                    } else {
+                        length_mm
+                    },
+                ))
+            }
+            (Some(session), Parameter::Target(Motion::Translation(axis))) => {
+                let known = self.target?;
+                let start = starts[session]
+                    .flange_from_target
+                    .isometry()
+                    .translation
+                    .vector;
+                let along = axis.unit().dot(&(Vector3::from(known.xyz_mm) - start));
+                Some((along, known.sd_mm))
+            }
+            (Some(_), _) => None,
+        }
     }
 }
 
@@ -69,7 +98,8 @@ pub struct Problem<'a> {
     /// For each session, where each free parameter of its chain stands in the vector of unknowns.
     columns: Vec<Vec<Option<usize>>>,
     starts: Vec<Frames>,
-    /// Sum of squared prior-scaled offsets is added to the cost.
+    /// Offsets that the prior expects, and its precision: `Σ precision (x − expected)²` is added to the cost.
+    expected: DVector<f64>,
     precision: DVector<f64>,
 }
 
@@ -101,7 +131,7 @@ impl<'a> Problem<'a> {
         arm: &Chain,
         starts: &[Frames],
         freedom: Freedom,
-        prior: Option<Prior>,
+        prior: Prior,
     ) -> Self {
         let turned = observations
             .iter()
@@ -145,17 +175,20 @@ impl<'a> Problem<'a> {
             chain.parameters().iter().map(place).collect()
         });
         let columns = columns.collect();
-        let precision = unknowns.iter().map(|unknown| {
-            prior
-                .and_then(|prior| prior.sd(*unknown))
-                .map_or(0.0, |sd| sd.powi(-2))
-        });
-        let precision = DVector::from_iterator(unknowns.len(), precision);
+        let priors = unknowns.iter().map(|unknown| prior.of(*unknown, starts));
+        let priors: Vec<_> = priors
+            .map(|prior| prior.map_or((0.0, 0.0), |(mean, sd)| (mean, sd.powi(-2))))
+            .collect();
+        let column = |pick: fn(&(f64, f64)) -> f64| {
+            DVector::from_iterator(priors.len(), priors.iter().map(pick))
+        };
+        let (expected, precision) = (column(|prior| prior.0), column(|prior| prior.1));
         Self {
             observations,
             chains,
             columns,
             starts: starts.to_vec(),
+            expected,
             precision,
             unknowns,
         }
@@ -174,6 +207,17 @@ impl<'a> Problem<'a> {
     /// The prior's precision of each unknown (1/sd², zero where there is no prior).
     pub const fn prior_precision(&self) -> &DVector<f64> {
         &self.precision
+    }
+
+    /// The prior's part of the cost's gradient at `offsets`, halved: `P (expected − x)`.
+    pub fn prior_pull(&self, offsets: &DVector<f64>) -> DVector<f64> {
+        self.precision.component_mul(&(&self.expected - offsets))
+    }
+
+    /// The prior's part of the cost at `offsets`.
+    pub fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
+        let away = offsets - &self.expected;
+        self.precision.dot(&away.component_mul(&away))
     }
 
     /// Rows of residuals in all.

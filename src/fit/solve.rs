@@ -94,10 +94,7 @@ fn descend(problem: &Problem<'_>, start: DVector<f64>, weights: &[f64], factor: 
             .zip(weights)
             .map(|(norm, weight)| weight * norm * norm)
             .sum();
-        misfit / factor
-            + problem
-                .prior_precision()
-                .dot(&offsets.component_mul(offsets))
+        misfit / factor + problem.prior_cost(offsets)
     };
     let mut offsets = start;
     let mut cost = cost_at(&offsets);
@@ -105,8 +102,7 @@ fn descend(problem: &Problem<'_>, start: DVector<f64>, weights: &[f64], factor: 
     for step in 1..=STEPS_PER_ROUND {
         let normal = problem.normal(&offsets, weights);
         let scales = step_scales(&normal, problem, factor);
-        let gradient =
-            &normal.gradient / factor - problem.prior_precision().component_mul(&offsets);
+        let gradient = &normal.gradient / factor + problem.prior_pull(&offsets);
         let matrix = posterior_information(&normal.information, problem.prior_precision(), factor);
         loop {
             let change = damped_step(&matrix, &gradient, &scales, damping);

@@ -2,10 +2,9 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
-use super::loss::Loss;
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Problem};
-use super::{FitError, solve};
+use super::{FitError, FitSettings, solve};
 use crate::geometry::{Transform, align};
 use crate::kinematics::Arm;
 
@@ -21,7 +20,7 @@ pub fn frames(
     arm: &Arm,
     observations: &[Observation],
     sessions: usize,
-    loss: Loss,
+    settings: &FitSettings,
 ) -> Result<Vec<Frames>, FitError> {
     let aligned = (0..sessions).map(|session| aligned(arm, observations, session));
     let mut frames = aligned.collect::<Result<Vec<_>, _>>()?;
@@ -31,10 +30,10 @@ pub fn frames(
             arm.chain(),
             &frames,
             Freedom::BaseAndTarget,
-            None,
+            settings.prior(),
         );
         // With one tool orientation base and target trade freely; the solver's damping takes the shortest step there.
-        let solution = solve::solve(&problem, loss, problem.unknowns().len());
+        let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
         frames = problem.frames(&solution.offsets);
     }
     Ok(frames)
