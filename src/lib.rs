@@ -13,6 +13,7 @@
 pub mod figures;
 pub mod geometry;
 pub mod kinematics;
+pub mod linalg;
 pub mod progress;
 pub mod units;
 
