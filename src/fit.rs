@@ -7,6 +7,7 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 
+pub mod gauge;
 pub mod holdout;
 pub mod loss;
 pub mod observation;
@@ -19,6 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use gauge::{ErrorModel, Gauge};
 pub use holdout::Blocks;
 pub use loss::Loss;
 pub use observation::{Noise, Observation, TrackerUncertainty, observations};

@@ -24,10 +24,11 @@ pub use interpolation::Interpolation;
 pub use judge::HeldOut;
 pub use lattice::{Lattice, WorkBox};
 pub use measured::{MeasuredGrid, NotOnGrid};
-pub use node::{ErrorModel, GridStation, PlacedGrid, Reach, Refusal};
+pub use node::{GridStation, PlacedGrid, Reach, Refusal};
 pub use settings::GridSettings;
 
 use crate::figures::{Figures, upper_tolerance_bound_of};
+use crate::fit::ErrorModel;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
 

@@ -11,7 +11,8 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::interpolation::Interpolation;
-use super::node::{ErrorModel, GridStation, PlacedGrid, Reach, Refusal, count, on_one_branch};
+use super::node::{GridStation, PlacedGrid, Reach, Refusal, count, on_one_branch};
+use crate::fit::ErrorModel;
 
 /// Errors that are left on held-out stations, and the stations that could not be judged.
 #[derive(Debug, Clone, Default, PartialEq)]

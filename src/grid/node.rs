@@ -2,21 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::lattice::{InCell, Lattice};
 use crate::kinematics::{
     Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
-
-/// What predicts the error of the tool point, in the gauge of base + target.
-pub trait ErrorModel: Sync {
-    /// Attained minus commanded position in the base frame at reported joint angles, mm.
-    fn error(&self, joints: &[f64]) -> Vector3<f64>;
-    /// The same with its covariance, mm².
-    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>);
-}
 
 /// A station as grids see it.
 #[derive(Debug, Clone, PartialEq)]
