@@ -57,10 +57,14 @@ pub struct Observation {
     pub axes: Vec<f64>,
     /// Measured target position in the tracker frame, mm.
     pub position: Point3<f64>,
-    /// Lower triangle L of the position's covariance `L Lᵀ`, mm.
+    /// Covariance of the measured position without the arm's share: tracker and scatter of the mean, mm².
+    pub instrument: Matrix3<f64>,
+    /// Lower triangle L of the position's whole covariance `L Lᵀ`, repeatability included, mm.
     pub position_factor: Matrix3<f64>,
     /// Measured target orientation in the tracker frame with its standard uncertainty per axis, rad.
     pub orientation: Option<(UnitQuaternion<f64>, f64)>,
+    /// Commanded minus reported axis variables, rad, where the log has commanded poses.
+    pub shortfall: Option<Vec<f64>>,
 }
 
 /// What is known of the measurement besides the readings.
@@ -90,21 +94,28 @@ pub fn observations(
             station: station.number,
             axes: arm.axes(&station.joints),
             position: attained.position,
+            instrument: instrument(attained, noise),
             position_factor: position_factor(attained, noise),
             orientation: orientation(attained, noise),
+            shortfall: None,
         })
         .collect()
 }
 
-fn position_factor(attained: &Attained, noise: &Noise) -> Matrix3<f64> {
+fn instrument(attained: &Attained, noise: &Noise) -> Matrix3<f64> {
     let mut covariance = attained.stated_covariance.map_or_else(
         || noise.tracker.covariance(&attained.position),
         |[xx, xy, xz, yy, yz, zz]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
     );
     for axis in 0..3 {
-        let of_mean = attained.scatter_mm[axis].powi(2) / attained.kept.max(1) as f64;
-        covariance[(axis, axis)] += noise.repeatability_mm.powi(2) + of_mean;
+        covariance[(axis, axis)] += attained.scatter_mm[axis].powi(2) / attained.kept.max(1) as f64;
     }
+    covariance
+}
+
+fn position_factor(attained: &Attained, noise: &Noise) -> Matrix3<f64> {
+    let covariance =
+        instrument(attained, noise) + Matrix3::identity() * noise.repeatability_mm.powi(2);
     let isotropic = || Matrix3::identity() * noise.repeatability_mm.max(1e-3);
     covariance
         .cholesky()

@@ -3,7 +3,7 @@
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` (METHOD.md 2). Geometry is shared by all
 //! sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
 
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -112,6 +112,31 @@ pub struct Rows {
     pub jacobian: DMatrix<f64>,
 }
 
+/// The target at one pose and how it moves, in the tracker's frame.
+#[derive(Debug, Clone)]
+pub struct TargetView {
+    /// Where the target is predicted.
+    pub end: Isometry3<f64>,
+    /// The target's motion per unit of each unknown that moves it.
+    pub unknowns: Vec<(usize, Twist)>,
+    /// The target's motion per unit of each axis variable.
+    pub joints: Vec<Twist>,
+    /// Origin and direction of each joint axis.
+    pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
+}
+
+impl TargetView {
+    /// The same for a point that sits `lever` (root frame, mm) beside the target on the same body.
+    #[must_use]
+    pub fn moved(mut self, lever: &Vector3<f64>) -> Self {
+        let carry = |twist: &mut Twist| twist.linear += twist.angular.cross(lever);
+        self.unknowns.iter_mut().for_each(|(_, twist)| carry(twist));
+        self.joints.iter_mut().for_each(carry);
+        self.end.translation.vector += lever;
+        self
+    }
+}
+
 /// The weighted normal equations at a point.
 #[derive(Debug, Clone)]
 pub struct Normal {
@@ -136,6 +161,18 @@ impl<'a> Problem<'a> {
         let turned = observations
             .iter()
             .any(|observation| observation.orientation.is_some());
+        Self::with_target_turn(observations, arm, starts, freedom, prior, turned)
+    }
+
+    /// The same, the target's orientation free or not whatever the observations are: for predictions without any.
+    pub fn with_target_turn(
+        observations: &'a [Observation],
+        arm: &Chain,
+        starts: &[Frames],
+        freedom: Freedom,
+        prior: Prior,
+        turned: bool,
+    ) -> Self {
         let chains: Vec<_> = starts
             .iter()
             .map(|frames| measurement_chain(arm, frames, turned))
@@ -199,6 +236,16 @@ impl<'a> Problem<'a> {
         &self.unknowns
     }
 
+    /// The frames the offsets start from, session by session.
+    pub fn starts(&self) -> &[Frames] {
+        &self.starts
+    }
+
+    /// Offsets that the prior expects.
+    pub const fn prior_mean(&self) -> &DVector<f64> {
+        &self.expected
+    }
+
     /// The observations.
     pub const fn observations(&self) -> &[Observation] {
         self.observations
@@ -248,6 +295,22 @@ impl<'a> Problem<'a> {
             .with_min_len(CHUNK)
             .map(norm)
             .collect()
+    }
+
+    /// How the target of `session` moves at the axis variables `axes`, nothing whitened, in the tracker's frame.
+    pub fn view(&self, session: usize, axes: &[f64], offsets: &DVector<f64>) -> TargetView {
+        let local = self.local_offsets(session, offsets);
+        let chain = &self.chains[session];
+        let differential = chain.differential(axes, &local);
+        let parameters = self.columns[session].iter().zip(&differential.parameters);
+        TargetView {
+            unknowns: parameters
+                .filter_map(|(column, twist)| Some(((*column)?, *twist)))
+                .collect(),
+            axes: chain.joint_axes(axes, &local),
+            end: differential.end,
+            joints: differential.joints,
+        }
     }
 
     /// Whitened residual and Jacobian rows of one observation.
@@ -389,12 +452,16 @@ fn measurement_chain(arm: &Chain, frames: &Frames, turned: bool) -> Chain {
 }
 
 /// Measured minus predicted.
-struct Residual {
-    position: Vector3<f64>,
-    rotation: Option<Vector3<f64>>,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// Position, mm.
+    pub position: Vector3<f64>,
+    /// Orientation as a rotation vector, rad, where it was measured.
+    pub rotation: Option<Vector3<f64>>,
 }
 
-fn residual(observation: &Observation, predicted: &Isometry3<f64>) -> Residual {
+/// Measured minus predicted target of one observation.
+pub fn residual(observation: &Observation, predicted: &Isometry3<f64>) -> Residual {
     let turn =
         |measured: UnitQuaternion<f64>| (measured * predicted.rotation.inverse()).scaled_axis();
     Residual {
