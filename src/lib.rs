@@ -17,6 +17,7 @@ pub mod units;
 
 pub mod ingest;
 pub mod join;
+pub mod simulate;
 
 pub mod cli;
 pub mod io;

@@ -164,18 +164,22 @@ impl Search<'_> {
             } else {
                 between(&start, target, way)
             };
-            joints = self.solve(&waypoint, joints)?;
+            let Some(next) = self.solve(&waypoint, &joints) else {
+                return Err(self.not_reachable(target, &joints));
+            };
+            joints = next;
         }
         Ok(joints)
     }
 
-    fn solve(&self, target: &Isometry3<f64>, seed: Vec<f64>) -> Result<Vec<f64>, InverseError> {
-        let mut joints = seed;
+    /// Damped Newton steps from `seed`; `None` when they do not end at the target.
+    fn solve(&self, target: &Isometry3<f64>, seed: &[f64]) -> Option<Vec<f64>> {
+        let mut joints = seed.to_vec();
         let mut residual = self.residual(target, &self.end(&joints));
         let mut damping = 1.0;
         for _ in 0..self.settings.iterations {
             if self.reached(&residual) {
-                return Ok(self.polished(target, joints, &residual));
+                return Some(self.polished(target, joints, &residual));
             }
             let step = self.step(&joints, &residual, damping);
             let next: Vec<f64> = joints.iter().zip(step.iter()).map(|(q, d)| q + d).collect();
@@ -187,7 +191,7 @@ impl Search<'_> {
                 damping *= 10.0;
             }
         }
-        Err(self.not_reachable(target, &joints))
+        None
     }
 
     /// One more Newton step costs little and takes the residual from the tolerance to rounding.
