@@ -143,7 +143,7 @@ fn half_width(is_angle: bool) -> f64 {
 }
 
 fn check_differential(arm: &Arm, joints: &[f64]) {
-    let before = Axis::ALL.map(|axis| Motion::Translation(axis)).into_iter();
+    let before = Axis::ALL.map(Motion::Translation).into_iter();
     let before = before
         .chain(Axis::ALL.map(Motion::Rotation))
         .map(|motion| Element::Free {

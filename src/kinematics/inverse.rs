@@ -100,6 +100,8 @@ pub enum InverseError {
 const APPROACHES: [u32; 3] = [1, 8, 64];
 /// Longest Newton step, rad (or mm for a prismatic joint, which no arm here has): longer ones land on another branch.
 const LONGEST_STEP: f64 = 0.5;
+/// A pose taken at a limit comes back this near to it at worst, rad: that is not beyond it.
+const LIMIT_ROUNDING: f64 = 1e-9;
 
 /// Reported joint angles (rad) that bring `base_from_end = arm(q) · flange_from_end`, the one in the arm configuration of
 /// `seed` that the search reaches from it.
@@ -289,7 +291,9 @@ impl Search<'_> {
             .joints()
             .iter()
             .zip(&joints)
-            .find(|(joint, angle)| !(joint.lower..=joint.upper).contains(*angle));
+            .find(|(joint, angle)| {
+                **angle < joint.lower - LIMIT_ROUNDING || **angle > joint.upper + LIMIT_ROUNDING
+            });
         match beyond {
             Some((joint, angle)) => Err(InverseError::LimitReached {
                 joint: joint.name.clone(),

@@ -204,11 +204,11 @@ impl SimulateSettings {
     pub fn realistic(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
         Self {
             geometry: GeometryErrors {
-                length_sd_mm: 0.3,
-                angle_sd_rad: 2e-4,
+                length_sd_mm: 0.4,
+                angle_sd_rad: 3e-4,
             },
             joints: JointErrors {
-                slow_curve_rad: 8e-5,
+                slow_curve_rad: 1e-4,
                 fast_curve_rad: 2e-5,
                 gear_line_rad: 1e-5,
                 backlash_rad: 2e-5,
@@ -217,7 +217,7 @@ impl SimulateSettings {
                 repeatability_rad: 5e-6,
             },
             gravity: Gravity {
-                sag_rad: 3e-4,
+                sag_rad: 4e-4,
                 up: [0.0, 0.0, 1.0],
             },
             cell: Cell {

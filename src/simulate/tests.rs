@@ -51,8 +51,9 @@ fn without_errors_the_tracker_sees_the_commands() {
 
 #[test]
 fn each_ingredient_alone_moves_the_target_and_off_is_off() {
+    type Change = fn(&mut SimulateSettings);
     let exact = || SimulateSettings::exact(5, home(), small_grid());
-    let cases: [(&str, fn(&mut SimulateSettings), f64); 8] = [
+    let cases: [(&str, Change, f64); 8] = [
         (
             "lengths",
             |s| {
@@ -220,7 +221,10 @@ fn the_same_seed_gives_the_same_session_and_another_another() {
     let again = simulate(&arm, &realistic()).expect("in reach");
     assert_eq!(first.recording.joints, again.recording.joints);
     assert_eq!(first.recording.readings, again.recording.readings);
-    assert_eq!(first.truth.json(), again.truth.json());
+    assert_eq!(
+        first.truth.json().expect("JSON"),
+        again.truth.json().expect("JSON")
+    );
     let other = simulate(
         &arm,
         &SimulateSettings {

@@ -51,9 +51,9 @@ pub struct ArmErrors {
 /// A joint error curve `Σ_k a_k cos kq + b_k sin kq`, rad; it repeats after a full turn and has no constant part.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct JointCurve {
-    /// a_k, from k = 1, rad.
+    /// `a_k`, from k = 1, rad.
     pub cosines: Vec<f64>,
-    /// b_k, from k = 1, rad.
+    /// `b_k`, from k = 1, rad.
     pub sines: Vec<f64>,
 }
 

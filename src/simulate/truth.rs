@@ -183,14 +183,10 @@ impl Truth {
     }
 
     /// The truth without its stations as JSON, numbers to ten digits.
-    pub fn json(&self) -> String {
-        let mut value =
-            serde_json::to_value(self).expect("plain structs have no keys JSON refuses");
+    pub fn json(&self) -> Result<String, serde_json::Error> {
+        let mut value = serde_json::to_value(self)?;
         shorten(&mut value);
-        let mut text =
-            serde_json::to_string_pretty(&value).expect("a JSON value is written as text");
-        text.push('\n');
-        text
+        Ok(serde_json::to_string_pretty(&value)? + "\n")
     }
 
     /// The stations as CSV: times in ns of the controller, angles in rad, lengths in mm, quaternions x y z w.
