@@ -11,8 +11,10 @@
 pub mod settings;
 pub mod truth;
 
+mod curve;
 mod poses;
 mod random;
+mod stations;
 mod timeline;
 mod tracker;
 mod true_arm;
@@ -23,8 +25,9 @@ use crate::ingest::{CommandSamples, JointSamples, Recording};
 use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
+pub use curve::{GearLine, JointCurve};
 pub use settings::{Poses, SimulateSettings};
-pub use true_arm::{ArmErrors, GearLine, JointCurve};
+pub use true_arm::ArmErrors;
 pub use truth::{TrueStation, Truth};
 
 use timeline::Timeline;
@@ -37,6 +40,9 @@ const POSITION_RESOLUTION_MM: f64 = 1e-4;
 const QUATERNION_RESOLUTION: f64 = 1e-9;
 /// Temperatures are logged to this, °C.
 const TEMPERATURE_RESOLUTION: f64 = 1e-2;
+
+/// The most samples of one kind: three weeks at 20 Hz, and what fits into memory.
+const MOST_SAMPLES: u32 = 40_000_000;
 
 /// A synthetic session.
 #[derive(Debug, Clone)]
@@ -93,6 +99,18 @@ pub enum SimulateError {
         /// The most there may be.
         most: usize,
     },
+    /// More samples than a session can have.
+    #[error(
+        "{asked:.0} samples of {what}; a session has at most {most}: lower the rate, the dwell or the number of poses"
+    )]
+    TooManySamples {
+        /// Of what.
+        what: &'static str,
+        /// How many were asked for.
+        asked: f64,
+        /// The most there may be.
+        most: u32,
+    },
     /// A grid node out of reach.
     #[error(
         "grid node {node:?} mm: {source}; move or shrink the box, turn the tool, or start from another home"
@@ -124,6 +142,7 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
     let errors = ArmErrors::draw(arm, settings);
     let commanded = poses::commanded(arm, settings)?;
     let timeline = Timeline::plan(arm, settings, &errors, &commanded);
+    check_samples(settings, timeline.end_s())?;
     let view = tracker::View::new(arm, settings, &errors, &timeline);
     let (readings, counts) = view.readings();
     let recording = Recording {
@@ -194,6 +213,25 @@ fn rounded(value: f64, resolution: f64) -> f64 {
     (value * per_unit).round() / per_unit + 0.0
 }
 
+fn check_samples(settings: &SimulateSettings, end_s: f64) -> Result<(), SimulateError> {
+    let rates = [
+        ("joints", settings.motion.joint_rate_hz),
+        ("the tracker", settings.motion.reading_rate_hz),
+    ];
+    match rates
+        .into_iter()
+        .map(|(what, rate_hz)| (what, rate_hz * end_s))
+        .find(|(_, asked)| *asked > f64::from(MOST_SAMPLES))
+    {
+        Some((what, asked)) => Err(SimulateError::TooManySamples {
+            what,
+            asked,
+            most: MOST_SAMPLES,
+        }),
+        None => Ok(()),
+    }
+}
+
 fn check_length(what: &'static str, joints: usize, found: usize) -> Result<(), SimulateError> {
     if joints == found {
         Ok(())
@@ -231,6 +269,17 @@ fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
         0.0,
         1e6,
         "between 0 and a million",
+    )?;
+    // Times stay far from the ends of 64 bits.
+    let clocks = [
+        ("offset_s", settings.clocks.offset_s),
+        ("origin_ns", settings.clocks.origin_ns as f64 / 1e9),
+    ];
+    within(
+        &clocks,
+        -4e9,
+        4e9,
+        "within 4000000000 s of 1970 or of each other",
     )?;
     within(
         &[("drift_ppm", settings.clocks.drift_ppm)],

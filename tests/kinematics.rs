@@ -7,6 +7,7 @@ use posegrid::kinematics::{
     inverse,
 };
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 const ROBOTS: [&str; 6] = [
     "irb120",
@@ -217,7 +218,7 @@ fn any_joints() -> impl Strategy<Value = [f64; 6]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, rng_seed: RngSeed::Fixed(20), ..ProptestConfig::default() })]
 
     #[test]
     fn offsets_added_or_taken_into_the_chain_are_the_same(

@@ -148,6 +148,8 @@ fn bad_usage_says_what_to_do() {
         ("--grid-step 1e-9", "widen the step"),
         ("--random 3 --centre 9000,0,0", "move or shrink the box"),
         ("--dwell-s 0", "dwell_s = 0"),
+        ("--dwell-s 999999", "samples of joints"),
+        ("--clock-offset-s 1e300", "offset_s"),
         (
             "--clock-offset-s 1e9",
             "choose another clock origin or offset",

@@ -15,43 +15,15 @@ use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, Tem
 use crate::units::MM_PER_M;
 
 mod cdr;
+mod topic;
 
 use cdr::Cdr;
+use topic::{Topic, joint_topic, point_topic, pose_topic, temperature_topic};
 
 /// A message is logged this long after the moment it is stamped with, ns.
 const LATENCY_NS: u64 = 200_000;
 /// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
-
-const HEADER: &str = "\
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-";
-const POINT: &str = "\
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-";
-const POSE: &str = "\
-================================================================================
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-";
 
 /// Why a log cannot be written.
 #[derive(Debug, Error)]
@@ -112,49 +84,6 @@ pub fn write_tracker_log<W: Write + Seek>(
     let readings = reading_messages(topic.name, &recording.readings)?;
     let temperatures = temperature_messages(&recording.temperatures)?;
     log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
-}
-
-struct Topic {
-    name: &'static str,
-    schema: &'static str,
-    definition: String,
-}
-
-fn joint_topic() -> Topic {
-    let fields = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
-    Topic {
-        name: "/joint_states",
-        schema: "sensor_msgs/msg/JointState",
-        definition: format!("{fields}{HEADER}"),
-    }
-}
-
-fn pose_topic(name: &'static str) -> Topic {
-    Topic {
-        name,
-        schema: "geometry_msgs/msg/PoseStamped",
-        definition: format!(
-            "std_msgs/Header header\ngeometry_msgs/Pose pose\n{HEADER}{POSE}{POINT}"
-        ),
-    }
-}
-
-fn point_topic() -> Topic {
-    Topic {
-        name: "/tracker/point",
-        schema: "geometry_msgs/msg/PointStamped",
-        definition: format!("std_msgs/Header header\ngeometry_msgs/Point point\n{HEADER}{POINT}"),
-    }
-}
-
-fn temperature_topic() -> Topic {
-    Topic {
-        name: "/tracker/temperature",
-        schema: "sensor_msgs/msg/Temperature",
-        definition: format!(
-            "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n{HEADER}"
-        ),
-    }
 }
 
 /// An encoded message and its stamp, ns.

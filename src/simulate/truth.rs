@@ -1,24 +1,19 @@
-//! The truth behind a synthetic session, as JSON and as a table of stations, and the stations a perfect join would find.
+//! The truth behind a synthetic session, as JSON and as a table of stations.
 
 use std::fmt::Write;
 
-use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use serde::Serialize;
 
-use super::Simulated;
 use super::settings::SimulateSettings;
 use super::timeline::{Stop, ns};
 use super::tracker::{TrueReadingCounts, View};
 use super::true_arm::ArmErrors;
-use crate::ingest::TargetReadings;
-use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
-use crate::units::{ClockModel, Controller, Stamp, Tracker};
+use crate::units::{ClockModel, Controller, Stamp};
 
 /// Error curves are tabulated at this many angles per joint, from limit to limit.
 const CURVE_POINTS: u32 = 181;
-/// Readings before this are still settling, ns.
-const SETTLING_NS: i64 = 100_000_000;
 /// Numbers in the JSON have this many digits: below them, machines may differ.
 const DIGITS: usize = 10;
 
@@ -252,111 +247,6 @@ impl RawError {
             max: errors.iter().copied().fold(0.0, f64::max),
         }
     }
-}
-
-impl Simulated {
-    /// The stations that a perfect join would find: every dwell with the mean of its readings, none of them rejected but
-    /// those of the first tenth of a second and outliers more than 1 mm from the truth.
-    pub fn stations(&self) -> Vec<Station> {
-        let clock = self.truth.clock_model();
-        self.truth
-            .stations
-            .iter()
-            .map(|truth| self.station(truth, &clock))
-            .collect()
-    }
-
-    fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {
-        let stamps = &self.recording.joints.stamps;
-        let first = stamps.partition_point(|stamp| *stamp < truth.start);
-        let last = stamps.partition_point(|stamp| *stamp <= truth.end);
-        let attained = self.attained(truth, clock);
-        Station {
-            number: truth.number,
-            start: truth.start,
-            end: truth.end,
-            joints: truth.reported.clone(),
-            joint_samples: last - first,
-            command: Some(Command {
-                position: Point3::from(truth.command.translation.vector),
-                orientation: Some(truth.command.rotation),
-            }),
-            pairing: if attained.is_some() {
-                Pairing::Paired
-            } else {
-                Pairing::Unmeasured(Unmeasured::NoReadings)
-            },
-            attained,
-        }
-    }
-
-    fn attained(&self, truth: &TrueStation, clock: &ClockModel) -> Option<Attained> {
-        let readings = &self.recording.readings;
-        let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
-        let from = readings.stamps.partition_point(|stamp| *stamp < start);
-        let to = readings.stamps.partition_point(|stamp| *stamp <= end);
-        let place = Point3::from(truth.tracker_from_target.translation.vector);
-        let kept: Vec<usize> = (from..to)
-            .filter(|&i| readings.stamps[i].since_ns(start) >= SETTLING_NS)
-            .filter(|&i| (Point3::from(readings.positions[i]) - place).norm() < 1.0)
-            .collect();
-        let (&first, &last) = (kept.first()?, kept.last()?);
-        let mean = mean(readings, &kept);
-        Some(Attained {
-            position: Point3::from(mean),
-            orientation: orientation(readings, &kept, &truth.tracker_from_target.rotation),
-            scatter_mm: scatter(readings, &kept, &mean),
-            orientation_scatter_rad: None,
-            stated_covariance: None,
-            kept: kept.len(),
-            readings: to - from,
-            first: readings.stamps[first],
-            last: readings.stamps[last],
-            temperature_c: self.temperature(readings.stamps[last]),
-        })
-    }
-
-    fn temperature(&self, stamp: Stamp<Tracker>) -> Option<f64> {
-        let temperatures = &self.recording.temperatures;
-        let next = temperatures.stamps.partition_point(|other| *other < stamp);
-        temperatures.celsius.get(next).copied()
-    }
-}
-
-fn mean(readings: &TargetReadings, kept: &[usize]) -> Vector3<f64> {
-    let sum: Vector3<f64> = kept
-        .iter()
-        .map(|&i| Vector3::from(readings.positions[i]))
-        .sum();
-    sum / kept.len() as f64
-}
-
-/// Standard deviation of one reading per axis (n − 1); 0 of a single one.
-fn scatter(readings: &TargetReadings, kept: &[usize], mean: &Vector3<f64>) -> [f64; 3] {
-    let squares: Vector3<f64> = kept
-        .iter()
-        .map(|&i| (Vector3::from(readings.positions[i]) - mean).map(|d| d * d))
-        .sum();
-    let degrees = kept.len().saturating_sub(1).max(1) as f64;
-    squares.map(|sum| (sum / degrees).sqrt()).into()
-}
-
-/// Mean orientation in the tangent space at the truth: the readings are milliradians from it.
-fn orientation(
-    readings: &TargetReadings,
-    kept: &[usize],
-    truth: &UnitQuaternion<f64>,
-) -> Option<UnitQuaternion<f64>> {
-    let orientations = readings.orientations.as_ref()?;
-    let sum: Vector3<f64> = kept
-        .iter()
-        .map(|&i| {
-            let [x, y, z, w] = orientations[i];
-            let read = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-            (read * truth.inverse()).scaled_axis()
-        })
-        .sum();
-    Some(UnitQuaternion::from_scaled_axis(sum / kept.len() as f64) * truth)
 }
 
 fn parameters(arm: &Arm, errors: &ArmErrors) -> Vec<TrueParameter> {
