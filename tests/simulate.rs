@@ -197,3 +197,15 @@ fn an_earlier_session_is_not_overwritten() {
         "nothing partial is left: {names:?}"
     );
 }
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("file");
+    fs::write(&file, "not a folder").expect("written");
+    let error = simulate_small(&file.join("out"), "").expect_err("a file is in the way");
+    assert!(
+        error.contains("file/out") && error.contains("permissions of the folder"),
+        "{error}"
+    );
+}

@@ -81,21 +81,27 @@ pub enum SimulateCommandError {
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
     /// A file cannot be written.
-    #[error("{}: {source}; check the space and the permissions of the folder", path.display())]
+    #[error("{}: {source}", path.display())]
     Write {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: io::Error,
+        source: WriteCause,
     },
-    /// A log cannot be written.
-    #[error("{}: {source}", path.display())]
-    Log {
-        /// The log.
-        path: PathBuf,
-        /// Why.
-        source: LogWriteError,
-    },
+}
+
+/// Why a file was not written.
+#[derive(Debug, Error)]
+pub enum WriteCause {
+    /// The folder or the disk refused.
+    #[error("{0}; check the space and the permissions of the folder")]
+    Io(#[from] io::Error),
+    /// The recording does not fit into a log.
+    #[error(transparent)]
+    Log(#[from] LogWriteError),
+    /// The truth does not fit into JSON.
+    #[error("{0}")]
+    Json(#[from] serde_json::Error),
 }
 
 /// What was made, for a person to read.
@@ -150,7 +156,7 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     let simulated = simulate(&arm, &settings)?;
     fs::create_dir_all(&args.out).map_err(|source| SimulateCommandError::Write {
         path: args.out.clone(),
-        source,
+        source: source.into(),
     })?;
     args.write(&arm, &simulated)?;
     Ok(SimulatedSession {
@@ -188,34 +194,17 @@ impl SimulateArgs {
             .map(|joint| joint.name.as_str())
             .collect();
         let session = self.session_record(arm);
-        let recording = &simulated.recording;
-        let [controller, tracker, truth, stations] = FILES.map(|file| self.out.join(file));
-        let log = |path: &Path, source| SimulateCommandError::Log {
-            path: path.to_owned(),
-            source,
-        };
+        let Simulated { recording, truth } = simulated;
+        let [controller, tracker, json, stations] = FILES.map(|file| self.out.join(file));
         written(&controller, |sink| {
-            write_controller_log(sink, recording, &names, &session).map_err(|e| log(&controller, e))
+            Ok(write_controller_log(sink, recording, &names, &session)?)
         })?;
         written(&tracker, |sink| {
-            write_tracker_log(sink, recording, &session).map_err(|e| log(&tracker, e))
+            Ok(write_tracker_log(sink, recording, &session)?)
         })?;
-        let unwritten = |path: &Path, source| SimulateCommandError::Write {
-            path: path.to_owned(),
-            source,
-        };
-        written(&truth, |sink| {
-            let json = simulated
-                .truth
-                .json()
-                .map_err(|e| unwritten(&truth, e.into()))?;
-            sink.write_all(json.as_bytes())
-                .map_err(|e| unwritten(&truth, e))
-        })?;
+        written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
         written(&stations, |sink| {
-            let csv = simulated.truth.stations_csv(&names);
-            sink.write_all(csv.as_bytes())
-                .map_err(|e| unwritten(&stations, e))
+            Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?)
         })
     }
 
@@ -238,22 +227,21 @@ impl SimulateArgs {
 /// Writes a file under a temporary name and renames it: a file with its own name is whole.
 fn written(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), SimulateCommandError>,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteCause>,
 ) -> Result<(), SimulateCommandError> {
     let partial = path.with_extension("partial");
-    let failed = |source| SimulateCommandError::Write {
-        path: path.to_owned(),
-        source,
+    let attempt = || -> Result<(), WriteCause> {
+        let mut sink = BufWriter::new(File::create(&partial)?);
+        write(&mut sink)?;
+        sink.flush()?;
+        Ok(fs::rename(&partial, path)?)
     };
-    let mut sink = BufWriter::new(File::create(&partial).map_err(failed)?);
-    let outcome = write(&mut sink).and_then(|()| sink.flush().map_err(failed));
-    drop(sink);
-    match outcome {
-        Ok(()) => fs::rename(&partial, path).map_err(failed),
-        Err(error) => {
-            // The first error is the one to tell; a partial file left behind has a name that says so.
-            let _ = fs::remove_file(&partial);
-            Err(error)
+    attempt().map_err(|source| {
+        // The first error is the one to tell; a partial file left behind has a name that says so.
+        let _ = fs::remove_file(&partial);
+        SimulateCommandError::Write {
+            path: path.to_owned(),
+            source,
         }
-    }
+    })
 }

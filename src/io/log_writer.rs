@@ -54,6 +54,9 @@ pub enum LogWriteError {
 }
 
 /// Writes the controller's log: joint states by `joint_names`, and commands.
+///
+/// # Panics
+/// When the recording's columns are not of equal length.
 pub fn write_controller_log<W: Write + Seek>(
     sink: W,
     recording: &Recording,
@@ -70,6 +73,9 @@ pub fn write_controller_log<W: Write + Seek>(
 }
 
 /// Writes the tracker's log: poses of a 6-DoF target or points of a reflector, and temperatures.
+///
+/// # Panics
+/// When the recording's columns are not of equal length.
 pub fn write_tracker_log<W: Write + Seek>(
     sink: W,
     recording: &Recording,

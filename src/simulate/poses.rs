@@ -27,33 +27,29 @@ pub(super) fn commanded(
     settings: &SimulateSettings,
 ) -> Result<Vec<Commanded>, SimulateError> {
     let controller = Controller::new(arm, settings);
+    let turned = |rpy: &[f64; 3]| isometry_from_rpy([0.0; 3], *rpy).rotation;
     match &settings.poses {
         Poses::Grid {
             lower_mm,
             upper_mm,
             step_mm,
             orientation_rpy,
-        } => {
-            let nodes = serpentine(*lower_mm, *upper_mm, *step_mm)?;
-            let turned = isometry_from_rpy([0.0; 3], *orientation_rpy).rotation;
-            controller.grid(&nodes, turned)
-        }
-        Poses::Box { count, .. } | Poses::Joints { count, .. } if *count > MOST_POSES => {
-            Err(SimulateError::TooManyPoses {
-                asked: *count as f64,
-                most: MOST_POSES,
-            })
-        }
+        } => controller.grid(
+            &serpentine(*lower_mm, *upper_mm, *step_mm)?,
+            turned(orientation_rpy),
+        ),
         Poses::Box {
             count,
             lower_mm,
             upper_mm,
             orientation_rpy,
             cone_rad,
-        } => {
-            let turned = isometry_from_rpy([0.0; 3], *orientation_rpy).rotation;
-            controller.random(*count, *lower_mm, *upper_mm, turned, *cone_rad)
-        }
+        } => controller.random(
+            *count,
+            [*lower_mm, *upper_mm],
+            turned(orientation_rpy),
+            *cone_rad,
+        ),
         Poses::Joints {
             count,
             lower,
@@ -68,25 +64,7 @@ fn serpentine(
     upper: [f64; 3],
     step: f64,
 ) -> Result<Vec<Vector3<f64>>, SimulateError> {
-    // The tolerance forgives a size that is a whole number of steps but for rounding.
-    let steps = |axis: usize| ((upper[axis] - lower[axis]) / step + 1e-9).floor();
-    let counts: [f64; 3] = std::array::from_fn(|axis| steps(axis) + 1.0);
-    let asked: f64 = counts.iter().product();
-    if !counts.iter().all(|&count| count >= 1.0) || step <= 0.0 {
-        return Err(SimulateError::EmptyBox { lower, upper, step });
-    }
-    if asked > MOST_POSES as f64 {
-        return Err(SimulateError::TooManyPoses {
-            asked,
-            most: MOST_POSES,
-        });
-    }
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "checked: 1 to a million"
-    )]
-    let [nx, ny, nz] = counts.map(|count| count as usize);
+    let [nx, ny, nz] = node_counts(lower, upper, step)?;
     let back = |turn: usize, i: usize, n: usize| if turn % 2 == 1 { n - 1 - i } else { i };
     let mut nodes = Vec::with_capacity(nx * ny * nz);
     for z in 0..nz {
@@ -100,6 +78,34 @@ fn serpentine(
         }
     }
     Ok(nodes)
+}
+
+/// `⌊Δ/L⌋ + 1` nodes along each axis (METHOD.md 5), at least one and together no more than a session can have.
+fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3], SimulateError> {
+    // The tolerance forgives a size that is a whole number of steps but for rounding.
+    let steps = |axis: usize| ((upper[axis] - lower[axis]) / step + 1e-9).floor();
+    let counts: [f64; 3] = std::array::from_fn(|axis| steps(axis) + 1.0);
+    if !counts.iter().all(|&count| count >= 1.0) || step <= 0.0 {
+        return Err(SimulateError::EmptyBox { lower, upper, step });
+    }
+    check_count(counts.iter().product())?;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "checked: 1 to a million"
+    )]
+    Ok(counts.map(|count| count as usize))
+}
+
+fn check_count(asked: f64) -> Result<(), SimulateError> {
+    if asked > MOST_POSES as f64 {
+        Err(SimulateError::TooManyPoses {
+            asked,
+            most: MOST_POSES,
+        })
+    } else {
+        Ok(())
+    }
 }
 
 /// The controller: it knows the nominal arm and where the target is meant to be.
@@ -171,8 +177,7 @@ impl<'a> Controller<'a> {
     fn random(
         &self,
         count: usize,
-        lower: [f64; 3],
-        upper: [f64; 3],
+        [lower, upper]: [[f64; 3]; 2],
         turned: UnitQuaternion<f64>,
         cone_rad: f64,
     ) -> Result<Vec<Commanded>, SimulateError> {
@@ -218,36 +223,39 @@ impl<'a> Controller<'a> {
         self.drawn(count, draw)
     }
 
-    /// `count` poses, each redrawn until it can be reached.
+    /// `count` poses, each drawn from the one before until it can be reached.
     fn drawn(
         &self,
         count: usize,
         mut draw: impl FnMut(&[f64]) -> Result<Commanded, InverseError>,
     ) -> Result<Vec<Commanded>, SimulateError> {
+        check_count(count as f64)?;
         let mut poses: Vec<Commanded> = Vec::with_capacity(count);
         for number in 0..count {
-            let last = poses.last().map_or(self.home, |pose| &pose.joints).to_vec();
-            let mut refusal = None;
-            for _ in 0..REDRAWS {
-                match draw(&last) {
-                    Ok(pose) => {
-                        poses.push(pose);
-                        refusal = None;
-                        break;
-                    }
-                    Err(error) => refusal = Some(error),
-                }
-            }
-            if let Some(source) = refusal {
-                return Err(SimulateError::Unreachable {
-                    number,
-                    redraws: REDRAWS,
-                    source,
-                });
-            }
+            let last = poses.last().map_or(self.home, |pose| &pose.joints);
+            let pose = reachable(|| draw(last)).map_err(|source| SimulateError::Unreachable {
+                number,
+                redraws: REDRAWS,
+                source,
+            })?;
+            poses.push(pose);
         }
         Ok(poses)
     }
+}
+
+/// The first of [`REDRAWS`] draws that can be reached, or why the last one cannot.
+fn reachable(
+    mut draw: impl FnMut() -> Result<Commanded, InverseError>,
+) -> Result<Commanded, InverseError> {
+    let mut outcome = draw();
+    for _ in 1..REDRAWS {
+        if outcome.is_ok() {
+            break;
+        }
+        outcome = draw();
+    }
+    outcome
 }
 
 #[cfg(test)]

@@ -33,6 +33,36 @@ pub struct TrueReadingCounts {
     pub lost: u64,
 }
 
+/// What the tracker has of one moment.
+enum Reading {
+    Seen(Isometry3<f64>),
+    Outlier(Isometry3<f64>),
+    Lost,
+}
+
+impl Reading {
+    /// What stands in the log, if anything.
+    fn logged(self, lost_as_zeros: bool) -> Option<Isometry3<f64>> {
+        match self {
+            Self::Seen(pose) | Self::Outlier(pose) => Some(pose),
+            Self::Lost => lost_as_zeros.then(Isometry3::identity),
+        }
+    }
+}
+
+impl TrueReadingCounts {
+    fn count(&mut self, reading: &Reading) {
+        match reading {
+            Reading::Seen(_) => self.seen += 1,
+            Reading::Outlier(_) => {
+                self.seen += 1;
+                self.outliers += 1;
+            }
+            Reading::Lost => self.lost += 1,
+        }
+    }
+}
+
 /// The session as the tracker could see it.
 pub(super) struct View<'a> {
     arm: &'a Arm,
@@ -116,32 +146,41 @@ impl<'a> View<'a> {
         let mut orientations = Vec::new();
         let mut counts = TrueReadingCounts::default();
         for stamp in self.stamps(self.settings.motion.reading_rate_hz) {
-            let t_s = self.controller_s(stamp);
-            let Some(stop) = self.timeline.stop_at(t_s) else {
+            let Some(reading) = self.reading(stamp, &mut noise, &mut outliers) else {
                 break;
             };
-            let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
-            let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
-            let pose = self.observed(t_s, stop, &mut noise);
-            if self.lost[stop] {
-                counts.lost += 1;
-                if self.settings.tracker.lost_as_zeros {
-                    readings.stamps.push(stamp);
-                    readings.positions.push([0.0; 3]);
-                    orientations.push([0.0, 0.0, 0.0, 1.0]);
-                }
-                continue;
+            counts.count(&reading);
+            if let Some(pose) = reading.logged(self.settings.tracker.lost_as_zeros) {
+                readings.stamps.push(stamp);
+                readings
+                    .positions
+                    .push(logged_position(&pose.translation.vector));
+                orientations.push(logged_quaternion(&pose.rotation));
             }
-            counts.seen += 1;
-            counts.outliers += u64::from(is_outlier);
-            let position =
-                pose.translation.vector + if is_outlier { jump } else { Vector3::zeros() };
-            readings.stamps.push(stamp);
-            readings.positions.push(logged_position(&position));
-            orientations.push(logged_quaternion(&pose.rotation));
         }
         readings.orientations = self.settings.cell.six_dof.then_some(orientations);
         (readings, counts)
+    }
+
+    /// What becomes of one moment. Every moment draws the same numbers, so that a loss here changes nothing there.
+    fn reading(
+        &self,
+        stamp: Stamp<Tracker>,
+        noise: &mut Stream,
+        outliers: &mut Stream,
+    ) -> Option<Reading> {
+        let t_s = self.controller_s(stamp);
+        let stop = self.timeline.stop_at(t_s)?;
+        let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
+        let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
+        let pose = self.observed(t_s, stop, noise);
+        Some(if self.lost[stop] {
+            Reading::Lost
+        } else if is_outlier {
+            Reading::Outlier(Translation3::from(jump) * pose)
+        } else {
+            Reading::Seen(pose)
+        })
     }
 
     /// One temperature for each stop, at the end of its dwell.

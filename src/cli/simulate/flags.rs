@@ -1,7 +1,7 @@
 //! The flags that say where to measure and which errors there are.
 
 use clap::Args;
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::Arm;
@@ -67,8 +67,11 @@ impl PoseFlags {
         }
         let flange_from_target =
             isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
-        let at_home = arm.flange(&home).isometry() * flange_from_target;
-        let (roll, pitch, yaw) = at_home.rotation.euler_angles();
+        Ok(self.boxed(&(arm.flange(&home).isometry() * flange_from_target)))
+    }
+
+    /// A grid or random poses in the box about where the target is at home.
+    fn boxed(&self, at_home: &Isometry3<f64>) -> Poses {
         // Home gives whole millimetres: a centre with twelve digits helps nobody.
         let centre = self
             .centre
@@ -77,8 +80,9 @@ impl PoseFlags {
             });
         let half = Vector3::from(self.size.0) / 2.0;
         let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
+        let (roll, pitch, yaw) = at_home.rotation.euler_angles();
         let orientation_rpy = [roll, pitch, yaw];
-        Ok(match self.random {
+        match self.random {
             Some(count) => Poses::Box {
                 count,
                 lower_mm,
@@ -92,7 +96,7 @@ impl PoseFlags {
                 step_mm: self.grid_step.unwrap_or(100.0),
                 orientation_rpy,
             },
-        })
+        }
     }
 }
 
