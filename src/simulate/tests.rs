@@ -294,3 +294,27 @@ fn bad_settings_are_named() {
         "{far}"
     );
 }
+
+#[test]
+fn a_six_dof_target_gives_orientations_as_uncertain_as_set() {
+    let mut settings = SimulateSettings::exact(9, home(), small_grid());
+    settings.cell.six_dof = true;
+    settings.tracker.orientation_rad = 130e-6;
+    let simulated = simulate(&kr210(), &settings).expect("in reach");
+    let stations = simulated.stations();
+    let mut squares = 0.0;
+    let mut scatter = 0.0;
+    for (station, truth) in stations.iter().zip(&simulated.truth.stations) {
+        let attained = station.attained.as_ref().expect("no beam is lost");
+        let orientation = attained.orientation.expect("a 6-DoF target");
+        squares += orientation
+            .angle_to(&truth.tracker_from_target.rotation)
+            .powi(2);
+        scatter += attained.orientation_scatter_rad.expect("a 6-DoF target") / 45.0;
+    }
+    // Half of the variance is new in every reading: 130 / √2 = 92 µrad per axis.
+    assert!((scatter - 92e-6).abs() < 4e-6, "{scatter}");
+    // The shared half stays in the mean: √(3 · (1/2 + 1/40)) · 130 = 163 µrad for three axes; 12 % for 135 draws.
+    let rms = (squares / 45.0).sqrt();
+    assert!((rms - 163e-6).abs() < 25e-6, "{rms}");
+}
