@@ -17,11 +17,18 @@ pub mod linalg;
 pub mod progress;
 pub mod units;
 
-pub mod fit;
-pub mod grid;
 pub mod ingest;
+
 pub mod join;
+
+pub mod fit;
+
 pub mod similarity;
 
-pub mod cli;
+pub mod grid;
+
+pub mod simulate;
+
 pub mod io;
+
+pub mod cli;

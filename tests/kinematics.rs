@@ -7,6 +7,7 @@ use posegrid::kinematics::{
     inverse,
 };
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 const ROBOTS: [&str; 6] = [
     "irb120",
@@ -143,7 +144,7 @@ fn half_width(is_angle: bool) -> f64 {
 }
 
 fn check_differential(arm: &Arm, joints: &[f64]) {
-    let before = Axis::ALL.map(|axis| Motion::Translation(axis)).into_iter();
+    let before = Axis::ALL.map(Motion::Translation).into_iter();
     let before = before
         .chain(Axis::ALL.map(Motion::Rotation))
         .map(|motion| Element::Free {
@@ -217,7 +218,7 @@ fn any_joints() -> impl Strategy<Value = [f64; 6]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, rng_seed: RngSeed::Fixed(20), ..ProptestConfig::default() })]
 
     #[test]
     fn offsets_added_or_taken_into_the_chain_are_the_same(

@@ -277,8 +277,9 @@ mod tests {
             (after.shoulder, after.elbow)
         );
         assert_ne!(before.wrist, after.wrist);
-        // The elbow is stretched where the wrist centre lies on the line through axes 2 and 3: q3 = atan(41 / 1200).
-        let stretched = (41.0_f64 / 1200.0).atan().to_degrees();
+        // The elbow is stretched where the wrist centre lies on the line through axes 2 and 3; at q3 = 0 it
+        // is 41 mm below that line.
+        let stretched = -(41.0_f64 / 1200.0).atan().to_degrees();
         let (before, after) = both(
             &kr210(),
             [0.0, -45.0, stretched + 1.0, 0.0, 40.0, 0.0],
@@ -289,10 +290,10 @@ mod tests {
             (after.shoulder, after.wrist)
         );
         assert_ne!(before.elbow, after.elbow);
-        // Leaning back, the wrist passes over axis 1.
+        // Upright the wrist is 350 + 1200 cos 85° mm before axis 1; leaning back, 350 − 855 − 739 mm behind it.
         let (before, after) = both(
             &kr210(),
-            [0.0, -90.0, 0.0, 0.0, 40.0, 0.0].map(|q: f64| q + 4.0),
+            [0.0, -90.0, 5.0, 0.0, 40.0, 0.0],
             [0.0, -138.0, 10.0, 0.0, 40.0, 0.0],
         );
         assert_eq!((before.elbow, before.wrist), (after.elbow, after.wrist));
