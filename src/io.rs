@@ -1,1 +1,5 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
+
+pub mod lake;
+pub mod schema;
+pub mod table;

@@ -18,5 +18,7 @@ pub mod units;
 pub mod ingest;
 pub mod join;
 
+pub mod manifest;
+
 pub mod cli;
 pub mod io;

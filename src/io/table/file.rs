@@ -1,0 +1,334 @@
+//! Tables ↔ Parquet files.
+//!
+//! A file says in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
+//! `posegrid.frames` (JSON, column → unit or frame), and `posegrid.robot`, `.session` and `.run`. It holds no time, no
+//! host and no path, so the same table gives the same bytes. Snappy: every reader has it, and writing is the larger
+//! half of a table's cost (zstd takes twice the time for a fifth less room).
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, RecordBatch, new_null_array};
+use arrow::compute::{cast, concat_batches};
+use arrow::error::ArrowError;
+use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::arrow::arrow_writer::{ArrowWriter, ArrowWriterOptions};
+use parquet::basic::Compression;
+use parquet::errors::ParquetError;
+use parquet::file::metadata::{KeyValue, ParquetMetaData};
+use parquet::file::properties::WriterProperties;
+use thiserror::Error;
+
+use super::{Table, TableError, check};
+use crate::io::schema::{ColumnSchema, Role, TableSchema};
+use crate::manifest::RunKey;
+
+/// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
+const ROW_GROUP_ROWS: usize = 131_072;
+
+/// Why a file cannot be read as a table, or a table not be written.
+#[derive(Debug, Error)]
+pub enum FileError {
+    /// The file cannot be opened.
+    #[error("cannot open {path}: {source}")]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// Not a Parquet file, or a damaged one.
+    #[error("cannot read {path} as a Parquet file: {source}")]
+    Parquet {
+        /// The file.
+        path: PathBuf,
+        /// Parquet's error.
+        source: ParquetError,
+    },
+    /// Its values cannot be read.
+    #[error("cannot read the values of {path}: {source}")]
+    Values {
+        /// The file.
+        path: PathBuf,
+        /// Arrow's error.
+        source: ArrowError,
+    },
+    /// Not the table asked for.
+    #[error("{path} holds {found}, not table {expected:?}")]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// What it says it holds.
+        found: String,
+        /// The table asked for.
+        expected: String,
+    },
+    /// Another version of the table.
+    #[error(
+        "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
+         run the session again, or use the version of posegrid that wrote it (see table runs)"
+    )]
+    OtherVersion {
+        /// The file.
+        path: PathBuf,
+        /// The table.
+        table: String,
+        /// The version found.
+        found: String,
+        /// The version of this program's schema.
+        expected: u32,
+    },
+    /// Its columns break the table's contract.
+    #[error("{path}: {source}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: TableError,
+    },
+}
+
+/// Writes a table as a Parquet file into `sink` and gives `sink` back.
+pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
+    let properties = WriterProperties::builder()
+        .set_created_by(concat!("posegrid version ", env!("CARGO_PKG_VERSION")).to_owned())
+        .set_compression(Compression::SNAPPY)
+        .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
+        .set_key_value_metadata(Some(metadata(table)))
+        .build();
+    // The units and frames stand in the metadata in words; Arrow's own copy of the schema would add nothing.
+    let options = ArrowWriterOptions::new()
+        .with_properties(properties)
+        .with_skip_arrow_metadata(true);
+    let mut writer = ArrowWriter::try_new_with_options(sink, table.batch.schema(), options)?;
+    writer.write(&table.batch)?;
+    writer.into_inner()
+}
+
+fn metadata(table: &Table) -> Vec<KeyValue> {
+    let schema = table.schema;
+    let entry = |name: &str, value: String| KeyValue::new(format!("posegrid.{name}"), value);
+    let mut entries = vec![
+        entry("table", schema.table.clone()),
+        entry("schema_version", schema.version.to_string()),
+        entry("units", by_column(schema, |column| column.unit.as_deref())),
+        entry(
+            "frames",
+            by_column(schema, |column| column.frame.as_deref()),
+        ),
+    ];
+    if let Some(key) = &table.key {
+        entries.push(entry("robot", key.robot.clone()));
+        entries.push(entry("session", key.session.clone()));
+        entries.push(entry("run", key.run.clone()));
+    }
+    entries
+}
+
+fn by_column<'a>(
+    schema: &'a TableSchema,
+    property: impl Fn(&'a ColumnSchema) -> Option<&'a str>,
+) -> String {
+    let stated = |column: &'a ColumnSchema| Some((column.name.as_str(), property(column)?));
+    let map: BTreeMap<&str, &str> = schema.columns.iter().filter_map(stated).collect();
+    serde_json::to_string(&map).expect("a map of texts is JSON")
+}
+
+/// Reads a Parquet file as `schema` says, and checks that it keeps that contract.
+///
+/// A published table has to say in its metadata which table and version it is. An accepted one may come from anywhere:
+/// columns that may be null may be missing, others may be there, and narrower types are widened.
+pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
+    let file = File::open(path).map_err(|source| FileError::Open {
+        path: path.to_owned(),
+        source,
+    })?;
+    let parquet = |source| FileError::Parquet {
+        path: path.to_owned(),
+        source,
+    };
+    let values = |source| FileError::Values {
+        path: path.to_owned(),
+        source,
+    };
+    let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
+    let reader =
+        ParquetRecordBatchReaderBuilder::try_new_with_options(file, options).map_err(parquet)?;
+    let entries = entries(reader.metadata());
+    if schema.role == Role::Published {
+        check_version(path, schema, &entries)?;
+    }
+    let found = Arc::clone(reader.schema());
+    let batches: Vec<_> = reader
+        .build()
+        .map_err(parquet)?
+        .collect::<Result<_, _>>()
+        .map_err(values)?;
+    let batch = concat_batches(&found, &batches).map_err(values)?;
+    let content = |source| FileError::Content {
+        path: path.to_owned(),
+        source,
+    };
+    let columns = columns(&batch, schema).map_err(content)?;
+    check::table(schema, key(&entries), batch.num_rows(), columns).map_err(content)
+}
+
+fn entries(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
+    let pairs = metadata
+        .file_metadata()
+        .key_value_metadata()
+        .into_iter()
+        .flatten();
+    pairs
+        .filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)))
+        .collect()
+}
+
+fn key(entries: &BTreeMap<String, String>) -> Option<RunKey> {
+    let part = |name: &str| entries.get(&format!("posegrid.{name}"));
+    Some(RunKey::new(part("robot")?, part("session")?, part("run")?))
+}
+
+fn check_version(
+    path: &Path,
+    schema: &TableSchema,
+    entries: &BTreeMap<String, String>,
+) -> Result<(), FileError> {
+    let table = entries.get("posegrid.table");
+    if table != Some(&schema.table) {
+        let no_table = || "no table of posegrid".to_owned();
+        return Err(FileError::OtherTable {
+            path: path.to_owned(),
+            found: table.map_or_else(no_table, |name| format!("table {name:?}")),
+            expected: schema.table.clone(),
+        });
+    }
+    let version = entries
+        .get("posegrid.schema_version")
+        .map_or("none", String::as_str);
+    if version != schema.version.to_string() {
+        return Err(FileError::OtherVersion {
+            path: path.to_owned(),
+            table: schema.table.clone(),
+            found: version.to_owned(),
+            expected: schema.version,
+        });
+    }
+    Ok(())
+}
+
+/// The columns of `schema` out of a file's, by name.
+fn columns(batch: &RecordBatch, schema: &TableSchema) -> Result<Vec<Option<ArrayRef>>, TableError> {
+    let accepted = schema.role == Role::Accepted;
+    let fields = batch.schema();
+    let extra = fields
+        .fields()
+        .iter()
+        .find(|field| schema.column(field.name()).is_none());
+    if let Some(field) = extra.filter(|_| !accepted) {
+        return Err(TableError::UnknownColumn {
+            table: schema.table.clone(),
+            column: field.name().clone(),
+        });
+    }
+    let find = |column: &ColumnSchema| match batch.column_by_name(&column.name) {
+        // A type that cannot be widened goes on as it is: the check that follows names it.
+        Some(array) if accepted => {
+            Some(cast(array, &column.kind.arrow()).unwrap_or_else(|_| Arc::clone(array)))
+        }
+        Some(array) => Some(Arc::clone(array)),
+        None if accepted && column.nullable => {
+            Some(new_null_array(&column.kind.arrow(), batch.num_rows()))
+        }
+        None => None,
+    };
+    Ok(schema.columns.iter().map(find).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::schema;
+    use crate::io::table::Columns;
+
+    fn curve(order: [f64; 3]) -> Table {
+        Columns::new(schema::find("joint_errors").unwrap(), 3)
+            .key(&RunKey::new("ur10", "grid", "00ff"))
+            .same("joint", 1_u64)
+            .same("joint_name", "shoulder_pan_joint")
+            .column("angle_rad", order)
+            .column("error_rad", order.map(|angle| angle / 1e3))
+            .column("curve_rad", order.map(|angle| angle / 1e3))
+            .same("sd_rad", 1e-5)
+            .same("gear_lines_rad", 0.0)
+            .same("measured", true)
+            .finish()
+            .unwrap()
+    }
+
+    fn saved(bytes: &[u8]) -> tempfile::NamedTempFile {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        file
+    }
+
+    #[test]
+    fn a_table_comes_back_and_the_order_given_leaves_no_trace_in_the_bytes() {
+        let table = curve([-1.0, 0.0, 1.0]);
+        let bytes = write(&table, Vec::new()).unwrap();
+        assert_eq!(bytes, write(&curve([1.0, -1.0, 0.0]), Vec::new()).unwrap());
+        let back = read(saved(&bytes).path(), table.schema()).unwrap();
+        assert_eq!(back, table);
+    }
+
+    #[test]
+    fn another_table_version_or_file_is_refused() {
+        let bytes = write(&curve([-1.0, 0.0, 1.0]), Vec::new()).unwrap();
+        let refusal =
+            |bytes: &[u8], schema| read(saved(bytes).path(), schema).unwrap_err().to_string();
+        let other = refusal(&bytes, schema::find("clocks").unwrap());
+        assert!(
+            other.contains("holds table \"joint_errors\", not table \"clocks\""),
+            "{other}"
+        );
+        let mut next = curve([-1.0, 0.0, 1.0]).schema().clone();
+        next.version = 2;
+        let older = refusal(&bytes, Box::leak(Box::new(next)));
+        assert!(
+            older.contains("version 1 of table \"joint_errors\", this program reads version 2"),
+            "{older}"
+        );
+        let schema = schema::find("joint_errors").unwrap();
+        assert!(refusal(b"robot,session\n", schema).contains("as a Parquet file"));
+        assert!(refusal(b"", schema).contains("as a Parquet file"));
+        let missing = read(Path::new("/nowhere/x.parquet"), schema)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            missing.starts_with("cannot open /nowhere/x.parquet"),
+            "{missing}"
+        );
+    }
+
+    #[test]
+    fn a_flipped_bit_anywhere_never_panics() {
+        let table = curve([-1.0, 0.0, 1.0]);
+        let bytes = write(&table, Vec::new()).unwrap();
+        let read_damaged = |bytes: &[u8]| {
+            let file = saved(bytes);
+            std::panic::catch_unwind(|| read(file.path(), table.schema()).is_ok())
+        };
+        for place in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 0x80;
+            assert!(
+                read_damaged(&damaged).is_ok(),
+                "panic with byte {place} of {} flipped",
+                bytes.len()
+            );
+        }
+    }
+}
