@@ -10,7 +10,8 @@
 mod cell;
 mod check;
 mod columns;
-mod file;
+mod read;
+mod write;
 
 use arrow::array::{
     AsArray, BooleanArray, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
@@ -21,7 +22,8 @@ use thiserror::Error;
 
 pub use cell::{Cell, Value};
 pub use columns::Columns;
-pub use file::{FileError, read, write};
+pub use read::{FileError, read};
+pub use write::write;
 
 use super::schema::TableSchema;
 use crate::manifest::RunKey;
