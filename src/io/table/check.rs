@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, AsArray, Int64Array, RecordBatch, StringArray, UInt64Array};
+use arrow::array::{Array, ArrayRef, AsArray, RecordBatch, StringArray, UInt64Array};
 use arrow::compute::take_record_batch;
 use arrow::datatypes::Float64Type;
 use arrow::error::ArrowError;
@@ -174,14 +174,14 @@ fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> ArrayRef {
         words
             .iter()
             .position(|w| Some(w.as_str()) == word)
-            .map(|rank| rank as i64)
+            .map(|rank| rank as u64)
     };
     Arc::new(
         array
             .as_string::<i32>()
             .iter()
             .map(rank)
-            .collect::<Int64Array>(),
+            .collect::<UInt64Array>(),
     )
 }
 

@@ -3,97 +3,21 @@
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, RecordBatch, new_null_array};
 use arrow::compute::{cast, concat_batches};
-use arrow::error::ArrowError;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
-use parquet::errors::ParquetError;
 use parquet::file::metadata::ParquetMetaData;
-use thiserror::Error;
 
-use super::{Table, TableError, check};
+use super::{FileError, Table, TableError, check};
 use crate::io::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
 
 /// The key-value metadata of a file.
 type Entries = BTreeMap<String, String>;
-
-/// Why a file cannot be read as a table, or a table not be written.
-#[derive(Debug, Error)]
-pub enum FileError {
-    /// The file cannot be opened.
-    #[error("cannot open {path}: {source}")]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
-    },
-    /// Not a Parquet file, or a damaged one.
-    #[error("cannot read {path} as a Parquet file: {source}")]
-    Parquet {
-        /// The file.
-        path: PathBuf,
-        /// Parquet's error.
-        source: ParquetError,
-    },
-    /// A file so damaged that the Parquet reader gave up in the middle.
-    #[error(
-        "{path} is damaged: reading it failed with \"{problem}\"; get it anew or run its session again"
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        problem: String,
-    },
-    /// Its values cannot be read.
-    #[error("cannot read the values of {path}: {source}")]
-    Values {
-        /// The file.
-        path: PathBuf,
-        /// Arrow's error.
-        source: ArrowError,
-    },
-    /// Not the table asked for.
-    #[error("{path} holds {found}, not table {expected:?}")]
-    OtherTable {
-        /// The file.
-        path: PathBuf,
-        /// What it says it holds.
-        found: String,
-        /// The table asked for.
-        expected: String,
-    },
-    /// Another version of the table.
-    #[error(
-        "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
-         run the session again, or use the version of posegrid that wrote it (see table runs)"
-    )]
-    OtherVersion {
-        /// The file.
-        path: PathBuf,
-        /// The table.
-        table: String,
-        /// The version found.
-        found: String,
-        /// The version of this program's schema.
-        expected: u32,
-    },
-    /// Its columns break the table's contract.
-    #[error("{path}: {source}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: TableError,
-    },
-}
 
 /// Reads a Parquet file as `schema` says, and checks that it keeps that contract.
 ///
