@@ -1,3 +1,6 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod lake;
 pub mod log_writer;
+pub mod schema;
+pub mod table;

@@ -29,6 +29,8 @@ pub mod grid;
 
 pub mod simulate;
 
+pub mod manifest;
+
 pub mod io;
 
 pub mod cli;

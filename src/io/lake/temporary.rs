@@ -1,0 +1,229 @@
+//! Files that appear whole or not at all: written under a temporary name, synced, then given their own.
+//!
+//! The temporary stands beside the file, as `.FILE.tmp-HOST-PID-START-N`: START is when the process began, so leftovers of
+//! a process that is gone can be told from the work of one that is alive, even when its number was given away again.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+static NEXT: AtomicU64 = AtomicU64::new(0);
+
+/// A file under a temporary name; removed when dropped.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    path: PathBuf,
+    file: BufWriter<File>,
+    hasher: blake3::Hasher,
+}
+
+impl Temporary {
+    /// Opens a temporary beside `target`, whose folder is there.
+    pub(super) fn beside(target: &Path) -> io::Result<Self> {
+        let file_name = target
+            .file_name()
+            .expect("a lake's files have names")
+            .to_string_lossy();
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let name = format!(
+            ".{file_name}.tmp-{}-{number}",
+            Owner::this_process().suffix()
+        );
+        let path = target.with_file_name(name);
+        let file = File::options().write(true).create_new(true).open(&path)?;
+        Ok(Self {
+            path,
+            file: BufWriter::new(file),
+            hasher: blake3::Hasher::new(),
+        })
+    }
+
+    /// Brings everything to the disk, under the temporary name still, and gives the BLAKE3 digest, hexadecimal.
+    pub(super) fn sync(&mut self) -> io::Result<String> {
+        self.file.flush()?;
+        self.file.get_ref().sync_all()?;
+        Ok(self.hasher.finalize().to_hex().to_string())
+    }
+
+    /// Takes the place of `target`, whatever was there.
+    pub(super) fn replace(self, target: &Path) -> io::Result<()> {
+        fs::rename(&self.path, target)?;
+        sync_folder(target)
+    }
+
+    /// Becomes `target` if nothing is there yet; of several that try at once exactly one does.
+    pub(super) fn create(self, target: &Path) -> io::Result<bool> {
+        match fs::hard_link(&self.path, target) {
+            Ok(()) => sync_folder(target).map(|()| true),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+impl Write for Temporary {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // After a rename it is gone already; where removing fails, the next cleaning tries again.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// A new name lasts only once its folder is on the disk too.
+fn sync_folder(target: &Path) -> io::Result<()> {
+    let folder = target.parent().expect("a lake's files stand in folders");
+    File::open(folder)?.sync_all()
+}
+
+/// Removes the temporaries in `folder` whose process on this host is gone; gives their paths.
+pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut removed = Vec::new();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if Owner::of_temporary(&name).is_some_and(|owner| owner.is_gone()) {
+            fs::remove_file(&path)?;
+            removed.push(path);
+        }
+    }
+    removed.sort();
+    Ok(removed)
+}
+
+/// The process that a temporary belongs to.
+#[derive(Debug, PartialEq, Eq)]
+struct Owner {
+    host: String,
+    pid: u32,
+    start: u64,
+}
+
+impl Owner {
+    fn this_process() -> Self {
+        let pid = std::process::id();
+        Self {
+            host: host(),
+            pid,
+            start: start_of(pid).unwrap_or(0),
+        }
+    }
+
+    fn suffix(&self) -> String {
+        format!("{}-{}-{}", self.host, self.pid, self.start)
+    }
+
+    fn of_temporary(file_name: &str) -> Option<Self> {
+        let (_, suffix) = file_name.strip_prefix('.')?.rsplit_once(".tmp-")?;
+        let parts: Vec<&str> = suffix.split('-').collect();
+        let [host, pid, start, _number] = parts[..] else {
+            return None;
+        };
+        Some(Self {
+            host: host.to_owned(),
+            pid: pid.parse().ok()?,
+            start: start.parse().ok()?,
+        })
+    }
+
+    /// Whether the process certainly runs no more: of other hosts, or where the system does not tell, nothing is certain.
+    fn is_gone(&self) -> bool {
+        let told = self.host == host() && start_of(std::process::id()).is_some();
+        told && start_of(self.pid) != Some(self.start)
+    }
+}
+
+/// This host's name, letters and digits only.
+fn host() -> String {
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.chars()
+        .filter(char::is_ascii_alphanumeric)
+        .take(24)
+        .collect()
+}
+
+/// When a process began, in ticks since the system did; the 22nd field of its `stat`, after a name that may hold spaces.
+fn start_of(pid: u32) -> Option<u64> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    stat.rsplit_once(") ")?.1.split(' ').nth(19)?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn files(folder: &Path) -> Vec<String> {
+        let name =
+            |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
+        let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn nothing_stands_under_the_name_until_all_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("table");
+        fs::write(&target, "old").unwrap();
+        let mut temporary = Temporary::beside(&target).unwrap();
+        temporary.write_all(b"half").unwrap();
+        drop(temporary);
+        assert_eq!(fs::read_to_string(&target).unwrap(), "old");
+        assert_eq!(
+            files(folder.path()),
+            ["table"],
+            "given up, the temporary is removed"
+        );
+    }
+
+    #[test]
+    fn of_two_that_create_one_wins() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("row");
+        for (text, wins) in [("first", true), ("second", false)] {
+            let mut temporary = Temporary::beside(&target).unwrap();
+            temporary.write_all(text.as_bytes()).unwrap();
+            assert_eq!(
+                temporary.sync().unwrap(),
+                blake3::hash(text.as_bytes()).to_hex().as_str()
+            );
+            assert_eq!(temporary.create(&target).unwrap(), wins);
+        }
+        assert_eq!(fs::read_to_string(&target).unwrap(), "first");
+        assert_eq!(files(folder.path()), ["row"]);
+    }
+
+    #[test]
+    fn only_leftovers_of_processes_that_are_gone_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mine = Owner::this_process();
+        // The same process number, begun one tick earlier: another process, gone since.
+        let gone = Owner {
+            start: mine.start.wrapping_sub(1),
+            ..Owner::this_process()
+        };
+        let elsewhere = Owner {
+            host: "elsewhere".to_owned(),
+            ..Owner::this_process()
+        };
+        let name = |owner: &Owner| format!(".run.parquet.tmp-{}-0", owner.suffix());
+        for owner in [&mine, &gone, &elsewhere] {
+            fs::write(folder.path().join(name(owner)), "half").unwrap();
+        }
+        fs::write(folder.path().join("run.parquet"), "whole").unwrap();
+        let removed = remove_stale(folder.path()).unwrap();
+        assert_eq!(removed, [folder.path().join(name(&gone))]);
+        assert_eq!(files(folder.path()).len(), 3);
+    }
+}

@@ -1,0 +1,261 @@
+//! The contracts of the tables: `schemas/*.toml`, one file a table, built into the program.
+//!
+//! A schema says what a table is, what a row is, and for each column its type, unit, frame, whether it may be null and
+//! which words it allows. Writers are checked against it ([`super::table`]); readers find its version in every file.
+//! A change of a schema raises its version by one and adds a line to its `changes`.
+
+mod check;
+
+use std::sync::{Arc, LazyLock};
+
+use arrow::datatypes::{DataType, Field};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The columns that every published table begins with.
+pub const KEY_COLUMNS: [&str; 3] = ["robot", "session", "run"];
+
+/// The contract of one table.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TableSchema {
+    /// The table's name, also of its folder in a lake.
+    pub table: String,
+    /// Raised by one with every change.
+    pub version: u32,
+    /// Whether posegrid writes or only reads it.
+    pub role: Role,
+    /// What the table holds.
+    pub description: String,
+    /// What a row is.
+    pub one_row_per: String,
+    /// Columns that rows are sorted by; together they name a row within a file. Empty: a file has one row.
+    pub order: Vec<String>,
+    /// What each version changed, first version first.
+    pub changes: Vec<String>,
+    /// The columns in order.
+    #[serde(rename = "column")]
+    pub columns: Vec<ColumnSchema>,
+}
+
+/// The contract of one column.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColumnSchema {
+    /// Its name, with the unit as suffix where the unit is fixed.
+    pub name: String,
+    /// What its values are.
+    #[serde(rename = "type")]
+    pub kind: ColumnType,
+    /// Unit of a number (`1` without dimension, `column c` where column c names it).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+    /// Frame or clock that the value is stated in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
+    /// Whether a value may be absent. Absent is null, never a special number.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub nullable: bool,
+    /// The words allowed, in the order that rows are sorted in; any text when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub values: Option<Vec<String>>,
+    /// What it means.
+    pub description: String,
+}
+
+/// Whether a table is written or only read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Written to a lake by a run.
+    Published,
+    /// Read from a file that somebody else wrote.
+    Accepted,
+}
+
+/// Types of columns. Whole numbers are signed throughout: not every reader has unsigned ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+pub enum ColumnType {
+    /// A finite number.
+    #[serde(rename = "float64")]
+    Float64,
+    /// A whole number.
+    #[serde(rename = "int64")]
+    Int64,
+    /// True or false.
+    #[serde(rename = "bool")]
+    Bool,
+    /// Text, or one of the words allowed.
+    #[serde(rename = "string")]
+    String,
+    /// A list of finite numbers.
+    #[serde(rename = "list<float64>")]
+    ListFloat64,
+    /// A list of whole numbers.
+    #[serde(rename = "list<int64>")]
+    ListInt64,
+    /// A list of texts.
+    #[serde(rename = "list<string>")]
+    ListString,
+}
+
+/// What is wrong with a schema, or with asking for one.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum SchemaError {
+    /// Not a schema file.
+    #[error("schema: {message}")]
+    Parse {
+        /// What the TOML reader says, with line and column.
+        message: String,
+    },
+    /// A rule of schema files is broken.
+    #[error("schema of table {table:?}, {place}: {rule}")]
+    Rule {
+        /// The table.
+        table: String,
+        /// The column or key concerned.
+        place: String,
+        /// The rule.
+        rule: &'static str,
+    },
+    /// No such table.
+    #[error("there is no table {table:?}; the tables are {}", known.join(", "))]
+    UnknownTable {
+        /// The name asked for.
+        table: String,
+        /// The names there are.
+        known: Vec<&'static str>,
+    },
+}
+
+/// The schema files, in the order of the stages that write them.
+const FILES: [&str; 16] = [
+    include_str!("../../schemas/stations.toml"),
+    include_str!("../../schemas/rejects.toml"),
+    include_str!("../../schemas/clocks.toml"),
+    include_str!("../../schemas/calibrations.toml"),
+    include_str!("../../schemas/parameters.toml"),
+    include_str!("../../schemas/joint_errors.toml"),
+    include_str!("../../schemas/residuals.toml"),
+    include_str!("../../schemas/semivariograms.toml"),
+    include_str!("../../schemas/grid_steps.toml"),
+    include_str!("../../schemas/compensation.toml"),
+    include_str!("../../schemas/accuracy.toml"),
+    include_str!("../../schemas/runs.toml"),
+    include_str!("../../schemas/logs.toml"),
+    include_str!("../../schemas/sampling_plan.toml"),
+    include_str!("../../schemas/history.toml"),
+    include_str!("../../schemas/targets.toml"),
+];
+
+static SCHEMAS: LazyLock<Vec<TableSchema>> = LazyLock::new(|| {
+    FILES
+        .iter()
+        .map(|text| TableSchema::parse(text).expect("a test loads every schema file"))
+        .collect()
+});
+
+/// Every schema, in the order of the stages that write them.
+pub fn all() -> &'static [TableSchema] {
+    &SCHEMAS
+}
+
+/// The schema of a table.
+pub fn find(table: &str) -> Result<&'static TableSchema, SchemaError> {
+    let found = all().iter().find(|schema| schema.table == table);
+    found.ok_or_else(|| SchemaError::UnknownTable {
+        table: table.to_owned(),
+        known: all().iter().map(|schema| schema.table.as_str()).collect(),
+    })
+}
+
+impl TableSchema {
+    /// Reads and checks a schema file.
+    pub fn parse(text: &str) -> Result<Self, SchemaError> {
+        let schema: Self = toml::from_str(text).map_err(|error| SchemaError::Parse {
+            message: error.to_string(),
+        })?;
+        schema.check()?;
+        Ok(schema)
+    }
+
+    /// Where a column stands, and its contract.
+    pub fn column(&self, name: &str) -> Option<(usize, &ColumnSchema)> {
+        let place = self.columns.iter().position(|c| c.name == name)?;
+        Some((place, &self.columns[place]))
+    }
+
+    /// The Arrow schema of the table.
+    pub fn arrow(&self) -> arrow::datatypes::Schema {
+        let field = |c: &ColumnSchema| Field::new(&c.name, c.kind.arrow(), c.nullable);
+        arrow::datatypes::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
+    }
+}
+
+impl ColumnType {
+    /// The Arrow type.
+    pub fn arrow(self) -> DataType {
+        // "element" is the name that the Parquet format gives a list's values; they are never null.
+        let list = |of| DataType::List(Arc::new(Field::new("element", of, false)));
+        match self {
+            Self::Float64 => DataType::Float64,
+            Self::Int64 => DataType::Int64,
+            Self::Bool => DataType::Boolean,
+            Self::String => DataType::Utf8,
+            Self::ListFloat64 => list(DataType::Float64),
+            Self::ListInt64 => list(DataType::Int64),
+            Self::ListString => list(DataType::Utf8),
+        }
+    }
+
+    /// The name in the schema files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Float64 => "float64",
+            Self::Int64 => "int64",
+            Self::Bool => "bool",
+            Self::String => "string",
+            Self::ListFloat64 => "list<float64>",
+            Self::ListInt64 => "list<int64>",
+            Self::ListString => "list<string>",
+        }
+    }
+
+    const fn is_number(self) -> bool {
+        !matches!(self, Self::Bool | Self::String | Self::ListString)
+    }
+
+    const fn is_scalar(self) -> bool {
+        !matches!(self, Self::ListFloat64 | Self::ListInt64 | Self::ListString)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_schema_file_loads_and_is_in_the_list() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/schemas");
+        let mut files: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        files.sort();
+        let mut tables: Vec<_> = all()
+            .iter()
+            .map(|schema| format!("{}.toml", schema.table))
+            .collect();
+        tables.sort();
+        assert_eq!(files, tables);
+    }
+
+    #[test]
+    fn an_unknown_table_is_answered_with_the_known_ones() {
+        let error = find("station").unwrap_err().to_string();
+        assert!(
+            error.starts_with("there is no table \"station\"; the tables are stations, rejects"),
+            "{error}"
+        );
+    }
+}

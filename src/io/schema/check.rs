@@ -1,0 +1,153 @@
+//! The rules that every schema file keeps.
+
+use super::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, SchemaError, TableSchema};
+
+impl TableSchema {
+    /// Checks every rule; the first one broken is the error.
+    pub(super) fn check(&self) -> Result<(), SchemaError> {
+        let broken = |place: &str, rule| {
+            Err(SchemaError::Rule {
+                table: self.table.clone(),
+                place: place.to_owned(),
+                rule,
+            })
+        };
+        if !is_plain(&self.table) {
+            return broken("table", "a name is made of a-z, 0-9 and _");
+        }
+        if !self.changes_match_version() {
+            return broken(
+                "changes",
+                "one line a version, each beginning \"VERSION: \"",
+            );
+        }
+        let is_key = |(column, key): (&ColumnSchema, &str)| column.name == key && !column.nullable;
+        let keys = self
+            .columns
+            .iter()
+            .zip(KEY_COLUMNS)
+            .filter(|&pair| is_key(pair));
+        if self.role == Role::Published && keys.count() != KEY_COLUMNS.len() {
+            return broken(
+                "column",
+                "the first columns are robot, session and run, never null",
+            );
+        }
+        for name in &self.order {
+            if !self.column(name).is_some_and(|(_, c)| c.kind.is_scalar()) {
+                return broken(name, "`order` names scalar columns of the table");
+            }
+        }
+        for (index, column) in self.columns.iter().enumerate() {
+            if let Some(rule) = self.broken_rule(index, column) {
+                return broken(&column.name, rule);
+            }
+        }
+        Ok(())
+    }
+
+    fn changes_match_version(&self) -> bool {
+        let numbered = |(line, number): (&String, u32)| line.starts_with(&format!("{number}: "));
+        self.changes.len() == self.version as usize && self.changes.iter().zip(1..).all(numbered)
+    }
+
+    fn broken_rule(&self, index: usize, column: &ColumnSchema) -> Option<&'static str> {
+        let unit = column.unit.as_deref();
+        let unit_column = unit.and_then(|unit| unit.strip_prefix("column "));
+        if !is_plain(&column.name) {
+            Some("a name is made of a-z, 0-9 and _")
+        } else if self.columns[..index].iter().any(|c| c.name == column.name) {
+            Some("the name stands twice")
+        } else if column.kind.is_number() != unit.is_some() {
+            Some("a number has a unit (\"1\" without dimension), anything else has none")
+        } else if unit_column.is_some_and(|name| self.column(name).is_none()) {
+            Some("its unit names a column that is not there")
+        } else if column.values.is_some() && column.kind != ColumnType::String {
+            Some("only a string has `values`")
+        } else if column.description.is_empty() {
+            Some("a description is missing")
+        } else {
+            None
+        }
+    }
+}
+
+fn is_plain(name: &str) -> bool {
+    !name.is_empty()
+        && name
+            .bytes()
+            .all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SMALL: &str = r#"
+        table = "small"
+        version = 1
+        role = "accepted"
+        description = "A table."
+        one_row_per = "thing"
+        order = ["name"]
+        changes = ["1: first version"]
+        [[column]]
+        name = "name"
+        type = "string"
+        values = ["a", "b"]
+        description = "Its name."
+        [[column]]
+        name = "length_mm"
+        type = "float64"
+        unit = "mm"
+        description = "Its length."
+    "#;
+
+    #[test]
+    fn a_schema_that_breaks_a_rule_is_refused() {
+        assert!(TableSchema::parse(SMALL).is_ok());
+        let cases = [
+            ("version = 1", "version = 2", "changes: one line a version"),
+            (
+                "role = \"accepted\"",
+                "role = \"published\"",
+                "robot, session and run",
+            ),
+            (
+                "order = [\"name\"]",
+                "order = [\"age\"]",
+                "age: `order` names scalar columns",
+            ),
+            (
+                "name = \"length_mm\"",
+                "name = \"name\"",
+                "name: the name stands twice",
+            ),
+            ("name = \"length_mm\"", "name = \"Länge\"", "a-z, 0-9 and _"),
+            ("unit = \"mm\"", "", "length_mm: a number has a unit"),
+            (
+                "unit = \"mm\"",
+                "unit = \"column unit\"",
+                "names a column that is not there",
+            ),
+            (
+                "type = \"string\"",
+                "type = \"bool\"",
+                "only a string has `values`",
+            ),
+            (
+                "type = \"string\"",
+                "type = \"float32\"",
+                "unknown variant `float32`",
+            ),
+            ("one_row_per", "one_row_for", "unknown field `one_row_for`"),
+            ("\"Its length.\"", "\"\"", "a description is missing"),
+        ];
+        for (text, replacement, expected) in cases {
+            let error = TableSchema::parse(&SMALL.replace(text, replacement))
+                .unwrap_err()
+                .to_string();
+            assert!(error.contains(expected), "{replacement}: {error}");
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Tables: typed columns → a checked Arrow batch → a Parquet file, and back.
+//!
+//! 1. [`Columns`] takes whole columns by name and puts them in the order of the schema.
+//! 2. Every column is checked against its contract: type, length, nulls, finite numbers, allowed words.
+//! 3. Rows are sorted by the schema's `order`; two rows of the same name are refused.
+//! 4. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
+//!
+//! The same values give the same bytes.
+
+mod cell;
+mod check;
+mod columns;
+mod error;
+mod read;
+mod write;
+
+use arrow::array::{
+    AsArray, BooleanArray, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
+};
+use arrow::datatypes::{Float64Type, Int64Type};
+
+pub use cell::{Cell, Value};
+pub use columns::Columns;
+pub use error::{FileError, TableError};
+pub use read::read;
+pub use write::write;
+
+use super::schema::TableSchema;
+use crate::manifest::RunKey;
+
+/// Rows of one table that keep its contract.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Table {
+    schema: &'static TableSchema,
+    key: Option<RunKey>,
+    batch: RecordBatch,
+}
+
+impl Table {
+    /// The table's contract.
+    pub const fn schema(&self) -> &'static TableSchema {
+        self.schema
+    }
+
+    /// The robot, session and run that every row carries; `None` for a table that has none, or several.
+    pub const fn key(&self) -> Option<&RunKey> {
+        self.key.as_ref()
+    }
+
+    /// The rows, sorted by the schema's `order`.
+    pub const fn batch(&self) -> &RecordBatch {
+        &self.batch
+    }
+
+    /// How many rows.
+    pub fn rows(&self) -> usize {
+        self.batch.num_rows()
+    }
+
+    /// A column of numbers.
+    ///
+    /// # Panics
+    /// When the schema has no such column of that type; the same holds for the other accessors.
+    pub fn f64(&self, column: &str) -> &Float64Array {
+        self.array(column).as_primitive::<Float64Type>()
+    }
+
+    /// A column of whole numbers.
+    pub fn i64(&self, column: &str) -> &Int64Array {
+        self.array(column).as_primitive::<Int64Type>()
+    }
+
+    /// A column of truth values.
+    pub fn bool(&self, column: &str) -> &BooleanArray {
+        self.array(column).as_boolean()
+    }
+
+    /// A column of texts.
+    pub fn text(&self, column: &str) -> &StringArray {
+        self.array(column).as_string()
+    }
+
+    /// A column of lists.
+    pub fn list(&self, column: &str) -> &ListArray {
+        self.array(column).as_list()
+    }
+
+    fn array(&self, column: &str) -> &dyn arrow::array::Array {
+        let found = self.batch.column_by_name(column);
+        found.unwrap_or_else(|| panic!("table {} has no column {column}", self.schema.table))
+    }
+}

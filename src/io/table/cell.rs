@@ -1,0 +1,123 @@
+//! What may stand in a column: Rust values → Arrow arrays.
+
+use std::sync::Arc;
+
+use arrow::array::{
+    ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Array, Int64Builder,
+    ListBuilder, StringArray, StringBuilder,
+};
+use arrow::datatypes::{DataType, Field};
+
+use crate::io::schema::ColumnType;
+
+/// A value or an absent one: `f64`, `Option<f64>`, `&str`, `Option<Vec<f64>>` and the like.
+pub trait Cell {
+    /// The value when it is not absent.
+    type Value: Value;
+    /// The value, or `None` for null.
+    fn value(self) -> Option<Self::Value>;
+}
+
+/// A value that a column can hold.
+pub trait Value: Sized {
+    /// The column's type.
+    const KIND: ColumnType;
+    /// The array of a whole column, or the first row whose value does not fit and the value.
+    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)>;
+}
+
+impl<V: Value> Cell for V {
+    type Value = V;
+    fn value(self) -> Option<V> {
+        Some(self)
+    }
+}
+
+impl<V: Value> Cell for Option<V> {
+    type Value = V;
+    fn value(self) -> Self {
+        self
+    }
+}
+
+impl Value for f64 {
+    const KIND: ColumnType = ColumnType::Float64;
+    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+        Ok(Arc::new(values.collect::<Float64Array>()))
+    }
+}
+
+impl Value for bool {
+    const KIND: ColumnType = ColumnType::Bool;
+    fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
+        Ok(Arc::new(values.collect::<BooleanArray>()))
+    }
+}
+
+macro_rules! whole_numbers {
+    ($($number:ty),+) => {$(
+        impl Value for $number {
+            const KIND: ColumnType = ColumnType::Int64;
+            fn array(
+                values: impl Iterator<Item = Option<Self>>,
+            ) -> Result<ArrayRef, (usize, String)> {
+                let fit = |(row, value): (usize, Option<Self>)| {
+                    value.map(|value| signed(row, value)).transpose()
+                };
+                Ok(Arc::new(values.enumerate().map(fit).collect::<Result<Int64Array, _>>()?))
+            }
+        }
+    )+};
+}
+whole_numbers!(i64, u32, u64, usize);
+
+fn signed<T: TryInto<i64> + ToString + Copy>(row: usize, value: T) -> Result<i64, (usize, String)> {
+    value.try_into().map_err(|_| (row, value.to_string()))
+}
+
+macro_rules! texts {
+    ($($text:ty),+) => {$(
+        impl Value for $text {
+            const KIND: ColumnType = ColumnType::String;
+            fn array(
+                values: impl Iterator<Item = Option<Self>>,
+            ) -> Result<ArrayRef, (usize, String)> {
+                Ok(Arc::new(values.collect::<StringArray>()))
+            }
+        }
+    )+};
+}
+texts!(&str, String, &String);
+
+macro_rules! lists {
+    ($builder:ident, $kind:ident, $arrow:ident, $into:expr; $($list:ty),+) => {$(
+        impl Value for $list {
+            const KIND: ColumnType = ColumnType::$kind;
+            fn array(
+                values: impl Iterator<Item = Option<Self>>,
+            ) -> Result<ArrayRef, (usize, String)> {
+                let mut list = list_builder($builder::new(), DataType::$arrow);
+                for (row, value) in values.enumerate() {
+                    for element in value.iter().flat_map(|list| list.iter()) {
+                        list.values().append_value($into(row, element)?);
+                    }
+                    list.append(value.is_some());
+                }
+                Ok(Arc::new(list.finish()))
+            }
+        }
+    )+};
+}
+lists!(Float64Builder, ListFloat64, Float64, |_, x: &f64| Ok(*x); &[f64], &Vec<f64>, Vec<f64>);
+lists!(Int64Builder, ListInt64, Int64, |row, x: &i64| signed(row, *x); &[i64], Vec<i64>);
+lists!(Int64Builder, ListInt64, Int64, |row, x: &u64| signed(row, *x); Vec<u64>);
+lists!(StringBuilder, ListString, Utf8, same_text; &[String], &Vec<String>, Vec<String>, &[&str], Vec<&str>);
+
+#[expect(clippy::unnecessary_wraps, reason = "the lists of numbers can fail")]
+fn same_text<T: AsRef<str>>(_row: usize, text: &T) -> Result<&str, (usize, String)> {
+    Ok(text.as_ref())
+}
+
+fn list_builder<B: ArrayBuilder>(values: B, of: DataType) -> ListBuilder<B> {
+    ListBuilder::new(values).with_field(Arc::new(Field::new("element", of, false)))
+}

@@ -1,0 +1,199 @@
+//! Columns against the contract of their table: types, lengths, nulls, numbers, words, the order of rows.
+
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, AsArray, RecordBatch, StringArray, UInt64Array};
+use arrow::compute::take_record_batch;
+use arrow::datatypes::Float64Type;
+use arrow::error::ArrowError;
+use arrow::row::{RowConverter, SortField};
+
+use super::{Table, TableError};
+use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
+use crate::manifest::RunKey;
+
+/// The table that the columns make, if they keep its contract.
+pub(super) fn table(
+    schema: &'static TableSchema,
+    key: Option<RunKey>,
+    rows: usize,
+    arrays: Vec<Option<ArrayRef>>,
+) -> Result<Table, TableError> {
+    let given = schema.columns.iter().zip(&arrays);
+    let missing: Vec<_> = given
+        .filter(|(_, array)| array.is_none())
+        .map(|(column, _)| column.name.clone())
+        .collect();
+    if !missing.is_empty() {
+        return Err(TableError::Missing {
+            table: schema.table.clone(),
+            columns: missing,
+        });
+    }
+    let arrays: Vec<ArrayRef> = arrays.into_iter().flatten().collect();
+    for (column, array) in schema.columns.iter().zip(&arrays) {
+        check_column(schema, column, rows, array)?;
+    }
+    let arrow = |source| TableError::Arrow {
+        table: schema.table.clone(),
+        source,
+    };
+    let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
+    let order = row_order(schema, &batch).map_err(arrow)?;
+    check_rows_differ(schema, &order)?;
+    let batch = if order.windows(2).all(|pair| pair[0].given < pair[1].given) {
+        batch
+    } else {
+        let rows: UInt64Array = order.iter().map(|row| row.given as u64).collect();
+        take_record_batch(&batch, &rows).map_err(arrow)?
+    };
+    Ok(Table { schema, key, batch })
+}
+
+fn check_column(
+    schema: &TableSchema,
+    column: &ColumnSchema,
+    rows: usize,
+    array: &ArrayRef,
+) -> Result<(), TableError> {
+    if array.data_type() != &column.kind.arrow() {
+        return Err(TableError::WrongType {
+            table: schema.table.clone(),
+            column: column.name.clone(),
+            expected: column.kind.name(),
+            found: array.data_type().to_string(),
+        });
+    }
+    if array.len() != rows {
+        return Err(TableError::Length {
+            table: schema.table.clone(),
+            column: column.name.clone(),
+            rows,
+            found: array.len(),
+        });
+    }
+    match unexpected_null(column, array).or_else(|| broken_value(column, array)) {
+        None => Ok(()),
+        Some((row, problem)) => Err(TableError::Value {
+            table: schema.table.clone(),
+            column: column.name.clone(),
+            row,
+            problem,
+        }),
+    }
+}
+
+fn unexpected_null(column: &ColumnSchema, array: &ArrayRef) -> Option<(usize, String)> {
+    let row = (0..array.len()).find(|&row| !column.nullable && array.is_null(row))?;
+    Some((row, "null, and the column always has a value".to_owned()))
+}
+
+fn broken_value(column: &ColumnSchema, array: &ArrayRef) -> Option<(usize, String)> {
+    match (column.kind, &column.values) {
+        (ColumnType::Float64, _) => not_finite(array),
+        (ColumnType::ListFloat64, _) => {
+            let lists = array.as_list::<i32>();
+            let wrong = |row| Some((row, not_finite(&lists.value(row))?.1));
+            (0..lists.len())
+                .filter(|&row| lists.is_valid(row))
+                .find_map(wrong)
+        }
+        (ColumnType::String, Some(words)) => not_allowed(words, array.as_string()),
+        _ => None,
+    }
+}
+
+fn not_finite(array: &ArrayRef) -> Option<(usize, String)> {
+    let numbers = array.as_primitive::<Float64Type>();
+    let wrong = |(row, x): (usize, Option<f64>)| Some((row, x.filter(|x| !x.is_finite())?));
+    let (row, x) = numbers.iter().enumerate().find_map(wrong)?;
+    Some((
+        row,
+        format!("{x} is not a finite number; what is absent is null"),
+    ))
+}
+
+fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)> {
+    let known = |word: &str| words.iter().any(|w| w == word);
+    let wrong =
+        |(row, word): (usize, Option<&str>)| Some((row, word.filter(|w| !known(w))?.to_owned()));
+    let (row, word) = array.iter().enumerate().find_map(wrong)?;
+    Some((
+        row,
+        format!(
+            "{word:?} is none of the words allowed: {}",
+            words.join(", ")
+        ),
+    ))
+}
+
+/// A row by the place where it was given, and whether it has the same name as the one before it.
+struct OrderedRow {
+    given: usize,
+    same_as_previous: bool,
+}
+
+/// The rows in the schema's order; nulls first, enumerations in the order of their words.
+fn row_order(schema: &TableSchema, batch: &RecordBatch) -> Result<Vec<OrderedRow>, ArrowError> {
+    let columns: Vec<ArrayRef> = schema
+        .order
+        .iter()
+        .map(|name| sort_key(schema, batch, name))
+        .collect();
+    if columns.is_empty() {
+        let row = |given| OrderedRow {
+            given,
+            same_as_previous: given > 0,
+        };
+        return Ok((0..batch.num_rows()).map(row).collect());
+    }
+    let fields = columns
+        .iter()
+        .map(|column| SortField::new(column.data_type().clone()))
+        .collect();
+    let names = RowConverter::new(fields)?.convert_columns(&columns)?;
+    let mut order: Vec<usize> = (0..batch.num_rows()).collect();
+    order.sort_by(|&a, &b| names.row(a).cmp(&names.row(b)));
+    let same = |place: usize| place > 0 && names.row(order[place]) == names.row(order[place - 1]);
+    let row = |(place, &given)| OrderedRow {
+        given,
+        same_as_previous: same(place),
+    };
+    Ok(order.iter().enumerate().map(row).collect())
+}
+
+fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> ArrayRef {
+    let (place, column) = schema
+        .column(name)
+        .expect("a schema's order names its own columns");
+    let array = batch.column(place);
+    let Some(words) = &column.values else {
+        return Arc::clone(array);
+    };
+    let rank = |word: Option<&str>| {
+        words
+            .iter()
+            .position(|w| Some(w.as_str()) == word)
+            .map(|rank| rank as u64)
+    };
+    Arc::new(
+        array
+            .as_string::<i32>()
+            .iter()
+            .map(rank)
+            .collect::<UInt64Array>(),
+    )
+}
+
+fn check_rows_differ(schema: &TableSchema, order: &[OrderedRow]) -> Result<(), TableError> {
+    let Some(place) = order.iter().position(|row| row.same_as_previous) else {
+        return Ok(());
+    };
+    Err(TableError::SameRow {
+        table: schema.table.clone(),
+        columns: schema.order.clone(),
+        one_row_per: schema.one_row_per.clone(),
+        first: order[place - 1].given,
+        second: order[place].given,
+    })
+}

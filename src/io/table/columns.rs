@@ -1,0 +1,302 @@
+//! Whole columns by name → a checked table.
+
+use std::iter::repeat_n;
+
+use arrow::array::{ArrayRef, new_null_array};
+
+use super::{Cell, Table, TableError, Value, check};
+use crate::io::schema::{ColumnSchema, KEY_COLUMNS, TableSchema};
+use crate::manifest::RunKey;
+
+/// Collects the columns of a table; what is wrong is told at the end, by [`Self::finish`].
+///
+/// ```
+/// # use posegrid::{io::{schema, table::Columns}, manifest::RunKey};
+/// # let key = RunKey::new("ur10", "2020-11-09", "00ff");
+/// let curve = [(-0.5, 1.0e-4), (0.5, -1.2e-4)];
+/// let table = Columns::new(schema::find("joint_errors")?, curve.len())
+///     .key(&key)
+///     .same("joint", 1_u64)
+///     .same("joint_name", "shoulder_pan_joint")
+///     .column("angle_rad", curve.map(|(angle, _)| angle))
+///     .group(["error_rad", "curve_rad"], curve.map(|(_, error)| [error; 2]))
+///     .same("sd_rad", 2.0e-5)
+///     .same("gear_lines_rad", 0.0)
+///     .same("measured", true)
+///     .finish()?;
+/// assert_eq!(table.rows(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Columns {
+    schema: &'static TableSchema,
+    rows: usize,
+    key: Option<RunKey>,
+    arrays: Vec<Option<ArrayRef>>,
+    error: Option<TableError>,
+}
+
+impl Columns {
+    /// An empty table of `rows` rows, still without columns.
+    pub fn new(schema: &'static TableSchema, rows: usize) -> Self {
+        Self {
+            schema,
+            rows,
+            key: None,
+            arrays: vec![None; schema.columns.len()],
+            error: None,
+        }
+    }
+
+    /// The robot, session and run of every row.
+    #[must_use]
+    pub fn key(mut self, key: &RunKey) -> Self {
+        self.key = Some(key.clone());
+        let parts = [&key.robot, &key.session, &key.run];
+        KEY_COLUMNS
+            .into_iter()
+            .zip(parts)
+            .fold(self, |columns, (name, part)| columns.same(name, part))
+    }
+
+    /// A column with a value for each row.
+    #[must_use]
+    pub fn column<C: Cell>(mut self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
+        if self.error.is_none() {
+            self.error = self.put(name, values.into_iter()).err();
+        }
+        self
+    }
+
+    /// A column with the same value in each row.
+    #[must_use]
+    pub fn same<C: Cell + Clone>(self, name: &str, value: C) -> Self {
+        let rows = self.rows;
+        self.column(name, repeat_n(value, rows))
+    }
+
+    /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
+    #[must_use]
+    pub fn group<const N: usize, V>(
+        self,
+        names: [&str; N],
+        values: impl IntoIterator<Item = V>,
+    ) -> Self
+    where
+        V: Into<Option<[f64; N]>>,
+    {
+        let rows: Vec<Option<[f64; N]>> = values.into_iter().map(Into::into).collect();
+        names
+            .iter()
+            .enumerate()
+            .fold(self, |columns, (component, name)| {
+                columns.column(name, rows.iter().map(|row| row.map(|row| row[component])))
+            })
+    }
+
+    /// Columns that are null in every row.
+    #[must_use]
+    pub fn absent<const N: usize>(mut self, names: [&str; N]) -> Self {
+        for name in names {
+            if self.error.is_none() {
+                self.error = self.place(name).map(|place| self.fill(place)).err();
+            }
+        }
+        self
+    }
+
+    /// Checks everything and sorts the rows.
+    pub fn finish(self) -> Result<Table, TableError> {
+        if let Some(error) = self.error {
+            return Err(error);
+        }
+        check::table(self.schema, self.key, self.rows, self.arrays)
+    }
+
+    fn put<C: Cell>(
+        &mut self,
+        name: &str,
+        values: impl Iterator<Item = C>,
+    ) -> Result<(), TableError> {
+        let place = self.place(name)?;
+        let column = &self.schema.columns[place];
+        if C::Value::KIND != column.kind {
+            return Err(TableError::WrongType {
+                table: self.schema.table.clone(),
+                column: name.to_owned(),
+                expected: column.kind.name(),
+                found: C::Value::KIND.name().to_owned(),
+            });
+        }
+        let array = C::Value::array(values.map(Cell::value));
+        self.arrays[place] =
+            Some(array.map_err(|(row, value)| self.too_large(column, row, &value))?);
+        Ok(())
+    }
+
+    fn place(&self, name: &str) -> Result<usize, TableError> {
+        let table = || self.schema.table.clone();
+        let Some((place, _)) = self.schema.column(name) else {
+            return Err(TableError::UnknownColumn {
+                table: table(),
+                column: name.to_owned(),
+            });
+        };
+        if self.arrays[place].is_some() {
+            return Err(TableError::Twice {
+                table: table(),
+                column: name.to_owned(),
+            });
+        }
+        Ok(place)
+    }
+
+    fn fill(&mut self, place: usize) {
+        let kind = self.schema.columns[place].kind.arrow();
+        self.arrays[place] = Some(new_null_array(&kind, self.rows));
+    }
+
+    fn too_large(&self, column: &ColumnSchema, row: usize, value: &str) -> TableError {
+        TableError::Value {
+            table: self.schema.table.clone(),
+            column: column.name.clone(),
+            row,
+            problem: format!("{value} is larger than a signed 64-bit number"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::schema;
+    use arrow::array::Array;
+
+    /// Two parameters, without the columns that a test gives itself.
+    fn parameters() -> Columns {
+        Columns::new(schema::find("parameters").unwrap(), 2)
+            .key(&RunKey::new("ur10", "grid", "00ff"))
+            .column("model", ["geometric", "base_target"])
+            .column("parameter_index", [0_u64, 5])
+            .column("parameter", ["theta_1", "base_rz"])
+            .column("belongs_to", ["link", "base"])
+            .column("of_session", [None, Some("grid")])
+            .column("joint", [Some(1_i64), None])
+            .column("quantity", ["theta", "rz"])
+            .column("unit", ["rad", "rad"])
+            .same("nominal", 0.0)
+            .same("identified", 1e-4)
+            .same("standard_error", Some(1e-5))
+            .absent(["prior_sd", "most_correlated_with", "correlation"])
+            .same("identifiability", "told_apart")
+    }
+
+    fn refusal(columns: Columns) -> String {
+        columns.finish().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn columns_go_where_the_schema_has_them_and_rows_into_its_order() {
+        let table = parameters()
+            .column("confused_with", [vec!["base_rz".to_owned()], vec![]])
+            .column("offset", [1e-4, 2e-4])
+            .finish()
+            .unwrap();
+        // base_target stands before geometric among the schema's words, though not in the alphabet of the rows given.
+        assert_eq!(table.text("model").value(0), "base_target");
+        assert_eq!(table.f64("offset").values(), &[2e-4, 1e-4]);
+        assert!(table.i64("joint").is_null(0) && table.i64("joint").value(1) == 1);
+        assert_eq!(table.list("confused_with").value_length(1), 1);
+        assert_eq!(
+            table.batch().column(0).as_ref(),
+            table.text("robot") as &dyn Array
+        );
+        assert_eq!(table.key().map(|key| key.run.as_str()), Some("00ff"));
+    }
+
+    #[test]
+    fn what_breaks_the_contract_is_refused_by_column_and_row() {
+        let none: Vec<Vec<String>> = vec![vec![]; 2];
+        let whole = || parameters().column("confused_with", &none);
+        assert_eq!(
+            refusal(whole()),
+            "table parameters: missing columns offset; a column without values still has to be there, all null"
+        );
+        let cases = [
+            (
+                whole().column("ofset", [0.0; 2]),
+                "there is no column \"ofset\"",
+            ),
+            (
+                whole().same("nominal", 0.0),
+                "column \"nominal\" is given twice",
+            ),
+            (
+                whole().column("offset", [0.0; 3]),
+                "\"offset\": 3 values for 2 rows",
+            ),
+            (
+                whole().column("offset", [1_u64, 2]),
+                "\"offset\": found int64, the schema says float64",
+            ),
+            (
+                whole().column("offset", [Some(0.0), None]),
+                "\"offset\", row 1: null",
+            ),
+            (
+                whole().column("offset", [0.0, f64::NAN]),
+                "\"offset\", row 1: NaN is not a finite number",
+            ),
+            (
+                whole().column("offset", [f64::INFINITY, 0.0]),
+                "\"offset\", row 0: inf is not a finite",
+            ),
+        ];
+        for (columns, expected) in cases {
+            let error = refusal(columns);
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn words_counts_and_repeated_rows_are_checked() {
+        let clocks = |method: &str, edges: u64, rows: usize| {
+            Columns::new(schema::find("clocks").unwrap(), rows)
+                .key(&RunKey::new("ur10", "grid", "00ff"))
+                .same("origin_ns", 0_i64)
+                .group(
+                    ["offset_ns", "offset_se_ns", "drift_ppm", "drift_se_ppm"],
+                    vec![[1.0; 4]; rows],
+                )
+                .same("matched_edges", edges)
+                .same("edge_rms_ns", 1.0)
+                .same("method", method)
+        };
+        assert!(clocks("", 0, 1).finish().is_ok());
+        assert!(clocks("", 0, 0).finish().is_ok(), "a table may be empty");
+        assert!(refusal(clocks("", u64::MAX, 1)).contains("18446744073709551615 is larger than"));
+        assert!(refusal(clocks("", 0, 2)).contains("rows 0 and 1: the same file"));
+        let wrong = Columns::new(schema::find("rejects").unwrap(), 1)
+            .same("stage", "Join")
+            .same("reject", 0_u64);
+        let rest = [
+            "number",
+            "file",
+            "topic",
+            "byte_start",
+            "byte_end",
+            "clock",
+            "start_ns",
+            "end_ns",
+            "station",
+        ];
+        let wrong = wrong
+            .key(&RunKey::new("r", "s", "0"))
+            .absent(rest)
+            .same("kind", "dwell")
+            .same("reason", "moved");
+        assert!(
+            refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join, fit")
+        );
+    }
+}

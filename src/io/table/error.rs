@@ -1,0 +1,170 @@
+//! What can be wrong with columns, and with files of them.
+
+use std::io;
+use std::path::PathBuf;
+
+use arrow::error::ArrowError;
+use parquet::errors::ParquetError;
+use thiserror::Error;
+
+/// Why columns do not make a table.
+#[derive(Debug, Error)]
+pub enum TableError {
+    /// A column that the schema does not have.
+    #[error("table {table}: there is no column {column:?}; see `posegrid schema {table}`")]
+    UnknownColumn {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+    },
+    /// The same column twice.
+    #[error("table {table}: column {column:?} is given twice")]
+    Twice {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+    },
+    /// Columns that nobody gave.
+    #[error("table {table}: missing columns {}; a column without values still has to be there, all null", columns.join(", "))]
+    Missing {
+        /// The table.
+        table: String,
+        /// The columns.
+        columns: Vec<String>,
+    },
+    /// A column of another type.
+    #[error("table {table}, column {column:?}: found {found}, the schema says {expected}")]
+    WrongType {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+        /// The schema's type.
+        expected: &'static str,
+        /// The type found.
+        found: String,
+    },
+    /// A column of another length than the table.
+    #[error("table {table}, column {column:?}: {found} values for {rows} rows")]
+    Length {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+        /// Rows of the table.
+        rows: usize,
+        /// Values found.
+        found: usize,
+    },
+    /// A value that breaks the column's contract.
+    #[error("table {table}, column {column:?}, row {row}: {problem}")]
+    Value {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+        /// The row, from 0, as given.
+        row: usize,
+        /// What is wrong with it, and what is allowed.
+        problem: String,
+    },
+    /// Two rows that the columns of `order` do not tell apart.
+    #[error(
+        "table {table}, rows {first} and {second}: the same {}; a table has one row per {one_row_per}",
+        if columns.is_empty() { "file".to_owned() } else { columns.join(", ") }
+    )]
+    SameRow {
+        /// The table.
+        table: String,
+        /// Columns that name a row.
+        columns: Vec<String>,
+        /// What a row is.
+        one_row_per: String,
+        /// One row, from 0, as given.
+        first: usize,
+        /// The other.
+        second: usize,
+    },
+    /// Arrow refused.
+    #[error("table {table}: {source}")]
+    Arrow {
+        /// The table.
+        table: String,
+        /// Arrow's error.
+        source: ArrowError,
+    },
+}
+
+/// Why a file cannot be read as a table, or a table not be written.
+#[derive(Debug, Error)]
+pub enum FileError {
+    /// The file cannot be opened.
+    #[error("cannot open {path}: {source}")]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// Not a Parquet file, or a damaged one.
+    #[error("cannot read {path} as a Parquet file: {source}")]
+    Parquet {
+        /// The file.
+        path: PathBuf,
+        /// Parquet's error.
+        source: ParquetError,
+    },
+    /// A file so damaged that the Parquet reader gave up in the middle.
+    #[error(
+        "{path} is damaged: reading it failed with \"{problem}\"; get it anew or run its session again"
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the reader said.
+        problem: String,
+    },
+    /// Its values cannot be read.
+    #[error("cannot read the values of {path}: {source}")]
+    Values {
+        /// The file.
+        path: PathBuf,
+        /// Arrow's error.
+        source: ArrowError,
+    },
+    /// Not the table asked for.
+    #[error("{path} holds {found}, not table {expected:?}")]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// What it says it holds.
+        found: String,
+        /// The table asked for.
+        expected: String,
+    },
+    /// Another version of the table.
+    #[error(
+        "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
+         run the session again, or use the version of posegrid that wrote it (see table runs)"
+    )]
+    OtherVersion {
+        /// The file.
+        path: PathBuf,
+        /// The table.
+        table: String,
+        /// The version found.
+        found: String,
+        /// The version of this program's schema.
+        expected: u32,
+    },
+    /// Its columns break the table's contract.
+    #[error("{path}: {source}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: TableError,
+    },
+}

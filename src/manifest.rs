@@ -1,0 +1,231 @@
+//! Provenance: what a run read, how it was set, what it counted, and the name that follows from it.
+//!
+//! The name of a run is derived from the digests of its inputs, its resolved settings and the version of this program,
+//! so the same work has the same name anywhere; CPU features are recorded beside it, as they may change the last bits.
+
+mod runs;
+
+use std::io::{self, Read};
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::io::schema::SchemaError;
+use crate::io::table::TableError;
+
+pub use runs::{Outcome, StageCount, Written, cpu_features, platform};
+
+/// The version of this program, part of every run's name.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Bytes of a digest that name a run: two runs of 2⁶⁴ would have to meet by chance.
+const RUN_BYTES: usize = 16;
+
+/// What names a run, and with it every row it writes.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct RunKey {
+    /// The robot, as the pipeline names it.
+    pub robot: String,
+    /// The session, or `pooled`.
+    pub session: String,
+    /// The run's own name.
+    pub run: String,
+}
+
+/// One file that a run read.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub struct Input {
+    /// What the file is called in the run: not where it lay.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// BLAKE3 of its content, hexadecimal.
+    pub digest: String,
+}
+
+/// Everything that a run's result follows from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Work {
+    /// The robot, as the pipeline names it.
+    pub robot: String,
+    /// The session, or `pooled`.
+    pub session: String,
+    /// The pipeline file's name.
+    pub pipeline: String,
+    /// Sessions that the run learns from.
+    pub sessions: Vec<String>,
+    /// Sessions that it is only judged on.
+    pub test_sessions: Vec<String>,
+    /// The logs and the robot file.
+    pub inputs: Vec<Input>,
+    /// Every setting, as [`canonical`] writes it.
+    pub settings: String,
+}
+
+/// Why a manifest cannot be written.
+#[derive(Debug, Error)]
+pub enum ManifestError {
+    /// A stage lost something in silence.
+    #[error(
+        "stage {stage} read {read} {of}, kept {kept} and rejected {rejected}: {kept} + {rejected} is not {read}; \
+         this is a defect of posegrid, please report it"
+    )]
+    Unbalanced {
+        /// The stage.
+        stage: &'static str,
+        /// What is counted.
+        of: &'static str,
+        /// How many came in.
+        read: u64,
+        /// How many were kept.
+        kept: u64,
+        /// How many were rejected.
+        rejected: u64,
+    },
+    /// The settings have no canonical form.
+    #[error("cannot write the settings down: {0}")]
+    Settings(#[from] serde_json::Error),
+    /// No schema.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// The row of `runs` breaks its contract.
+    #[error(transparent)]
+    Table(#[from] TableError),
+}
+
+impl RunKey {
+    /// The key of a run.
+    pub fn new(
+        robot: impl Into<String>,
+        session: impl Into<String>,
+        run: impl Into<String>,
+    ) -> Self {
+        Self {
+            robot: robot.into(),
+            session: session.into(),
+            run: run.into(),
+        }
+    }
+
+    /// The same run's key for the rows of another session that it read.
+    #[must_use]
+    pub fn of_session(&self, session: &str) -> Self {
+        Self::new(&self.robot, session, &self.run)
+    }
+}
+
+/// BLAKE3 of everything that `reader` gives, hexadecimal, and how many bytes it was; in bounded memory.
+pub fn digest(reader: impl Read) -> io::Result<(String, u64)> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(reader)?;
+    Ok((hasher.finalize().to_hex().to_string(), hasher.count()))
+}
+
+/// Settings as JSON with sorted keys and without spaces: equal settings give equal texts.
+pub fn canonical(settings: &impl Serialize) -> Result<String, ManifestError> {
+    let mut value = serde_json::to_value(settings)?;
+    value.sort_all_objects();
+    Ok(value.to_string())
+}
+
+impl Work {
+    /// The key of the run that this work makes with this version of the program.
+    pub fn key(&self) -> RunKey {
+        self.key_by_version(VERSION)
+    }
+
+    fn key_by_version(&self, version: &str) -> RunKey {
+        let mut hasher = blake3::Hasher::new();
+        // Each text goes in with its length: ("ab", "c") and ("a", "bc") are different work.
+        let mut add = |text: &str| {
+            hasher.update(&(text.len() as u64).to_le_bytes());
+            hasher.update(text.as_bytes());
+        };
+        for text in [
+            version,
+            &self.robot,
+            &self.session,
+            &self.pipeline,
+            &self.settings,
+        ] {
+            add(text);
+        }
+        for sessions in [&self.sessions, &self.test_sessions] {
+            add(&sessions.len().to_string());
+            for session in sessions {
+                add(session);
+            }
+        }
+        for input in &self.inputs {
+            add(&input.name);
+            add(&input.digest);
+        }
+        let name = hasher.finalize().to_hex();
+        RunKey::new(&self.robot, &self.session, &name[..2 * RUN_BYTES])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(super) fn work() -> Work {
+        Work {
+            robot: "ur10".to_owned(),
+            session: "grid".to_owned(),
+            pipeline: "nightly".to_owned(),
+            sessions: vec!["grid".to_owned()],
+            test_sessions: Vec::new(),
+            inputs: vec![Input {
+                name: "controller.mcap".to_owned(),
+                bytes: 3,
+                digest: digest(&b"log"[..]).unwrap().0,
+            }],
+            settings: canonical(&serde_json::json!({"fit": {"prior_mm": 3.0}})).unwrap(),
+        }
+    }
+
+    #[test]
+    fn a_digest_is_blake3_of_the_bytes() {
+        // The first test vector of the BLAKE3 paper: the hash of nothing.
+        let nothing = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
+        assert_eq!(digest(io::empty()).unwrap(), (nothing.to_owned(), 0));
+        let long = vec![7; 1 << 20];
+        let expected = (blake3::hash(&long).to_hex().to_string(), 1 << 20);
+        assert_eq!(digest(&long[..]).unwrap(), expected);
+    }
+
+    #[test]
+    fn settings_are_written_in_one_way() {
+        let text = r#"{"b": [1, 2.50], "a": {"z": null, "y": "ü"}}"#;
+        let settings: serde_json::Value = serde_json::from_str(text).unwrap();
+        assert_eq!(
+            canonical(&settings).unwrap(),
+            r#"{"a":{"y":"ü","z":null},"b":[1,2.5]}"#
+        );
+    }
+
+    #[test]
+    fn every_part_of_the_work_changes_the_name_of_the_run() {
+        let base = work().key();
+        assert_eq!(base, work().key());
+        assert_eq!(base.run.len(), 32, "16 bytes, hexadecimal");
+        let changes: [fn(&mut Work); 8] = [
+            |work| work.robot.push('2'),
+            |work| work.session.push('2'),
+            |work| work.pipeline.push('2'),
+            |work| work.settings = work.settings.replace("3.0", "2.0"),
+            |work| work.inputs[0].digest = "00".repeat(32),
+            |work| work.inputs[0].name = "tracker.mcap".to_owned(),
+            |work| work.inputs.clear(),
+            // Learnt from and judged on are different roles of the same session.
+            |work| std::mem::swap(&mut work.sessions, &mut work.test_sessions),
+        ];
+        for change in changes {
+            let mut changed = work();
+            change(&mut changed);
+            assert_ne!(changed.key().run, base.run, "{changed:?}");
+        }
+        assert_ne!(work().key_by_version("0.0.0").run, base.run);
+    }
+}

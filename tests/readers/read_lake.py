@@ -1,0 +1,175 @@
+"""Reads a lake with pyarrow, polars and DuckDB, none of them posegrid's own code, and holds it against schemas/*.toml.
+
+    python tests/readers/read_lake.py LAKE [--schemas schemas] [--all-tables]
+
+Checked for every file: columns and their order, types, nulls, the words of enumerations, metadata, and that the three
+readers see the same values; for every table: that the readers take the folder as one table, with the same number of
+rows; for the lake: that robot, session and run in the rows are those in the path, and that every row joins `runs`.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+import tomllib
+import urllib.parse
+
+import duckdb
+import polars
+import pyarrow
+import pyarrow.dataset
+import pyarrow.parquet
+
+ARROW_TYPES = {
+    "float64": "double",
+    "int64": "int64",
+    "bool": "bool",
+    "string": "string",
+    "list<float64>": "list<element: double not null>",
+    "list<int64>": "list<element: int64 not null>",
+    "list<string>": "list<element: string not null>",
+}
+POLARS_TYPES = {
+    "float64": polars.Float64,
+    "int64": polars.Int64,
+    "bool": polars.Boolean,
+    "string": polars.String,
+    "list<float64>": polars.List(polars.Float64),
+    "list<int64>": polars.List(polars.Int64),
+    "list<string>": polars.List(polars.String),
+}
+DUCKDB_TYPES = {
+    "float64": "DOUBLE",
+    "int64": "BIGINT",
+    "bool": "BOOLEAN",
+    "string": "VARCHAR",
+    "list<float64>": "DOUBLE[]",
+    "list<int64>": "BIGINT[]",
+    "list<string>": "VARCHAR[]",
+}
+
+problems = []
+
+
+def expect(where, what, found, expected):
+    if found != expected:
+        problems.append(f"{where}: {what}: found {found!r}, expected {expected!r}")
+
+
+def name_in_path(folder):
+    return "" if folder == "%" else urllib.parse.unquote(folder)
+
+
+def check_file(file, schema):
+    columns = schema["column"]
+    names = [column["name"] for column in columns]
+    types = [column["type"] for column in columns]
+    arrow = pyarrow.parquet.ParquetFile(file).read()
+    expect(file, "pyarrow columns", arrow.column_names, names)
+    expect(file, "pyarrow types", [str(t) for t in arrow.schema.types], [ARROW_TYPES[t] for t in types])
+    expect(file, "nullable", [f.nullable for f in arrow.schema], [c.get("nullable", False) for c in columns])
+    check_metadata(file, schema, pyarrow.parquet.read_metadata(file).metadata)
+
+    with_polars = polars.read_parquet(file)
+    expect(file, "polars schema", dict(with_polars.schema), {n: POLARS_TYPES[t] for n, t in zip(names, types)})
+
+    with_duckdb = duckdb.read_parquet(str(file))
+    expect(file, "DuckDB columns", with_duckdb.columns, names)
+    expect(file, "DuckDB types", [str(t) for t in with_duckdb.types], [DUCKDB_TYPES[t] for t in types])
+
+    if problems:
+        return
+    rows = with_duckdb.fetchall()
+    expect(file, "rows", (with_polars.height, len(rows)), (arrow.num_rows, arrow.num_rows))
+    for place, column in enumerate(columns):
+        values = arrow.column(place).to_pylist()
+        where = f"{file}, column {column['name']}"
+        if values != with_polars.get_column(column["name"]).to_list():
+            problems.append(f"{where}: polars sees other values than pyarrow")
+        if values != [row[place] for row in rows]:
+            problems.append(f"{where}: DuckDB sees other values than pyarrow")
+        if "values" in column:
+            expect(where, "words outside the schema", set(values) - {None, *column["values"]}, set())
+
+
+def check_metadata(file, schema, metadata):
+    stated = {key.decode(): value.decode() for key, value in metadata.items()}
+    expect(file, "table in the metadata", stated.get("posegrid.table"), schema["table"])
+    expect(file, "version in the metadata", stated.get("posegrid.schema_version"), str(schema["version"]))
+    for key, prop in (("posegrid.units", "unit"), ("posegrid.frames", "frame")):
+        expected = {column["name"]: column[prop] for column in schema["column"] if prop in column}
+        expect(file, f"{prop}s in the metadata", json.loads(stated.get(key, "{}")), expected)
+    expect(file, "run in the metadata", stated.get("posegrid.run"), file.stem)
+
+
+def check_path(file):
+    key = tuple(name_in_path(part) for part in (file.parts[-3], file.parts[-2], file.stem))
+    table = pyarrow.parquet.read_table(file, columns=["robot", "session", "run"])
+    for row in set(zip(*(table.column(name).to_pylist() for name in table.column_names))):
+        expect(file, "robot, session and run of a row", row, key)
+
+
+def check_table(folder, files):
+    whole = folder / "*" / "*" / "*.parquet"
+    rows = sum(pyarrow.parquet.read_metadata(file).num_rows for file in files)
+    seen = {
+        "pyarrow": pyarrow.dataset.dataset(files, format="parquet").count_rows(),
+        "polars": polars.scan_parquet(whole).select(polars.len()).collect().item(),
+        "DuckDB": duckdb.sql(f"select count(*) from read_parquet('{whole}')").fetchall()[0][0],
+    }
+    for reader, count in seen.items():
+        expect(folder, f"rows of the whole folder by {reader}", count, rows)
+    return rows
+
+
+def check_runs(lake, folders):
+    runs = f"read_parquet('{lake}/runs/*/*/*.parquet')"
+    for folder in folders:
+        table = f"read_parquet('{folder}/*/*/*.parquet')"
+        committed = f"(robot, run) in (select (robot, run) from {runs})"
+        orphans = duckdb.sql(f"select distinct robot, run from {table} where not {committed}").fetchall()
+        if orphans:
+            print(f"note: {folder.name} holds rows of runs that never committed: {orphans}")
+    digests = f"select unnest(table_names) as name, unnest(table_rows) as rows, robot, run from {runs}"
+    for name, rows, robot, run in duckdb.sql(digests).fetchall():
+        table, session = name.split("/", 1)
+        where = f"read_parquet('{lake}/{table}/*/*/*.parquet')"
+        query = f"select count(*) from {where} where robot = ? and session = ? and run = ?"
+        found = duckdb.execute(query, [robot, session, run]).fetchall()[0][0]
+        expect(f"{lake}, run {run}", f"rows of {name}", found, rows)
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("lake", type=pathlib.Path)
+    arguments.add_argument("--schemas", type=pathlib.Path, default=pathlib.Path("schemas"))
+    arguments.add_argument("--all-tables", action="store_true", help="every published table has to be there")
+    given = arguments.parse_args()
+
+    schemas = [tomllib.loads(file.read_text()) for file in sorted(given.schemas.glob("*.toml"))]
+    published = {schema["table"]: schema for schema in schemas if schema["role"] == "published"}
+    folders = sorted(folder for folder in given.lake.iterdir() if folder.is_dir())
+    expect(given.lake, "tables without a schema", [f.name for f in folders if f.name not in published], [])
+    there = {folder.name for folder in folders}
+    if not there:
+        problems.append(f"{given.lake}: there is no table at all")
+    if given.all_tables:
+        expect(given.lake, "tables missing", sorted(published.keys() - there), [])
+    for folder in folders if not problems else []:
+        files = sorted(folder.glob("*/*/*.parquet"))
+        for file in files:
+            check_file(file, published[folder.name])
+            check_path(file)
+        if not files:
+            problems.append(f"{folder}: no file")
+        elif not problems:
+            print(f"{folder.name}: {len(files)} files, {check_table(folder, files)} rows, three readers agree")
+    if not problems:
+        check_runs(given.lake, folders)
+    for problem in problems:
+        print(f"PROBLEM {problem}", file=sys.stderr)
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,365 @@
+//! Tables and the lake from outside: a sample of every schema written, read back and left for the independent readers
+//! of `tests/readers`; commits that race; a lake that cannot be written.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Barrier;
+
+use posegrid::io::lake::{Commit, Lake};
+use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
+use posegrid::io::table::{self, Columns, Table};
+use posegrid::manifest::{Outcome, RunKey, Work, canonical};
+
+/// Names that a log may hold and no reader should trip over.
+fn hostile_work() -> Work {
+    Work {
+        robot: "../ü r=10".to_owned(),
+        session: "2020.11 \"grid\"/a".to_owned(),
+        pipeline: "sample".to_owned(),
+        sessions: Vec::new(),
+        test_sessions: Vec::new(),
+        inputs: Vec::new(),
+        settings: canonical(&()).unwrap(),
+    }
+}
+
+fn outcome() -> Outcome {
+    Outcome {
+        verdict: "not_shown".to_owned(),
+        reason: Some("a sample".to_owned()),
+        replaces: None,
+    }
+}
+
+/// Three rows (one where a file has one row) of plausible values: row 1 is null wherever the schema allows it.
+fn sample(schema: &'static TableSchema, key: &RunKey) -> Table {
+    let rows = if schema.order.is_empty() { 1 } else { 3 };
+    let columns = Columns::new(schema, rows);
+    let (columns, keys) = match schema.role {
+        Role::Published => (columns.key(key), KEY_COLUMNS.len()),
+        Role::Accepted => (columns, 0),
+    };
+    let rest = schema.columns.iter().skip(keys);
+    let filled = rest.fold(columns, |columns, column| fill(columns, column, rows));
+    filled.finish().unwrap()
+}
+
+fn fill(columns: Columns, column: &ColumnSchema, rows: usize) -> Columns {
+    let name = column.name.as_str();
+    let there = |row: &usize| !(column.nullable && *row == 1);
+    let cells = |rows: usize| (0..rows).map(|row| Some(row).filter(there));
+    let word = |row: usize| match &column.values {
+        Some(words) => words[row % words.len()].clone(),
+        None => format!("\"{row}\", ü\n"),
+    };
+    match column.kind {
+        ColumnType::Float64 => columns.column(name, cells(rows).map(|r| r.map(|r| r as f64 / 3.0))),
+        ColumnType::Int64 => columns.column(name, cells(rows)),
+        ColumnType::Bool => columns.column(name, cells(rows).map(|r| r.map(|r| r == 0))),
+        ColumnType::String => columns.column(name, cells(rows).map(|r| r.map(word))),
+        ColumnType::ListFloat64 => {
+            columns.column(name, cells(rows).map(|r| r.map(|r| vec![0.1; r])))
+        }
+        ColumnType::ListInt64 => {
+            columns.column(name, cells(rows).map(|r| r.map(|r| vec![-1_i64; r])))
+        }
+        ColumnType::ListString => {
+            columns.column(name, cells(rows).map(|r| r.map(|r| vec![word(r); r])))
+        }
+    }
+}
+
+fn published() -> impl Iterator<Item = &'static TableSchema> {
+    schema::all()
+        .iter()
+        .filter(|schema| schema.role == Role::Published && schema.table != "runs")
+}
+
+/// Writes a sample of every published table as one committed run.
+fn write_sample_lake(root: &Path) -> Lake {
+    let lake = Lake::new(root);
+    let key = hostile_work().key();
+    let mut run = lake.start(&key).unwrap().expect("the lake is new");
+    for schema in published() {
+        run.publish(&sample(schema, &key)).unwrap();
+    }
+    let runs = hostile_work()
+        .runs_table(&[], run.written(), &outcome())
+        .unwrap();
+    assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
+    lake
+}
+
+/// Every file below a folder with its content, sorted by path.
+fn contents(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![root.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+        {
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                found.push((
+                    path.strip_prefix(root).unwrap().to_owned(),
+                    fs::read(&path).unwrap(),
+                ));
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn every_table_is_written_and_read_back_and_left_for_other_readers() {
+    // The place is fixed, so that the independent readers find it after the tests.
+    let root = Path::new(env!("CARGO_TARGET_TMPDIR")).join("sample-lake");
+    if root.exists() {
+        fs::remove_dir_all(&root).unwrap();
+    }
+    let lake = write_sample_lake(&root);
+    let key = hostile_work().key();
+    for schema in published() {
+        assert_eq!(
+            lake.read(&schema.table, &key).unwrap(),
+            sample(schema, &key),
+            "{}",
+            schema.table
+        );
+    }
+    let runs = lake.read("runs", &key).unwrap();
+    assert_eq!(
+        runs.list("table_digests").value_length(0),
+        i32::try_from(published().count()).unwrap()
+    );
+}
+
+#[test]
+fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    write_sample_lake(&folder.path().join("one"));
+    write_sample_lake(&folder.path().join("two"));
+    let one = contents(&folder.path().join("one"));
+    assert_eq!(
+        one.len(),
+        published().count() + 1,
+        "a file a table, no temporaries"
+    );
+    assert!(one == contents(&folder.path().join("two")));
+}
+
+#[test]
+fn accepted_targets_may_come_from_other_writers() {
+    let schema = schema::find("targets").unwrap();
+    let whole = sample(schema, &hostile_work().key());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("targets.parquet");
+    table::write(&whole, fs::File::create(&path).unwrap()).unwrap();
+    assert_eq!(table::read(&path, schema).unwrap(), whole);
+}
+
+#[test]
+fn of_many_that_commit_the_same_run_one_wins() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    let key = hostile_work().key();
+    let together = Barrier::new(8);
+    let commit = || {
+        let mut run = lake.start(&key).unwrap().expect("nobody has committed yet");
+        run.publish(&sample(schema::find("clocks").unwrap(), &key))
+            .unwrap();
+        let runs = hostile_work()
+            .runs_table(&[], run.written(), &outcome())
+            .unwrap();
+        together.wait();
+        run.commit(&runs).unwrap()
+    };
+    let commits: Vec<Commit> = std::thread::scope(|scope| {
+        let racers: Vec<_> = (0..8).map(|_| scope.spawn(commit)).collect();
+        racers
+            .into_iter()
+            .map(|racer| racer.join().unwrap())
+            .collect()
+    });
+    assert_eq!(
+        commits
+            .iter()
+            .filter(|&&commit| commit == Commit::Done)
+            .count(),
+        1
+    );
+    assert!(lake.start(&key).unwrap().is_none(), "the run exists");
+    assert_eq!(
+        contents(folder.path()).len(),
+        2,
+        "the table and its row, no temporaries"
+    );
+}
+
+#[test]
+fn what_never_committed_is_no_run_and_is_written_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    let key = hostile_work().key();
+    let clocks = sample(schema::find("clocks").unwrap(), &key);
+    let mut interrupted = lake.start(&key).unwrap().unwrap();
+    interrupted.publish(&clocks).unwrap();
+    drop(interrupted);
+    assert!(!lake.exists(&key).unwrap());
+    // What stands there is a leftover, whatever it holds.
+    let path = lake.path(clocks.schema(), &key).unwrap();
+    fs::write(&path, "torn").unwrap();
+    let mut again = lake.start(&key).unwrap().expect("the run does not exist");
+    again.publish(&clocks).unwrap();
+    assert_eq!(lake.read("clocks", &key).unwrap(), clocks);
+    // A table that changes between writing and committing keeps the run from existing.
+    fs::write(&path, "torn").unwrap();
+    let runs = hostile_work()
+        .runs_table(&[], again.written(), &outcome())
+        .unwrap();
+    let error = again.commit(&runs).unwrap_err().to_string();
+    assert!(
+        error.contains("changed while its run was being written"),
+        "{error}"
+    );
+    assert!(!lake.exists(&key).unwrap());
+}
+
+#[test]
+fn nothing_published_is_rewritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    let key = hostile_work().key();
+    let slower = lake.start(&key).unwrap();
+    write_sample_lake(folder.path());
+    let before = contents(folder.path());
+    // A second process that began before the first committed: the same bytes are fine, others are refused.
+    let mut slower = slower.expect("the run did not exist yet");
+    let schema = schema::find("joint_errors").unwrap();
+    slower.publish(&sample(schema, &key)).unwrap();
+    let other = Columns::new(schema, 0).key(&key);
+    let rest = schema.columns.iter().skip(KEY_COLUMNS.len());
+    let other = rest
+        .fold(other, |columns, column| fill(columns, column, 0))
+        .finish()
+        .unwrap();
+    let error = slower.publish(&other).unwrap_err().to_string();
+    assert!(
+        error.contains("is published, and computing it again gave other bytes"),
+        "{error}"
+    );
+    let foreign = RunKey::new(&key.robot, &key.session, "00ff");
+    let error = slower
+        .publish(&sample(schema, &foreign))
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("its rows belong to 00ff"), "{error}");
+    let runs = hostile_work()
+        .runs_table(&[], slower.written(), &outcome())
+        .unwrap();
+    assert_eq!(slower.commit(&runs).unwrap(), Commit::AlreadyThere);
+    assert!(before == contents(folder.path()));
+}
+
+/// Set for the copy of this test that runs inside a mount of its own: the lake's folder.
+const MOUNTED: &str = "POSEGRID_TEST_MOUNTED_LAKE";
+
+/// The tests may run as root, who can write anything: only a mount is truly full or read-only.
+fn run_in_mount(test: &str, prepare: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let script = format!(
+        "mount -t tmpfs -o size=64k tmpfs \"$1\" && {prepare} && exec \"$2\" --exact {test} --nocapture"
+    );
+    let output = Command::new("unshare")
+        .args(["-rm", "sh", "-c", &script, "sh"])
+        .arg(folder.path())
+        .arg(std::env::current_exe().unwrap())
+        .env(MOUNTED, folder.path())
+        .output();
+    let may_mount = Command::new("unshare")
+        .args(["-rm", "true"])
+        .status()
+        .is_ok_and(|status| status.success());
+    if !may_mount {
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "`unshare -rm` is not permitted, and CI is set"
+        );
+        eprintln!(
+            "SKIPPED {test}: `unshare -rm` is not permitted here, so no full or read-only folder can be made"
+        );
+        return;
+    }
+    let output = output.unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let ran = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && ran.contains("1 passed"),
+        "{ran}{said}"
+    );
+}
+
+fn publish_error(root: &Path) -> String {
+    let lake = Lake::new(root);
+    let key = hostile_work().key();
+    let mut run = lake.start(&key).unwrap().unwrap();
+    run.publish(&sample(schema::find("joint_errors").unwrap(), &key))
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn a_full_disk_is_told_and_leaves_nothing_behind() {
+    let Some(mount) = std::env::var_os(MOUNTED) else {
+        let fill = "head -c 40960 /dev/zero > \"$1/ballast\" && mkdir -p \"$1/lake\" && { cat /dev/zero > \"$1/rest\" 2>/dev/null || true; }";
+        return run_in_mount("a_full_disk_is_told_and_leaves_nothing_behind", fill);
+    };
+    let lake = Path::new(&mount).join("lake");
+    let error = publish_error(&lake);
+    assert!(
+        error.contains("No space left on device") && error.contains("make room there"),
+        "{error}"
+    );
+    assert_eq!(contents(&lake), [], "no half-written file stays");
+}
+
+#[test]
+fn a_read_only_folder_is_told() {
+    let Some(mount) = std::env::var_os(MOUNTED) else {
+        return run_in_mount("a_read_only_folder_is_told", "mount -o remount,ro \"$1\"");
+    };
+    let error = publish_error(Path::new(&mount));
+    assert!(
+        error.contains("Read-only file system") && error.contains("make the folder writable"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_file_in_the_place_of_the_lake_is_told() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let lake = Lake::new(file.path());
+    let key = hostile_work().key();
+    let error = lake.start(&key).unwrap_err().to_string();
+    assert!(
+        error.contains("Not a directory")
+            && error.contains("a file stands where a folder is needed"),
+        "{error}"
+    );
+}
+
+#[test]
+fn cleaning_a_lake_leaves_its_tables() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = write_sample_lake(folder.path());
+    assert_eq!(lake.clean().unwrap(), Vec::<PathBuf>::new());
+    assert_eq!(contents(folder.path()).len(), published().count() + 1);
+    assert_eq!(
+        Lake::new(folder.path().join("none")).clean().unwrap(),
+        Vec::<PathBuf>::new()
+    );
+}
