@@ -2,11 +2,11 @@
 //!
 //! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. METHOD.md 8.
 //!
-//! 1. [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
+//! 1. [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
 //! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
 //! 4. [`clock`]: offset and drift on the matched edges.
-//! 5. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`fate`]: one for each reading.
+//! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`fate`]: one for each reading.
 //! 6. [`command`]: the commanded pose in force during each dwell.
 
 pub mod average;
@@ -14,25 +14,32 @@ pub mod clock;
 pub mod command;
 pub mod decide;
 pub mod dwell;
+mod error;
 pub mod fate;
+pub mod observe;
 pub mod pair;
 pub mod pattern;
 pub mod placement;
 pub mod rest;
+#[cfg(test)]
+mod scene;
 mod settings;
+pub mod settle;
+#[cfg(test)]
+mod troubles;
 
 use nalgebra::{Point3, UnitQuaternion};
-use thiserror::Error;
 
 use self::decide::Decision;
-use self::dwell::{ArmDwell, TargetDwell};
+use self::dwell::ArmDwell;
 use self::fate::{Fate, Why};
-use self::pattern::Dwells;
-use self::placement::{Placement, Sighting};
-use crate::ingest::{Recording, TargetReadings};
+use self::observe::Observation;
+use self::pattern::Relation;
+use crate::ingest::Recording;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
+pub use error::JoinError;
 pub use settings::JoinSettings;
 
 /// The session's stations, its clocks, and everything that did not become part of a station.
@@ -46,6 +53,19 @@ pub struct Joined {
     pub rejects: Vec<JoinReject>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
+    /// What was given or found from the logs.
+    pub found: Found,
+}
+
+/// Thresholds as they were used: the settings' where given, otherwise found from the logs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// Joint motion within the window of rest, rad.
+    pub still_rad: f64,
+    /// Target motion within the window of rest, mm.
+    pub still_mm: f64,
+    /// Settling time, s.
+    pub settle_s: f64,
 }
 
 /// One dwell of the arm.
@@ -176,125 +196,6 @@ pub struct JoinReject {
     pub reason: String,
 }
 
-/// Why two logs cannot be joined.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum JoinError {
-    /// A setting that makes no sense.
-    #[error("[join] {key} = {found}, but it has to be {wanted}")]
-    Setting {
-        /// Its name in the pipeline file.
-        key: &'static str,
-        /// What was found.
-        found: String,
-        /// What would do.
-        wanted: &'static str,
-    },
-    /// The recording's joints are not the arm's.
-    #[error(
-        "the recording has {found} joint columns, but the arm {model:?} has {expected} joints: check [robot]"
-    )]
-    JointCount {
-        /// The arm.
-        model: String,
-        /// Columns found.
-        found: usize,
-        /// Joints of the arm.
-        expected: usize,
-    },
-    /// Columns of one table that differ in length, or stamps that decrease.
-    #[error(
-        "{table}: column {column:?} has {found} values for {expected} stamps, or the stamps decrease at row {row}"
-    )]
-    Columns {
-        /// Which table.
-        table: &'static str,
-        /// Which column.
-        column: &'static str,
-        /// Values found.
-        found: usize,
-        /// Stamps found.
-        expected: usize,
-        /// First row out of order.
-        row: usize,
-    },
-    /// A joint angle that is not a number.
-    #[error(
-        "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"
-    )]
-    AngleNotFinite {
-        /// The joint's name.
-        joint: String,
-        /// Which sample, from 0.
-        sample: usize,
-    },
-    /// Too few dwells to match anything.
-    #[error(
-        "{side} log: {found} dwells in {samples} samples over {span_s:.1} s (rest: within {threshold} {unit} over \
-         {window_s} s), but a join needs {needed}: check the topic and its unit, or set {key} in [join]"
-    )]
-    TooFewDwells {
-        /// `controller` or `tracker`.
-        side: &'static str,
-        /// Dwells found.
-        found: usize,
-        /// Dwells needed.
-        needed: usize,
-        /// Samples looked at.
-        samples: usize,
-        /// First to last sample, s.
-        span_s: f64,
-        /// The rest threshold used.
-        threshold: f64,
-        /// Its unit.
-        unit: &'static str,
-        /// The window of rest, s.
-        window_s: f64,
-        /// The setting that would change it.
-        key: &'static str,
-    },
-    /// No shift of the clocks explains the logs.
-    #[error(
-        "no clock offset makes the logs agree: of {arm_dwells} dwells of the arm and {target_dwells} of the target \
-         the best shift leaves {pairs} pairs within {gate_mm} mm of the nominal arm (needed: {needed}{}). Do the logs \
-         belong to one session, is it the right robot file, are positions in mm and angles in rad?",
-        .median_mm.map_or(String::new(), |mm| format!("; median distance {mm:.1} mm"))
-    )]
-    NoCommonPattern {
-        /// Dwells of the arm.
-        arm_dwells: usize,
-        /// Dwells of the target.
-        target_dwells: usize,
-        /// Pairs that fit at the best shift.
-        pairs: usize,
-        /// Pairs needed.
-        needed: usize,
-        /// Median distance of all pairs at the best shift.
-        median_mm: Option<f64>,
-        /// The geometry gate.
-        gate_mm: f64,
-    },
-    /// Two shifts explain the logs equally well.
-    #[error(
-        "two clock offsets explain the logs equally well: {first_s:.3} s after the logs' starts ({first_pairs} pairs, \
-         median {first_mm:.2} mm) and {second_s:.3} s ({second_pairs} pairs, {second_mm:.2} mm). Poses that repeat at \
-         equal times cannot be told apart: add an irregular move, or log the whole session on both sides"
-    )]
-    AmbiguousShift {
-        /// First offset, tracker's first stamp against controller's first stamp, s.
-        first_s: f64,
-        /// Its pairs.
-        first_pairs: usize,
-        /// Its median distance, mm.
-        first_mm: f64,
-        /// Second offset, s.
-        second_s: f64,
-        /// Its pairs.
-        second_pairs: usize,
-        /// Its median distance, mm.
-        second_mm: f64,
-    },
-}
-
 /// Joins the two logs of a session.
 ///
 /// Every dwell of the arm becomes a station with a verdict, every reading gets a fate: `counts` sums to the number of
@@ -305,42 +206,37 @@ pub fn join(
     settings: &JoinSettings,
 ) -> Result<Joined, JoinError> {
     settings.check()?;
-    check_joints(recording, arm)?;
-    let readings = &recording.readings;
-    check_rows(
-        "readings",
-        &readings.stamps,
-        &[("position", readings.positions.len())],
-    )?;
-    let measured = measured(readings);
-    let (arm_rest, arm_dwells) = find_arm_dwells(recording, arm, settings)?;
-    let (target_rest, target_dwells) = find_target_dwells(readings, &measured, settings)?;
-    let dwells = Dwells {
-        arm: &arm_dwells,
-        target: &target_dwells,
-    };
-    let decision = decide::decide(dwells, settings.geometry_gate_mm)?;
-    let sampling_s = [&arm_rest, &target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S);
-    let (clock, placement) = settle_clock(dwells, &decision, sampling_s, recording, &measured);
+    let seen = observe::observe(recording, arm, settings)?;
+    let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
+    let (clock, relation) = estimate_clock(&seen, &decision, recording);
     let evidence = pair::Evidence {
         recording,
-        measured: &measured,
-        target: &target_dwells,
+        measured: &seen.measured,
+        target: &seen.target,
         clock: clock.model,
-        placement,
+        placement: decision.placement,
         gate_mm: settings
             .geometry_gate_mm
             .max(GATE_REACH * decision.median_mm),
-        same_mm: SAME_REACH * target_rest.threshold,
+        same_mm: SAME_REACH * seen.target_rest.threshold,
+        usual_mm: seen.usual_scatter_mm(),
+        settle_s: settings
+            .settle_s
+            .unwrap_or_else(|| settle::settling_s(&seen, &decision.support, relation)),
         settings,
     };
-    let mut fates = first_fates(readings.stamps.len(), &measured, &target_dwells);
-    let stations = stations(recording, &arm_dwells, &evidence, &mut fates);
+    let mut fates = first_fates(recording.readings.stamps.len(), &seen);
+    let stations = stations(recording, &seen.arm, &evidence, &mut fates);
     Ok(Joined {
         stations,
         clock,
-        rejects: fate::rejects(&fates, &readings.stamps),
+        rejects: fate::rejects(&fates, &recording.readings.stamps),
         counts: fate::counts(&fates),
+        found: Found {
+            still_rad: seen.arm_rest.threshold,
+            still_mm: seen.target_rest.threshold,
+            settle_s: evidence.settle_s,
+        },
     })
 }
 
@@ -349,170 +245,30 @@ const GATE_REACH: f64 = 10.0;
 /// Target dwells closer than this many rest thresholds are one place.
 const SAME_REACH: f64 = 2.0;
 
-fn check_joints(recording: &Recording, arm: &Arm) -> Result<(), JoinError> {
-    let joints = &recording.joints;
-    if joints.angles.len() != arm.joints().len() {
-        return Err(JoinError::JointCount {
-            model: arm.model().to_owned(),
-            found: joints.angles.len(),
-            expected: arm.joints().len(),
-        });
-    }
-    for (column, joint) in joints.angles.iter().zip(arm.joints()) {
-        check_rows("joints", &joints.stamps, &[("angle", column.len())])?;
-        if let Some(sample) = column.iter().position(|angle| !angle.is_finite()) {
-            return Err(JoinError::AngleNotFinite {
-                joint: joint.name.clone(),
-                sample,
-            });
-        }
-    }
-    let commands = &recording.commands;
-    check_rows(
-        "commands",
-        &commands.stamps,
-        &[("position", commands.positions.len())],
-    )?;
-    let celsius = recording.temperatures.celsius.len();
-    check_rows(
-        "temperatures",
-        &recording.temperatures.stamps,
-        &[("celsius", celsius)],
-    )
-}
-
-fn check_rows<C>(
-    table: &'static str,
-    stamps: &[Stamp<C>],
-    columns: &[(&'static str, usize)],
-) -> Result<(), JoinError> {
-    let unordered = stamps.windows(2).position(|pair| pair[1] < pair[0]);
-    for &(column, found) in columns {
-        if found != stamps.len() || unordered.is_some() {
-            return Err(JoinError::Columns {
-                table,
-                column,
-                found,
-                expected: stamps.len(),
-                row: unordered.map_or(found.min(stamps.len()), |row| row + 1),
-            });
-        }
-    }
-    Ok(())
-}
-
-/// Indices of the readings that are measurements: finite, and not the exact zeros of a missing reflector.
-fn measured(readings: &TargetReadings) -> Vec<usize> {
-    let is_measurement = |position: &[f64; 3]| {
-        position.iter().all(|x| x.is_finite()) && position.iter().any(|&x| x != 0.0)
-    };
-    (0..readings.positions.len())
-        .filter(|&index| is_measurement(&readings.positions[index]))
-        .collect()
-}
-
-fn find_arm_dwells(
-    recording: &Recording,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<(rest::Rest, Vec<ArmDwell>), JoinError> {
-    let stamps_ns: Vec<i64> = recording
-        .joints
-        .stamps
-        .iter()
-        .map(|stamp| stamp.ns())
-        .collect();
-    let rule = settings.arm_rule();
-    let found = rest::at_rest(&stamps_ns, &recording.joints.angles, &rule);
-    enough(
-        "controller",
-        &stamps_ns,
-        &found,
-        ("rad", "still_rad"),
-        settings,
-    )?;
-    let dwells = dwell::arm_dwells(&stamps_ns, &recording.joints.angles, &found, arm);
-    Ok((found, dwells))
-}
-
-fn find_target_dwells(
-    readings: &TargetReadings,
-    measured: &[usize],
-    settings: &JoinSettings,
-) -> Result<(rest::Rest, Vec<TargetDwell>), JoinError> {
-    let stamps_ns: Vec<i64> = measured.iter().map(|&i| readings.stamps[i].ns()).collect();
-    let axis = |axis: usize| {
-        measured
-            .iter()
-            .map(|&i| readings.positions[i][axis])
-            .collect()
-    };
-    let axes: [Vec<f64>; 3] = std::array::from_fn(axis);
-    let found = rest::at_rest(&stamps_ns, &axes, &settings.target_rule());
-    enough("tracker", &stamps_ns, &found, ("mm", "still_mm"), settings)?;
-    let dwells = dwell::target_dwells(&stamps_ns, &axes, &found);
-    Ok((found, dwells))
-}
-
-fn enough(
-    side: &'static str,
-    stamps_ns: &[i64],
-    found: &rest::Rest,
-    (unit, key): (&'static str, &'static str),
-    settings: &JoinSettings,
-) -> Result<(), JoinError> {
-    if found.stretches.len() >= pattern::MIN_PAIRS {
-        return Ok(());
-    }
-    let first_ns = stamps_ns.first().copied().unwrap_or(0);
-    let last_ns = stamps_ns.last().copied().unwrap_or(0);
-    Err(JoinError::TooFewDwells {
-        side,
-        found: found.stretches.len(),
-        needed: pattern::MIN_PAIRS,
-        samples: stamps_ns.len(),
-        span_s: last_ns.saturating_sub(first_ns) as f64 / NS_PER_S,
-        threshold: found.threshold,
-        unit,
-        window_s: settings.window_s,
-        key,
-    })
-}
-
-/// Refines the clock on the supporting pairs, pairs again, and refits base and target.
-fn settle_clock(
-    dwells: Dwells,
+/// Refines the clock on the supporting pairs: published, and in seconds since the first stamps.
+fn estimate_clock(
+    seen: &Observation,
     decision: &Decision,
-    sampling_s: [f64; 2],
     recording: &Recording,
-    measured: &[usize],
-) -> (ClockEstimate, Placement) {
-    let refined = clock::refine(dwells, &decision.support, sampling_s);
-    let relation = refined.map_or(decision.relation, |refined| refined.relation);
+) -> (ClockEstimate, Relation) {
+    let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s());
+    let relation = refined.relation;
     let origin = recording.joints.stamps[0];
-    let first_reading = recording.readings.stamps[measured[0]];
+    let first_reading = recording.readings.stamps[seen.measured[0]];
     let apart_ns = first_reading.ns().saturating_sub(origin.ns());
-    let sightings: Vec<Sighting> = decision
-        .support
-        .iter()
-        .map(|&pair| decide::sighting(dwells, pair))
-        .collect();
     let estimate = ClockEstimate {
         model: ClockModel {
             origin,
             offset_ns: relation.offset_s.mul_add(NS_PER_S, apart_ns as f64),
             drift: relation.drift,
         },
-        offset_se_ns: refined.map_or(sampling_s[1], |r| r.offset_se_s) * NS_PER_S,
-        drift_se: refined.map_or(0.0, |r| r.drift_se),
-        matched_edges: refined.map_or(0, |r| r.matched),
-        edge_rms_ns: refined.map_or(0.0, |r| r.rms_s) * NS_PER_S,
-        method: method(decision, refined.is_some_and(|r| r.by_edges)),
+        offset_se_ns: refined.offset_se_s * NS_PER_S,
+        drift_se: refined.drift_se,
+        matched_edges: refined.matched,
+        edge_rms_ns: refined.rms_s * NS_PER_S,
+        method: method(decision, refined.by_edges),
     };
-    (
-        estimate,
-        Placement::fit(&sightings).unwrap_or(decision.placement),
-    )
+    (estimate, relation)
 }
 
 fn method(decision: &Decision, by_edges: bool) -> String {
@@ -532,13 +288,13 @@ fn method(decision: &Decision, by_edges: bool) -> String {
 }
 
 /// Before pairing: missing, moving, or at rest with no station yet.
-fn first_fates(readings: usize, measured: &[usize], dwells: &[TargetDwell]) -> Vec<Fate> {
+fn first_fates(readings: usize, seen: &Observation) -> Vec<Fate> {
     let mut fates = vec![Fate::Missing; readings];
-    for &index in measured {
+    for &index in &seen.measured {
         fates[index] = Fate::Moving;
     }
-    for dwell in dwells {
-        for &index in &measured[dwell.stretch.first..=dwell.stretch.last] {
+    for dwell in &seen.target {
+        for &index in &seen.measured[dwell.stretch.first..=dwell.stretch.last] {
             fates[index] = Fate::Unpaired(Why::NoArmDwell);
         }
     }

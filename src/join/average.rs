@@ -13,20 +13,29 @@ use super::dwell::median;
 const RESOLUTION_MM: f64 = 2e-3;
 
 /// Whether each of `positions` (mm) belongs to the dwell: `true` kept, `false` an outlier.
-pub fn kept(positions: &[[f64; 3]], mad_factor: f64) -> Vec<bool> {
+///
+/// `usual_mm` is the session's usual standard deviation per axis: the few readings of one dwell can agree by chance.
+pub fn kept(positions: &[[f64; 3]], mad_factor: f64, usual_mm: [f64; 3]) -> Vec<bool> {
     let mut keep = vec![true; positions.len()];
     for axis in 0..3 {
         let mut values: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
         let middle = median(&mut values);
-        for value in &mut values {
-            *value = (*value - middle).abs();
-        }
-        let reach = mad_factor * (SIGMA_PER_MAD * median(&mut values)).max(RESOLUTION_MM);
+        let own_mm = robust_sigma(&mut values);
+        let reach = mad_factor * own_mm.max(usual_mm[axis]).max(RESOLUTION_MM);
         for (keep, position) in keep.iter_mut().zip(positions) {
             *keep &= (position[axis] - middle).abs() <= reach;
         }
     }
     keep
+}
+
+/// Standard deviation by the median absolute deviation. Overwrites `values`.
+pub fn robust_sigma(values: &mut [f64]) -> f64 {
+    let middle = median(values);
+    for value in values.iter_mut() {
+        *value = (*value - middle).abs();
+    }
+    SIGMA_PER_MAD * median(values)
 }
 
 /// Mean and standard deviation (n − 1) per axis, mm. Needs two positions or more.

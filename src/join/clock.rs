@@ -18,6 +18,9 @@ const ROUNDS: usize = 20;
 const TUKEY: f64 = 4.685;
 /// From a median absolute deviation to a standard deviation.
 pub const SIGMA_PER_MAD: f64 = 1.4826;
+/// Priors in weights of a mark: none on the offset; a drift of 100 ppm weighs like a millisecond; without sides, or with
+/// one only, `late` is nothing. Hardly felt by a session of minutes, they keep a few marks at one moment from failing.
+const WHISPERS: [f64; 3] = [0.0, 100.0, 1e-6];
 /// Time stamps are no better than this, s.
 const LEAST_SCALE_S: f64 = 1e-4;
 
@@ -48,8 +51,10 @@ struct Mark {
 }
 
 /// Refines the clock relation on the edges of `pairs`. `sampling_s` are the two logs' usual sample intervals, s.
-/// `None` where the marks do not determine it: fewer than two, or all at one time.
-pub fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Option<Refined> {
+///
+/// # Panics
+/// Without pairs.
+pub fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
     let edges = edges(dwells, pairs);
     let by_edges = edges.len() >= MIN_EDGES;
     let marks = if by_edges {
@@ -59,16 +64,16 @@ pub fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Option<Re
     };
     let centre_s = marks.iter().map(|mark| mark.at_s).sum::<f64>() / marks.len() as f64;
     let mut weights = vec![1.0; marks.len()];
-    let mut line = Line::fit(&marks, &weights, centre_s)?;
+    let mut line = Line::fit(&marks, &weights, centre_s);
     for _ in 0..ROUNDS {
         let next = tukey_weights(&marks, &line);
         if next == weights {
             break;
         }
         weights = next;
-        line = Line::fit(&marks, &weights, centre_s)?;
+        line = Line::fit(&marks, &weights, centre_s);
     }
-    Some(line.summary(&marks, &weights, sampling_s, by_edges))
+    line.summary(&marks, &weights, sampling_s, by_edges)
 }
 
 /// The edges that both logs saw.
@@ -112,21 +117,22 @@ struct Line {
 }
 
 impl Line {
-    fn fit(marks: &[Mark], weights: &[f64], centre_s: f64) -> Option<Self> {
-        // With no sides, or one only, `late` is held at nothing by a whisper of a prior.
-        let mut normal = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, 1e-6));
+    fn fit(marks: &[Mark], weights: &[f64], centre_s: f64) -> Self {
+        let mut normal = Matrix3::from_diagonal(&Vector3::from(WHISPERS));
         let mut right = Vector3::zeros();
         for (mark, &weight) in marks.iter().zip(weights) {
             let row = Self::row(mark, centre_s);
             normal += row * row.transpose() * weight;
             right += row * (mark.ahead_s * weight);
         }
-        let inverse = normal.try_inverse()?;
-        Some(Self {
+        let inverse = normal
+            .try_inverse()
+            .expect("priors and at least one weight make it positive definite");
+        Self {
             unknowns: inverse * right,
             inverse,
             centre_s,
-        })
+        }
     }
 
     fn row(mark: &Mark, centre_s: f64) -> Vector3<f64> {
@@ -138,7 +144,8 @@ impl Line {
     }
 
     /// What the marks' residuals cannot show: samples of both logs in step shift every edge alike, by up to the
-    /// uncertainty of their intervals. That part of it which the residuals do not scatter by is added to the offset.
+    /// uncertainty of their intervals. That part of it which the residuals do not scatter by is added to the offset,
+    /// and to the drift as if the two ends of the session were off by it independently.
     fn summary(
         &self,
         marks: &[Mark],
@@ -155,18 +162,25 @@ impl Line {
         let to_start = Vector3::new(1.0, -self.centre_s, 0.0);
         let leverage = (to_start.transpose() * self.inverse * to_start)[0];
         let drift = self.unknowns[1];
+        let span_s = span_s(marks).max(1.0);
         Refined {
             relation: Relation {
                 offset_s: self.unknowns[0] - drift * self.centre_s,
                 drift,
             },
             offset_se_s: (variance * leverage + unseen).sqrt(),
-            drift_se: (variance * self.inverse[(1, 1)]).sqrt(),
+            drift_se: (variance * self.inverse[(1, 1)] + 2.0 * unseen / (span_s * span_s)).sqrt(),
             matched,
             rms_s: (squares / matched.max(1) as f64).sqrt(),
             by_edges,
         }
     }
+}
+
+/// First to last mark, s.
+fn span_s(marks: &[Mark]) -> f64 {
+    let at_s = marks.iter().map(|mark| mark.at_s);
+    at_s.clone().fold(f64::NEG_INFINITY, f64::max) - at_s.fold(f64::INFINITY, f64::min)
 }
 
 fn tukey_weights(marks: &[Mark], line: &Line) -> Vec<f64> {

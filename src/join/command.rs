@@ -36,12 +36,14 @@ pub fn in_force(commands: &CommandSamples, dwells: &[Occasion]) -> Vec<Option<Co
         dwell.start.plus_ns(dwell.end.since_ns(dwell.start) / 2)
     });
     let by_start = last_before(commands, dwells, |dwell| dwell.start);
-    // Of equal rules the first stays: it needs no reason.
+    // Of like rules the first stays: a wrong one places commands a whole move away.
     let mut best: Option<(f64, Placement, &Vec<Option<usize>>)> = None;
     for rule in [&by_end, &by_middle, &by_start] {
         let placed = placed(commands, dwells, rule);
         if let Some((median_mm, placement)) = placed
-            && best.as_ref().is_none_or(|(least, ..)| median_mm < *least)
+            && best
+                .as_ref()
+                .is_none_or(|(least, ..)| 2.0 * median_mm < *least)
         {
             best = Some((median_mm, placement, rule));
         }

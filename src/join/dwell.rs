@@ -5,6 +5,7 @@
 
 use nalgebra::{Isometry3, Vector3};
 
+use super::average::robust_sigma;
 use super::rest::{Rest, Stretch};
 use crate::kinematics::Arm;
 use crate::units::NS_PER_S;
@@ -81,6 +82,8 @@ pub struct TargetDwell {
     pub span: Span,
     /// Median position per axis, mm.
     pub position: Vector3<f64>,
+    /// Standard deviation per axis by the median absolute deviation, mm.
+    pub scatter_mm: [f64; 3],
 }
 
 /// The arm's dwells: `rest` of the joint columns `angles` sampled at `stamps_ns`.
@@ -101,11 +104,13 @@ pub fn arm_dwells(stamps_ns: &[i64], angles: &[Vec<f64>], rest: &Rest, arm: &Arm
 /// The target's dwells: `rest` of the coordinate columns `axes` sampled at `stamps_ns`.
 pub fn target_dwells(stamps_ns: &[i64], axes: &[Vec<f64>; 3], rest: &Rest) -> Vec<TargetDwell> {
     let dwell = |&stretch: &Stretch| {
-        let middle = |axis: &Vec<f64>| median(&mut axis[stretch.first..=stretch.last].to_vec());
+        let part = |axis: usize| axes[axis][stretch.first..=stretch.last].to_vec();
+        let middle = |axis: usize| median(&mut part(axis));
         TargetDwell {
             stretch,
             span: Span::of(stamps_ns, stretch, rest),
-            position: Vector3::from([middle(&axes[0]), middle(&axes[1]), middle(&axes[2])]),
+            position: Vector3::new(middle(0), middle(1), middle(2)),
+            scatter_mm: std::array::from_fn(|axis| robust_sigma(&mut part(axis))),
         }
     };
     rest.stretches.iter().map(dwell).collect()

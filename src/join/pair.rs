@@ -34,6 +34,10 @@ pub struct Evidence<'a> {
     pub gate_mm: f64,
     /// Dwells closer together than this are one sighting, mm.
     pub same_mm: f64,
+    /// The session's usual standard deviation of a reading per axis, mm.
+    pub usual_mm: [f64; 3],
+    /// Readings younger than this after the arm's arrival are left out, s.
+    pub settle_s: f64,
     /// As the pipeline file states them.
     pub settings: &'a JoinSettings,
 }
@@ -150,9 +154,7 @@ impl Evidence<'_> {
     }
 
     fn attained(&self, near: &[usize], window: Window, fates: &mut [Fate]) -> Option<Attained> {
-        let settled_at = window
-            .start
-            .plus_ns(round_ns(self.settings.settle_s * NS_PER_S));
+        let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
         let mut settled = Vec::new();
         for measured in near.iter().flat_map(|&target| self.part(target, window)) {
             if self.stamp(measured) < settled_at {
@@ -165,7 +167,7 @@ impl Evidence<'_> {
             .iter()
             .map(|&index| self.recording.readings.positions[index])
             .collect();
-        let keep = kept(&positions, self.settings.mad_factor);
+        let keep = kept(&positions, self.settings.mad_factor, self.usual_mm);
         let enough = keep.iter().filter(|&&keep| keep).count() >= self.settings.min_readings;
         let mut used = Vec::with_capacity(settled.len());
         for (&index, keep) in settled.iter().zip(keep) {

@@ -9,8 +9,9 @@ use super::rest::RestRule;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JoinSettings {
-    /// Readings sooner than this after the arm came to rest are left out, s. Arms ring for 0.1–0.3 s.
-    pub settle_s: f64,
+    /// Readings sooner than this after the arm came to rest are left out, s. Found from the readings where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settle_s: Option<f64>,
     /// The shortest dwell of the arm, s. Slower than the turning points of a move, shorter than any measurement.
     pub min_dwell_s: f64,
     /// Rest means nothing moves in a window this long (or three samples, where they are further apart), s.
@@ -35,7 +36,7 @@ pub struct JoinSettings {
 impl Default for JoinSettings {
     fn default() -> Self {
         Self {
-            settle_s: 0.2,
+            settle_s: None,
             min_dwell_s: 0.3,
             window_s: 0.1,
             gap_s: 1.0,
@@ -56,7 +57,9 @@ const FLOOR_MM: f64 = 1e-3;
 impl JoinSettings {
     /// Whether every number makes sense.
     pub(super) fn check(&self) -> Result<(), JoinError> {
-        positive_or_zero("settle_s", self.settle_s)?;
+        if let Some(settle_s) = self.settle_s {
+            positive_or_zero("settle_s", settle_s)?;
+        }
         for (key, value) in [
             ("min_dwell_s", Some(self.min_dwell_s)),
             ("window_s", Some(self.window_s)),

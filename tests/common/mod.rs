@@ -6,38 +6,12 @@ use posegrid::ingest::Recording;
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::units::Stamp;
 
-/// The nominal UR10 of METHOD.md 10.
+/// The nominal UR10 of the project.
 pub fn ur10() -> Arm {
-    let (a, d) = (
-        [0.0, -612.0, -572.3, 0.0, 0.0, 0.0],
-        [127.3, 0.0, 0.0, 163.941, 115.7, 92.2],
-    );
-    let alpha = [90.0, 0.0, 0.0, 90.0, -90.0, 0.0];
-    let names = [
-        "shoulder_pan",
-        "shoulder_lift",
-        "elbow",
-        "wrist_1",
-        "wrist_2",
-        "wrist_3",
-    ];
-    let joints: Vec<String> = (0..6)
-        .map(|i| {
-            format!(
-                "[[joint]]\nname = \"{}_joint\"\na_mm = {:?}\nalpha_deg = {:?}\nd_mm = {:?}\noffset_deg = 0.0\n\
-                 sign = 1\nlimits_deg = [-360.0, 360.0]\n",
-                names[i], a[i], alpha[i], d[i]
-            )
-        })
-        .collect();
-    let text = format!(
-        "model = \"UR10\"\nsource = \"METHOD.md 10\"\nconvention = \"standard-dh\"\n{}",
-        joints.join("")
-    );
-    toml::from_str::<RobotFile>(&text)
-        .expect("the file is written above")
+    toml::from_str::<RobotFile>(include_str!("../../pipelines/robots/ur10.toml"))
+        .expect("a robot file of the project")
         .arm()
-        .expect("a UR10 is an arm")
+        .expect("an arm")
 }
 
 /// The folder of a recording, or nothing (said loudly) where the recordings are not there.
