@@ -81,7 +81,7 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
             "{}: {:?} {:?} {:?}",
             truth.name,
             begun.elapsed(),
-            joined.clock,
+            joined.found,
             joined.counts
         );
         check_clock(&truth, &joined);
@@ -163,4 +163,28 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
         worst.0, worst.1, worst.2
     );
     assert_eq!(worst.2, 0, "{}", truth.name);
+}
+#[test]
+fn dbg_unpaired() {
+    let folder = common::folder("ur10-joint").unwrap();
+    let r = common::recording(&folder);
+    let j = join(&r, &common::ur10(), &JoinSettings::default()).unwrap();
+    for x in j
+        .rejects
+        .iter()
+        .filter(|x| x.reason.contains("unpaired"))
+        .take(8)
+    {
+        eprintln!(
+            "{} {} {:.3}..{:.3}",
+            x.reason,
+            x.readings,
+            x.start.since_s(r.readings.stamps[0]),
+            x.end.since_s(r.readings.stamps[0])
+        );
+        let i = r.readings.stamps.partition_point(|s| *s < x.start);
+        for k in 0..=x.readings as usize {
+            eprintln!("     {:?}", r.readings.positions[i + k]);
+        }
+    }
 }

@@ -7,18 +7,27 @@
 //! 3. a window is still when that is within the threshold; overlapping still windows are one stretch;
 //! 4. the threshold, where none is given, is read from the samples: over a ladder of thresholds the number of
 //!    stretches is erratic inside the noise, then stays put over a wide plateau, then falls as moves are swallowed.
-//!    The threshold is four times the start of the widest plateau, or its middle where that is lower.
+//!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it.)
+//!    The threshold is three times the start of the lowest good plateau, or its middle where that is lower.
 
 use std::collections::VecDeque;
 
+use super::pattern::MIN_PAIRS;
 use crate::units::{NS_PER_S, round_ns};
 
 /// Ratio of neighbouring thresholds on the ladder.
 const LADDER_RATIO: f64 = 1.5;
 /// Stretch counts within this share of each other belong to one plateau: some tiny moves may drown.
 const PLATEAU_TOLERANCE: f64 = 0.02;
+/// A plateau this many rungs wide (a factor of 3.4) is no accident.
+const PLATEAU_RUNGS: usize = 4;
 /// How far above its start the threshold stands in a wide plateau.
-const ABOVE_PLATEAU_START: f64 = 4.0;
+const ABOVE_PLATEAU_START: f64 = 3.0;
+/// A quantised value at rest flickers between neighbours, and noise may reach one further.
+const FLICKER: f64 = 2.5;
+/// Steps up to this many quanta tell whether a column is quantised; at least so many of them are needed.
+const QUANTA: f64 = 20.0;
+const MIN_QUANTISED_STEPS: usize = 8;
 /// The least samples in which rest can be told from motion.
 const MIN_WINDOW_SAMPLES: usize = 3;
 
@@ -63,9 +72,13 @@ pub struct Rest {
 pub fn at_rest(stamps_ns: &[i64], columns: &[Vec<f64>], rule: &RestRule) -> Rest {
     let interval_ns = usual_interval_ns(stamps_ns);
     let windows = Windows::new(stamps_ns, columns, interval_ns, rule);
-    let threshold = rule
-        .threshold
-        .unwrap_or_else(|| windows.plateau_threshold(rule.floor));
+    let threshold = rule.threshold.unwrap_or_else(|| {
+        let quantum = columns
+            .iter()
+            .map(|column| quantum(column))
+            .fold(0.0, f64::max);
+        windows.plateau_threshold(rule.floor.max(FLICKER * quantum))
+    });
     Rest {
         stretches: windows.stretches(threshold),
         threshold,
@@ -157,7 +170,7 @@ impl<'a> Windows<'a> {
         count
     }
 
-    /// The threshold by the widest plateau of the number of stretches; `floor` where nothing ever moves.
+    /// The threshold by a plateau of the number of stretches; `floor` where nothing ever moves.
     fn plateau_threshold(&self, floor: f64) -> f64 {
         let top = self
             .ranges
@@ -170,11 +183,32 @@ impl<'a> Windows<'a> {
                 .take_while(|&threshold| threshold < top)
                 .collect();
         let counts: Vec<usize> = ladder.iter().map(|&level| self.count(level)).collect();
-        widest_plateau(&counts).map_or(floor, |(first, last)| {
+        chosen_plateau(&counts).map_or(floor, |(first, last)| {
             let middle = (ladder[first] * ladder[last]).sqrt();
             middle.min(ladder[first] * ABOVE_PLATEAU_START)
         })
     }
+}
+
+/// The step between neighbouring values of a quantised column; 0 where values are not quantised.
+fn quantum(column: &[f64]) -> f64 {
+    let steps = || {
+        column
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .filter(|&step| step > 0.0)
+    };
+    let least = steps().fold(f64::INFINITY, f64::min);
+    let (mut small, mut whole) = (0_usize, 0_usize);
+    for quanta in steps()
+        .map(|step| step / least)
+        .filter(|&quanta| quanta < QUANTA)
+    {
+        small += 1;
+        whole += usize::from((quanta - quanta.round()).abs() < 0.05);
+    }
+    let quantised = small >= MIN_QUANTISED_STEPS && whole * 50 >= small * 49;
+    if quantised { least } else { 0.0 }
 }
 
 fn window_samples(window_s: f64, interval_ns: i64) -> usize {
@@ -184,29 +218,29 @@ fn window_samples(window_s: f64, interval_ns: i64) -> usize {
     (intervals + 1).max(MIN_WINDOW_SAMPLES)
 }
 
-/// First and last rung of the longest run of like counts. Of equal runs the one with more stretches wins.
-fn widest_plateau(counts: &[usize]) -> Option<(usize, usize)> {
-    let mut best: Option<(usize, usize)> = None;
-    for first in 0..counts.len() {
-        if counts[first] < 2 {
-            continue;
-        }
-        let allowed = (counts[first] as f64 * PLATEAU_TOLERANCE).max(1.0);
-        let alike =
-            |&count: &usize| count >= 2 && (count.abs_diff(counts[first]) as f64) <= allowed;
-        let width = counts[first..]
-            .iter()
-            .take_while(|count| alike(count))
-            .count();
-        let wider = best.is_none_or(|(from, to)| {
-            let (held, stretches) = (to - from + 1, counts[from]);
-            width > held || (width == held && counts[first] > stretches)
-        });
-        if wider {
-            best = Some((first, first + width - 1));
-        }
-    }
-    best
+/// First and last rung of the plateau to stand on: the lowest of those at least [`PLATEAU_RUNGS`] wide that have the
+/// dwells of a session and half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
+/// their own above the right one, columns frozen for a while below it.
+fn chosen_plateau(counts: &[usize]) -> Option<(usize, usize)> {
+    let plateaus: Vec<(usize, usize)> = (0..counts.len())
+        .filter(|&first| counts[first] >= 2)
+        .map(|first| (first, plateau_end(counts, first)))
+        .collect();
+    let width = |&(first, last): &(usize, usize)| last - first;
+    // `max_by_key` would take the last of equals; the lowest is the stricter one.
+    let widest = plateaus.iter().rev().max_by_key(|plateau| width(plateau))?;
+    let enough = (counts[widest.0] / 2).max(MIN_PAIRS);
+    let good = |plateau: &&(usize, usize)| {
+        width(plateau) + 1 >= PLATEAU_RUNGS && counts[plateau.0] >= enough
+    };
+    Some(*plateaus.iter().find(good).unwrap_or(widest))
+}
+
+/// The last rung from `first` on with like counts.
+fn plateau_end(counts: &[usize], first: usize) -> usize {
+    let allowed = (counts[first] as f64 * PLATEAU_TOLERANCE).max(1.0);
+    let alike = |&&count: &&usize| count >= 2 && (count.abs_diff(counts[first]) as f64) <= allowed;
+    first + counts[first..].iter().take_while(alike).count() - 1
 }
 
 fn median_of_three(column: &[f64]) -> Vec<f64> {

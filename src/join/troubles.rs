@@ -286,7 +286,7 @@ fn bad_input_is_an_error_that_says_what() {
     fails(
         &good,
         &JoinSettings {
-            settle_s: f64::NAN,
+            settle_s: Some(f64::NAN),
             ..defaults.clone()
         },
         "settle_s = NaN",
@@ -300,4 +300,40 @@ fn bad_input_is_an_error_that_says_what() {
         "min_readings = 1",
     );
     check_conservation(&good, &join(&good, &arm, &defaults).expect("good"));
+}
+#[test]
+fn dbg_rates() {
+    for (arm_hz, tracker_hz, noise_mm, noise_rad, quantum_rad, dwell_s) in [
+        (10.0, 10.0, 0.005, 0.0, 0.0, 2.0),
+        (500.0, 1000.0, 0.02, 1e-6, 0.0, 1.0),
+        (125.0, 100.0, 0.2, 1e-5, 0.0, 1.0),
+        (250.0, 2.0, 0.01, 0.0, 1.75e-5, 5.0),
+        (50.0, 1.0, 0.02, 3e-5, 1.75e-4, 6.0),
+    ] {
+        let scene = Scene {
+            arm_hz,
+            tracker_hz,
+            noise_mm,
+            noise_rad,
+            quantum_rad,
+            dwell_s: vec![dwell_s; 30],
+            ..Scene::random(30, 6)
+        };
+        let o =
+            observe::observe(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).unwrap();
+        eprintln!(
+            "{arm_hz}/{tracker_hz} arm {} thr {:.2e}; target {} thr {:.3}",
+            o.arm.len(),
+            o.arm_rest.threshold,
+            o.target.len(),
+            o.target_rest.threshold
+        );
+        for d in o.target.iter().take(5) {
+            eprintln!("   {:?} {:?}", d.span, d.stretch);
+        }
+        eprintln!(
+            "{:?}",
+            decide::decide(o.dwells(), 30.0).map(|d| (d.relation, d.support.len(), d.median_mm))
+        );
+    }
 }
