@@ -164,27 +164,3 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
     );
     assert_eq!(worst.2, 0, "{}", truth.name);
 }
-#[test]
-fn dbg_unpaired() {
-    let folder = common::folder("ur10-joint").unwrap();
-    let r = common::recording(&folder);
-    let j = join(&r, &common::ur10(), &JoinSettings::default()).unwrap();
-    for x in j
-        .rejects
-        .iter()
-        .filter(|x| x.reason.contains("unpaired"))
-        .take(8)
-    {
-        eprintln!(
-            "{} {} {:.3}..{:.3}",
-            x.reason,
-            x.readings,
-            x.start.since_s(r.readings.stamps[0]),
-            x.end.since_s(r.readings.stamps[0])
-        );
-        let i = r.readings.stamps.partition_point(|s| *s < x.start);
-        for k in 0..=x.readings as usize {
-            eprintln!("     {:?}", r.readings.positions[i + k]);
-        }
-    }
-}

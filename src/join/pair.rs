@@ -147,6 +147,14 @@ impl Evidence<'_> {
         first..(stretch.last + 1).min(within.end).max(first)
     }
 
+    /// From the first to the last reading of one sighting: noise and single bad readings break rest, not the dwell.
+    fn span_of(&self, near: &[usize], window: Window) -> Range<usize> {
+        let parts = near.iter().map(|&target| self.part(target, window));
+        parts
+            .reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
+            .unwrap_or(0..0)
+    }
+
     fn leave(&self, target: usize, window: Window, why: Why, fates: &mut [Fate]) {
         for measured in self.part(target, window) {
             fates[self.measured[measured]] = Fate::Unpaired(why);
@@ -156,7 +164,7 @@ impl Evidence<'_> {
     fn attained(&self, near: &[usize], window: Window, fates: &mut [Fate]) -> Option<Attained> {
         let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
         let mut settled = Vec::new();
-        for measured in near.iter().flat_map(|&target| self.part(target, window)) {
+        for measured in self.span_of(near, window) {
             if self.stamp(measured) < settled_at {
                 fates[self.measured[measured]] = Fate::Settling;
             } else {

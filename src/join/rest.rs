@@ -8,7 +8,7 @@
 //! 4. the threshold, where none is given, is read from the samples: over a ladder of thresholds the number of
 //!    stretches is erratic inside the noise, then stays put over a wide plateau, then falls as moves are swallowed.
 //!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it.)
-//!    The threshold is three times the start of the lowest good plateau, or its middle where that is lower.
+//!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower.
 
 use std::collections::VecDeque;
 
@@ -21,8 +21,11 @@ const LADDER_RATIO: f64 = 1.5;
 const PLATEAU_TOLERANCE: f64 = 0.02;
 /// A plateau this many rungs wide (a factor of 3.4) is no accident.
 const PLATEAU_RUNGS: usize = 4;
+/// The ladder ends this far above the largest motion: where samples were taken only at rest, breaks in time alone end
+/// the stretches, and that is a plateau too.
+const ABOVE_ALL: f64 = 10.0;
 /// How far above its start the threshold stands in a wide plateau.
-const ABOVE_PLATEAU_START: f64 = 3.0;
+const ABOVE_PLATEAU_START: f64 = 6.0;
 /// A quantised value at rest flickers between neighbours, and noise may reach one further.
 const FLICKER: f64 = 2.5;
 /// Steps up to this many quanta tell whether a column is quantised; at least so many of them are needed.
@@ -164,10 +167,19 @@ impl<'a> Windows<'a> {
         stretches
     }
 
+    /// How many stretches there are, without those shorter than half of the long ones (their 90 % quantile): turning
+    /// points of moves look like rest for a moment.
     fn count(&self, threshold: f64) -> usize {
-        let mut count = 0;
-        self.for_each_stretch(threshold, |_| count += 1);
-        count
+        let mut lengths: Vec<usize> = Vec::new();
+        self.for_each_stretch(threshold, |stretch| {
+            lengths.push(stretch.last - stretch.first)
+        });
+        if lengths.is_empty() {
+            return 0;
+        }
+        let long = lengths.len() * 9 / 10;
+        let long = *lengths.select_nth_unstable(long).1;
+        lengths.iter().filter(|&&length| 2 * length >= long).count()
     }
 
     /// The threshold by a plateau of the number of stretches; `floor` where nothing ever moves.
@@ -180,9 +192,18 @@ impl<'a> Windows<'a> {
             .fold(floor, f64::max);
         let ladder: Vec<f64> =
             std::iter::successors(Some(floor), |threshold| Some(threshold * LADDER_RATIO))
-                .take_while(|&threshold| threshold < top)
+                .take_while(|&threshold| threshold < ABOVE_ALL * top)
                 .collect();
         let counts: Vec<usize> = ladder.iter().map(|&level| self.count(level)).collect();
+            eprintln!(
+                "{:?}",
+                ladder
+                    .iter()
+                    .zip(&counts)
+                    .map(|(l, c)| format!("{l:.3}:{c}"))
+                    .collect::<Vec<_>>()
+            );
+        }
         chosen_plateau(&counts).map_or(floor, |(first, last)| {
             let middle = (ladder[first] * ladder[last]).sqrt();
             middle.min(ladder[first] * ABOVE_PLATEAU_START)

@@ -301,39 +301,157 @@ fn bad_input_is_an_error_that_says_what() {
     );
     check_conservation(&good, &join(&good, &arm, &defaults).expect("good"));
 }
+
 #[test]
-fn dbg_rates() {
-    for (arm_hz, tracker_hz, noise_mm, noise_rad, quantum_rad, dwell_s) in [
-        (10.0, 10.0, 0.005, 0.0, 0.0, 2.0),
-        (500.0, 1000.0, 0.02, 1e-6, 0.0, 1.0),
-        (125.0, 100.0, 0.2, 1e-5, 0.0, 1.0),
-        (250.0, 2.0, 0.01, 0.0, 1.75e-5, 5.0),
-        (50.0, 1.0, 0.02, 3e-5, 1.75e-4, 6.0),
-    ] {
-        let scene = Scene {
-            arm_hz,
-            tracker_hz,
-            noise_mm,
-            noise_rad,
-            quantum_rad,
-            dwell_s: vec![dwell_s; 30],
-            ..Scene::random(30, 6)
-        };
-        let o =
-            observe::observe(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).unwrap();
-        eprintln!(
-            "{arm_hz}/{tracker_hz} arm {} thr {:.2e}; target {} thr {:.3}",
-            o.arm.len(),
-            o.arm_rest.threshold,
-            o.target.len(),
-            o.target_rest.threshold
-        );
-        for d in o.target.iter().take(5) {
-            eprintln!("   {:?} {:?}", d.span, d.stretch);
+fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
+    // A serpentine grid repeats itself row by row and layer by layer: only the whole of it tells the shift.
+    let arm = ur10();
+    let mut scene = grid(&arm, [6, 5, 4]);
+    scene.offset_s = -77.7;
+    let mut recording = scene.record(&arm);
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| at_s < starts_s[40] - 0.4 || at_s > starts_s[70] - 0.4);
+    let joined = scene.joined(&recording);
+    assert_eq!((joined.stations.len(), paired(&joined)), (120, 90));
+}
+
+#[test]
+fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
+    let arm = ur10();
+    let scene = grid(&arm, [6, 5, 4]);
+    let mut recording = scene.record(&arm);
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| at_s > starts_s[30] - 0.4 && at_s < starts_s[90] - 0.4);
+    // Either the right shift (`joined` checks every mean) or a clear refusal.
+    match join(&recording, &arm, &JoinSettings::default()) {
+        Ok(_) => assert_eq!(paired(&scene.joined(&recording)), 60),
+        Err(error) => assert!(matches!(error, JoinError::AmbiguousShift { .. }), "{error}"),
+    }
+}
+
+/// A serpentine grid in joint space, 8° apart: moves of equal length over and over.
+fn grid(_arm: &Arm, [nx, ny, nz]: [usize; 3]) -> Scene {
+    let mut scene = Scene::random(nx * ny * nz, 21);
+    for (station, pose) in scene.poses.iter_mut().enumerate() {
+        let (layer, in_layer) = (station / (nx * ny), station % (nx * ny));
+        let (row, along) = (in_layer / nx, in_layer % nx);
+        let along = if row % 2 == 0 { along } else { nx - 1 - along };
+        *pose = [
+            -0.4 + 0.14 * along as f64,
+            -1.8 + 0.14 * row as f64,
+            1.2 + 0.14 * layer as f64,
+            -1.0,
+            0.9,
+            0.2,
+        ];
+    }
+    scene
+}
+
+#[test]
+fn tiny_moves_and_repeated_stations_keep_their_own_means() {
+    let mut scene = Scene::random(60, 22);
+    for k in (3..60).step_by(5) {
+        scene.poses[k] = scene.poses[k - 1];
+        scene.poses[k][0] += 2e-3; // 1–2 mm at the target
+    }
+    scene.poses[40] = scene.poses[10]; // visited again
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!((joined.stations.len(), paired(&joined)), (60, 60));
+}
+
+#[test]
+fn a_station_commanded_twice_in_place_is_one_dwell() {
+    let mut scene = Scene::random(40, 23);
+    scene.poses[20] = scene.poses[19];
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!((joined.stations.len(), paired(&joined)), (39, 39));
+}
+
+#[test]
+fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
+    let scene = Scene { noise_rad: 1e-5, ..Scene::random(50, 24) };
+    let mut recording = scene.record(&ur10());
+    for column in &mut recording.joints.angles {
+        let frozen = column[0];
+        column[..60].fill(frozen);
+    }
+    // Every seventh joint sample and every ninth reading never arrived.
+    let joints = &mut recording.joints;
+    let dropped = |index: usize| index > 100 && index % 7 == 0;
+    for column in &mut joints.angles {
+        let kept = column.iter().enumerate().filter(|(i, _)| !dropped(*i)).map(|(_, q)| *q);
+        *column = kept.collect();
+    }
+    let kept = joints.stamps.iter().enumerate().filter(|(i, _)| !dropped(*i)).map(|(_, s)| *s);
+    joints.stamps = kept.collect();
+    let mut reading = 0;
+    scene.keep_readings(&mut recording, |_| true);
+    let readings = &mut recording.readings;
+    readings.stamps.retain(|_| { reading += 1; reading % 9 != 0 });
+    let mut reading = 0;
+    readings.positions.retain(|_| { reading += 1; reading % 9 != 0 });
+    let joined = scene.joined(&recording);
+    assert_eq!((joined.stations.len(), paired(&joined)), (50, 50));
+}
+
+#[test]
+fn a_ringing_target_is_left_to_settle() {
+    let scene = Scene { tracker_hz: 100.0, noise_mm: 0.005, ..Scene::random(40, 25) };
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for (stamp, position) in recording.readings.stamps.iter().zip(&mut recording.readings.positions) {
+        let at_s = scene.controller_s(stamp.ns());
+        let here = starts_s.partition_point(|&start| start <= at_s).saturating_sub(1);
+        let age_s = at_s - starts_s[here];
+        if here > 0 && age_s < 1.0 {
+            // 0.2 mm at 12 Hz, dying with 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
+            position[2] += 0.2 * (-age_s / 0.06).exp() * (75.0 * age_s).cos();
         }
-        eprintln!(
-            "{:?}",
-            decide::decide(o.dwells(), 30.0).map(|d| (d.relation, d.support.len(), d.median_mm))
-        );
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(paired(&joined), 40);
+    assert!((0.12..0.35).contains(&joined.found.settle_s), "{}", joined.found.settle_s);
+}
+
+#[test]
+fn a_target_that_moves_while_the_arm_rests_is_told() {
+    let scene = Scene { dwell_s: vec![2.0; 40], ..Scene::random(40, 26) };
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for (stamp, position) in recording.readings.stamps.iter().zip(&mut recording.readings.positions) {
+        let age_s = scene.controller_s(stamp.ns()) - starts_s[15];
+        if (0.0..2.0).contains(&age_s) {
+            position[0] += 40.0 * age_s; // sliding all the time
+        }
+        let age_s = scene.controller_s(stamp.ns()) - starts_s[25];
+        if (0.0..1.0).contains(&age_s) {
+            position[0] += 9.0; // knocked once
+        }
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(joined.stations[15].pairing, Pairing::Unmeasured(Unmeasured::TargetMoved));
+    assert_eq!(joined.stations[25].pairing, Pairing::Ambiguous);
+    assert_eq!(paired(&joined), 38);
+}
+
+#[test]
+fn few_stations_are_enough_and_fewer_are_refused() {
+    let scene = Scene::random(8, 27);
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!(paired(&joined), 8);
+    let scene = Scene::random(5, 28);
+    let error = join(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
+    assert!(matches!(error, JoinError::TooFewDwells { found: 5, needed: 6, .. }), "{error}");
+}
+
+#[test]
+fn many_sessions_of_any_seed_pair_wholly() {
+    for seed in 100..130 {
+        let mut scene = Scene::random(40, seed);
+        scene.noise_mm = [0.005, 0.02, 0.1][seed as usize % 3];
+        scene.move_s = [0.5, 0.8, 1.7, 4.0][seed as usize % 4];
+        let joined = scene.joined(&scene.record(&ur10()));
+        assert_eq!((joined.stations.len(), paired(&joined)), (40, 40), "seed {seed}");
     }
 }
