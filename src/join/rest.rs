@@ -195,15 +195,6 @@ impl<'a> Windows<'a> {
                 .take_while(|&threshold| threshold < ABOVE_ALL * top)
                 .collect();
         let counts: Vec<usize> = ladder.iter().map(|&level| self.count(level)).collect();
-            eprintln!(
-                "{:?}",
-                ladder
-                    .iter()
-                    .zip(&counts)
-                    .map(|(l, c)| format!("{l:.3}:{c}"))
-                    .collect::<Vec<_>>()
-            );
-        }
         chosen_plateau(&counts).map_or(floor, |(first, last)| {
             let middle = (ladder[first] * ladder[last]).sqrt();
             middle.min(ladder[first] * ABOVE_PLATEAU_START)

@@ -310,7 +310,9 @@ fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
     scene.offset_s = -77.7;
     let mut recording = scene.record(&arm);
     let starts_s = scene.starts_s();
-    scene.keep_readings(&mut recording, |at_s| at_s < starts_s[40] - 0.4 || at_s > starts_s[70] - 0.4);
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s < starts_s[40] - 0.4 || at_s > starts_s[70] - 0.4
+    });
     let joined = scene.joined(&recording);
     assert_eq!((joined.stations.len(), paired(&joined)), (120, 90));
 }
@@ -321,7 +323,9 @@ fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
     let scene = grid(&arm, [6, 5, 4]);
     let mut recording = scene.record(&arm);
     let starts_s = scene.starts_s();
-    scene.keep_readings(&mut recording, |at_s| at_s > starts_s[30] - 0.4 && at_s < starts_s[90] - 0.4);
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s > starts_s[30] - 0.4 && at_s < starts_s[90] - 0.4
+    });
     // Either the right shift (`joined` checks every mean) or a clear refusal.
     match join(&recording, &arm, &JoinSettings::default()) {
         Ok(_) => assert_eq!(paired(&scene.joined(&recording)), 60),
@@ -370,7 +374,10 @@ fn a_station_commanded_twice_in_place_is_one_dwell() {
 
 #[test]
 fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
-    let scene = Scene { noise_rad: 1e-5, ..Scene::random(50, 24) };
+    let scene = Scene {
+        noise_rad: 1e-5,
+        ..Scene::random(50, 24)
+    };
     let mut recording = scene.record(&ur10());
     for column in &mut recording.joints.angles {
         let frozen = column[0];
@@ -380,29 +387,55 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
     let joints = &mut recording.joints;
     let dropped = |index: usize| index > 100 && index % 7 == 0;
     for column in &mut joints.angles {
-        let kept = column.iter().enumerate().filter(|(i, _)| !dropped(*i)).map(|(_, q)| *q);
+        let kept = column
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| !dropped(*i))
+            .map(|(_, q)| *q);
         *column = kept.collect();
     }
-    let kept = joints.stamps.iter().enumerate().filter(|(i, _)| !dropped(*i)).map(|(_, s)| *s);
+    let kept = joints
+        .stamps
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| !dropped(*i))
+        .map(|(_, s)| *s);
     joints.stamps = kept.collect();
     let mut reading = 0;
     scene.keep_readings(&mut recording, |_| true);
     let readings = &mut recording.readings;
-    readings.stamps.retain(|_| { reading += 1; reading % 9 != 0 });
+    readings.stamps.retain(|_| {
+        reading += 1;
+        reading % 9 != 0
+    });
     let mut reading = 0;
-    readings.positions.retain(|_| { reading += 1; reading % 9 != 0 });
+    readings.positions.retain(|_| {
+        reading += 1;
+        reading % 9 != 0
+    });
     let joined = scene.joined(&recording);
     assert_eq!((joined.stations.len(), paired(&joined)), (50, 50));
 }
 
 #[test]
 fn a_ringing_target_is_left_to_settle() {
-    let scene = Scene { tracker_hz: 100.0, noise_mm: 0.005, ..Scene::random(40, 25) };
+    let scene = Scene {
+        tracker_hz: 100.0,
+        noise_mm: 0.005,
+        ..Scene::random(40, 25)
+    };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
-    for (stamp, position) in recording.readings.stamps.iter().zip(&mut recording.readings.positions) {
+    for (stamp, position) in recording
+        .readings
+        .stamps
+        .iter()
+        .zip(&mut recording.readings.positions)
+    {
         let at_s = scene.controller_s(stamp.ns());
-        let here = starts_s.partition_point(|&start| start <= at_s).saturating_sub(1);
+        let here = starts_s
+            .partition_point(|&start| start <= at_s)
+            .saturating_sub(1);
         let age_s = at_s - starts_s[here];
         if here > 0 && age_s < 1.0 {
             // 0.2 mm at 12 Hz, dying with 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
@@ -411,15 +444,27 @@ fn a_ringing_target_is_left_to_settle() {
     }
     let joined = scene.joined(&recording);
     assert_eq!(paired(&joined), 40);
-    assert!((0.12..0.35).contains(&joined.found.settle_s), "{}", joined.found.settle_s);
+    assert!(
+        (0.12..0.35).contains(&joined.found.settle_s),
+        "{}",
+        joined.found.settle_s
+    );
 }
 
 #[test]
 fn a_target_that_moves_while_the_arm_rests_is_told() {
-    let scene = Scene { dwell_s: vec![2.0; 40], ..Scene::random(40, 26) };
+    let scene = Scene {
+        dwell_s: vec![2.0; 40],
+        ..Scene::random(40, 26)
+    };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
-    for (stamp, position) in recording.readings.stamps.iter().zip(&mut recording.readings.positions) {
+    for (stamp, position) in recording
+        .readings
+        .stamps
+        .iter()
+        .zip(&mut recording.readings.positions)
+    {
         let age_s = scene.controller_s(stamp.ns()) - starts_s[15];
         if (0.0..2.0).contains(&age_s) {
             position[0] += 40.0 * age_s; // sliding all the time
@@ -430,7 +475,10 @@ fn a_target_that_moves_while_the_arm_rests_is_told() {
         }
     }
     let joined = scene.joined(&recording);
-    assert_eq!(joined.stations[15].pairing, Pairing::Unmeasured(Unmeasured::TargetMoved));
+    assert_eq!(
+        joined.stations[15].pairing,
+        Pairing::Unmeasured(Unmeasured::TargetMoved)
+    );
     assert_eq!(joined.stations[25].pairing, Pairing::Ambiguous);
     assert_eq!(paired(&joined), 38);
 }
@@ -442,7 +490,17 @@ fn few_stations_are_enough_and_fewer_are_refused() {
     assert_eq!(paired(&joined), 8);
     let scene = Scene::random(5, 28);
     let error = join(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
-    assert!(matches!(error, JoinError::TooFewDwells { found: 5, needed: 6, .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            JoinError::TooFewDwells {
+                found: 5,
+                needed: 6,
+                ..
+            }
+        ),
+        "{error}"
+    );
 }
 
 #[test]
@@ -452,6 +510,10 @@ fn many_sessions_of_any_seed_pair_wholly() {
         scene.noise_mm = [0.005, 0.02, 0.1][seed as usize % 3];
         scene.move_s = [0.5, 0.8, 1.7, 4.0][seed as usize % 4];
         let joined = scene.joined(&scene.record(&ur10()));
-        assert_eq!((joined.stations.len(), paired(&joined)), (40, 40), "seed {seed}");
+        assert_eq!(
+            (joined.stations.len(), paired(&joined)),
+            (40, 40),
+            "seed {seed}"
+        );
     }
 }
