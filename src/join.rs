@@ -1,8 +1,46 @@
 //! Join: two logs with a clock each → stations, each a dwell of the arm with what the tracker saw of it.
+//!
+//! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. METHOD.md 8.
+//!
+//! 1. [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
+//! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
+//! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
+//! 4. [`clock`]: offset and drift on the matched edges.
+//! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`fate`]: one for each reading.
+//! 6. [`command`]: the commanded pose in force during each dwell.
+
+pub mod average;
+pub mod clock;
+pub mod command;
+pub mod decide;
+pub mod dwell;
+mod error;
+pub mod fate;
+pub mod observe;
+pub mod pair;
+pub mod pattern;
+pub mod placement;
+pub mod rest;
+#[cfg(test)]
+mod scene;
+mod settings;
+pub mod settle;
+#[cfg(test)]
+mod troubles;
 
 use nalgebra::{Point3, UnitQuaternion};
 
-use crate::units::{ClockModel, Controller, Stamp, Tracker};
+use self::decide::Decision;
+use self::dwell::ArmDwell;
+use self::fate::{Fate, Why};
+use self::observe::Observation;
+use self::pattern::Relation;
+use crate::ingest::Recording;
+use crate::kinematics::Arm;
+use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
+
+pub use error::JoinError;
+pub use settings::JoinSettings;
 
 /// The session's stations, its clocks, and everything that did not become part of a station.
 #[derive(Debug, Clone)]
@@ -15,6 +53,19 @@ pub struct Joined {
     pub rejects: Vec<JoinReject>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
+    /// What was given or found from the logs.
+    pub found: Found,
+}
+
+/// Thresholds as they were used: the settings' where given, otherwise found from the logs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// Joint motion within the window of rest, rad.
+    pub still_rad: f64,
+    /// Target motion within the window of rest, mm.
+    pub still_mm: f64,
+    /// Settling time, s.
+    pub settle_s: f64,
 }
 
 /// One dwell of the arm.
@@ -143,4 +194,144 @@ pub struct JoinReject {
     pub readings: u64,
     /// Why, in words.
     pub reason: String,
+}
+
+/// Joins the two logs of a session.
+///
+/// Every dwell of the arm becomes a station with a verdict, every reading gets a fate: `counts` sums to the number of
+/// readings, and `rejects` names all that were not kept.
+pub fn join(
+    recording: &Recording,
+    arm: &Arm,
+    settings: &JoinSettings,
+) -> Result<Joined, JoinError> {
+    settings.check()?;
+    let seen = observe::observe(recording, arm, settings)?;
+    let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
+    let (clock, relation) = estimate_clock(&seen, &decision, recording);
+    let evidence = pair::Evidence {
+        recording,
+        measured: &seen.measured,
+        target: &seen.target,
+        clock: clock.model,
+        placement: decision.placement,
+        gate_mm: settings
+            .geometry_gate_mm
+            .max(GATE_REACH * decision.median_mm),
+        same_mm: SAME_REACH * seen.target_rest.threshold,
+        usual_mm: seen.usual_scatter_mm(),
+        settle_s: settings
+            .settle_s
+            .unwrap_or_else(|| settle::settling_s(&seen, &decision.support, relation)),
+        settings,
+    };
+    let mut fates = first_fates(recording.readings.stamps.len(), &seen);
+    let stations = stations(recording, &seen.arm, &evidence, &mut fates);
+    Ok(Joined {
+        stations,
+        clock,
+        rejects: fate::rejects(&fates, &recording.readings.stamps),
+        counts: fate::counts(&fates),
+        found: Found {
+            still_rad: seen.arm_rest.threshold,
+            still_mm: seen.target_rest.threshold,
+            settle_s: evidence.settle_s,
+        },
+    })
+}
+
+/// An arm worse than the gate supposes still gets this many of its own median distances.
+const GATE_REACH: f64 = 10.0;
+/// Target dwells closer than this many rest thresholds are one place.
+const SAME_REACH: f64 = 2.0;
+
+/// Refines the clock on the supporting pairs: published, and in seconds since the first stamps.
+fn estimate_clock(
+    seen: &Observation,
+    decision: &Decision,
+    recording: &Recording,
+) -> (ClockEstimate, Relation) {
+    let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s());
+    let relation = refined.relation;
+    let origin = recording.joints.stamps[0];
+    let first_reading = recording.readings.stamps[seen.measured[0]];
+    let apart_ns = first_reading.ns().saturating_sub(origin.ns());
+    let estimate = ClockEstimate {
+        model: ClockModel {
+            origin,
+            offset_ns: relation.offset_s.mul_add(NS_PER_S, apart_ns as f64),
+            drift: relation.drift,
+        },
+        offset_se_ns: refined.offset_se_s * NS_PER_S,
+        drift_se: refined.drift_se,
+        matched_edges: refined.matched,
+        edge_rms_ns: refined.rms_s * NS_PER_S,
+        method: method(decision, refined.by_edges),
+    };
+    (estimate, relation)
+}
+
+fn method(decision: &Decision, by_edges: bool) -> String {
+    format!(
+        "{} shifts tried by the pattern of moves; geometry chose the one with {} pairs at a median of {:.2} mm from \
+         the nominal arm (next best {} pairs); refined on {}",
+        decision.tried,
+        decision.support.len(),
+        decision.median_mm,
+        decision.rival_support,
+        if by_edges {
+            "the edges of dwells"
+        } else {
+            "the middles of dwells"
+        },
+    )
+}
+
+/// Before pairing: missing, moving, or at rest with no station yet.
+fn first_fates(readings: usize, seen: &Observation) -> Vec<Fate> {
+    let mut fates = vec![Fate::Missing; readings];
+    for &index in &seen.measured {
+        fates[index] = Fate::Moving;
+    }
+    for dwell in &seen.target {
+        for &index in &seen.measured[dwell.stretch.first..=dwell.stretch.last] {
+            fates[index] = Fate::Unpaired(Why::NoArmDwell);
+        }
+    }
+    fates
+}
+
+fn stations(
+    recording: &Recording,
+    dwells: &[ArmDwell],
+    evidence: &pair::Evidence,
+    fates: &mut [Fate],
+) -> Vec<Station> {
+    let stamps = &recording.joints.stamps;
+    let occasion = |dwell: &ArmDwell| command::Occasion {
+        start: stamps[dwell.stretch.first],
+        end: stamps[dwell.stretch.last],
+        flange: dwell.flange,
+    };
+    let occasions: Vec<_> = dwells.iter().map(occasion).collect();
+    let commands = command::in_force(&recording.commands, &occasions);
+    let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
+        let (pairing, attained) = evidence.verdict(dwell, fates);
+        Station {
+            number,
+            start: occasions[number].start,
+            end: occasions[number].end,
+            joints: dwell.joints.clone(),
+            joint_samples: dwell.stretch.last - dwell.stretch.first + 1,
+            command,
+            attained,
+            pairing,
+        }
+    };
+    dwells
+        .iter()
+        .zip(commands)
+        .enumerate()
+        .map(station)
+        .collect()
 }

@@ -1,0 +1,89 @@
+//! The mean of a dwell: readings → position, orientation, scatter, and which readings are outliers.
+//!
+//! A reading is an outlier when on any axis it lies further from the median than `mad_factor` standard deviations, the
+//! standard deviation by 1.4826 times the median absolute deviation. Orientations: the barycentre on SO(3) of the
+//! readings kept, by Newton's steps in the tangent plane (the Karcher mean).
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use super::clock::SIGMA_PER_MAD;
+use super::dwell::median;
+
+/// Readings that agree to better than this are never outliers, mm: instruments write whole micrometres.
+const RESOLUTION_MM: f64 = 2e-3;
+
+/// Whether each of `positions` (mm) belongs to the dwell: `true` kept, `false` an outlier.
+///
+/// `usual_mm` is the session's usual standard deviation per axis: the few readings of one dwell can agree by chance.
+pub fn kept(positions: &[[f64; 3]], mad_factor: f64, usual_mm: [f64; 3]) -> Vec<bool> {
+    let mut keep = vec![true; positions.len()];
+    for axis in 0..3 {
+        let mut values: Vec<f64> = positions.iter().map(|position| position[axis]).collect();
+        let middle = median(&mut values);
+        let own_mm = robust_sigma(&mut values);
+        let reach = mad_factor * own_mm.max(usual_mm[axis]).max(RESOLUTION_MM);
+        for (keep, position) in keep.iter_mut().zip(positions) {
+            *keep &= (position[axis] - middle).abs() <= reach;
+        }
+    }
+    keep
+}
+
+/// Standard deviation by the median absolute deviation. Overwrites `values`.
+pub fn robust_sigma(values: &mut [f64]) -> f64 {
+    let middle = median(values);
+    for value in values.iter_mut() {
+        *value = (*value - middle).abs();
+    }
+    SIGMA_PER_MAD * median(values)
+}
+
+/// Mean and standard deviation (n − 1) per axis, mm. Needs two positions or more.
+pub fn mean_and_scatter(positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
+    let count = positions.len() as f64;
+    let mean = positions[0]
+        + positions
+            .iter()
+            .map(|p| p - positions[0])
+            .sum::<Vector3<f64>>()
+            / count;
+    let squares = positions
+        .iter()
+        .map(|p| (p - mean).component_mul(&(p - mean)))
+        .sum::<Vector3<f64>>();
+    (mean, (squares / (count - 1.0)).map(f64::sqrt))
+}
+
+/// Mean orientation and the root mean square (n − 1) per axis of the rotation vectors from it, rad.
+///
+/// `None` when a quaternion is no rotation (zero length). Needs two orientations or more.
+pub fn mean_orientation(quaternions: &[[f64; 4]]) -> Option<(UnitQuaternion<f64>, f64)> {
+    let orientations: Vec<_> = quaternions.iter().map(unit).collect::<Option<_>>()?;
+    let count = orientations.len() as f64;
+    let mut mean = orientations[0];
+    for _ in 0..20 {
+        let step = rotation_vectors(&orientations, &mean).sum::<Vector3<f64>>() / count;
+        mean *= UnitQuaternion::from_scaled_axis(step);
+        if step.norm() < 1e-14 {
+            break;
+        }
+    }
+    let squares: f64 = rotation_vectors(&orientations, &mean)
+        .map(|v| v.norm_squared())
+        .sum();
+    Some((mean, (squares / (3.0 * (count - 1.0))).sqrt()))
+}
+
+/// A stated quaternion x y z w as a rotation.
+pub fn unit(xyzw: &[f64; 4]) -> Option<UnitQuaternion<f64>> {
+    UnitQuaternion::try_new(Quaternion::new(xyzw[3], xyzw[0], xyzw[1], xyzw[2]), 1e-6)
+}
+
+fn rotation_vectors(
+    orientations: &[UnitQuaternion<f64>],
+    mean: &UnitQuaternion<f64>,
+) -> impl Iterator<Item = Vector3<f64>> {
+    orientations
+        .iter()
+        .map(|orientation| (mean.inverse() * orientation).scaled_axis())
+}

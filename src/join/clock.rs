@@ -1,0 +1,199 @@
+//! The clocks: matched dwells → offset and drift from the edges that both logs saw, with their standard errors.
+//!
+//! A log sees an arrival late and a departure early, by its sampling and its threshold; what the two logs differ in is
+//! a third unknown beside offset and drift, `tracker − controller = offset + drift · t ± late` (+ on arrivals, − on
+//! departures). It cancels where the two are alike. Tukey's weights on the residuals, their scale from the median
+//! absolute deviation, iterated, leave wrong edges out.
+//! Where a tracker reads only at rest there are no edges: then the middles of the dwells serve.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::dwell::median;
+use super::pattern::{Dwells, Pair, Relation};
+
+/// With fewer edges than this the middles of dwells serve.
+const MIN_EDGES: usize = 8;
+const ROUNDS: usize = 20;
+/// Tukey's constant: 95 % efficient on Gaussian residuals.
+const TUKEY: f64 = 4.685;
+/// From a median absolute deviation to a standard deviation.
+pub const SIGMA_PER_MAD: f64 = 1.4826;
+/// Priors in weights of a mark: none on the offset; a drift of 100 ppm weighs like a millisecond; without sides, or with
+/// one only, `late` is nothing. Hardly felt by a session of minutes, they keep a few marks at one moment from failing.
+const WHISPERS: [f64; 3] = [0.0, 100.0, 1e-6];
+/// Time stamps are no better than this, s.
+const LEAST_SCALE_S: f64 = 1e-4;
+
+/// Offset and drift with their uncertainty, in seconds since the first stamps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refined {
+    /// Offset and drift.
+    pub relation: Relation,
+    /// Standard error of the offset at the controller's first stamp, s.
+    pub offset_se_s: f64,
+    /// Standard error of the drift.
+    pub drift_se: f64,
+    /// Edges (or middles) that carry weight.
+    pub matched: usize,
+    /// Root mean square of their residuals, s.
+    pub rms_s: f64,
+    /// Whether edges or only middles were there.
+    pub by_edges: bool,
+}
+
+/// One comparison of the clocks.
+#[derive(Debug, Clone, Copy)]
+struct Mark {
+    at_s: f64,
+    ahead_s: f64,
+    /// +1 on arrivals, −1 on departures, 0 on middles.
+    side: f64,
+}
+
+/// Refines the clock relation on the edges of `pairs`. `sampling_s` are the two logs' usual sample intervals, s.
+///
+/// # Panics
+/// Without pairs.
+pub fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
+    let edges = edges(dwells, pairs);
+    let by_edges = edges.len() >= MIN_EDGES;
+    let marks = if by_edges {
+        edges
+    } else {
+        middles(dwells, pairs)
+    };
+    let centre_s = marks.iter().map(|mark| mark.at_s).sum::<f64>() / marks.len() as f64;
+    let mut weights = vec![1.0; marks.len()];
+    let mut line = Line::fit(&marks, &weights, centre_s);
+    for _ in 0..ROUNDS {
+        let next = tukey_weights(&marks, &line);
+        if next == weights {
+            break;
+        }
+        weights = next;
+        line = Line::fit(&marks, &weights, centre_s);
+    }
+    line.summary(&marks, &weights, sampling_s, by_edges)
+}
+
+/// The edges that both logs saw.
+fn edges(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
+    let mark = |arm: Option<f64>, target: Option<f64>, side: f64| {
+        let at_s = arm?;
+        Some(Mark {
+            at_s,
+            ahead_s: target? - at_s,
+            side,
+        })
+    };
+    let both = |pair: &Pair| {
+        let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
+        [
+            mark(arm.arrived_s, target.arrived_s, 1.0),
+            mark(arm.left_s, target.left_s, -1.0),
+        ]
+    };
+    pairs.iter().flat_map(both).flatten().collect()
+}
+
+fn middles(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
+    let middle = |pair: &Pair| {
+        let at_s = dwells.arm[pair.arm].span.middle_s();
+        let ahead_s = dwells.target[pair.target].span.middle_s() - at_s;
+        Mark {
+            at_s,
+            ahead_s,
+            side: 0.0,
+        }
+    };
+    pairs.iter().map(middle).collect()
+}
+
+/// `ahead = at_centre + drift · (t − centre) + late · side`, and the inverse of its normal matrix.
+struct Line {
+    unknowns: Vector3<f64>,
+    inverse: Matrix3<f64>,
+    centre_s: f64,
+}
+
+impl Line {
+    fn fit(marks: &[Mark], weights: &[f64], centre_s: f64) -> Self {
+        let mut normal = Matrix3::from_diagonal(&Vector3::from(WHISPERS));
+        let mut right = Vector3::zeros();
+        for (mark, &weight) in marks.iter().zip(weights) {
+            let row = Self::row(mark, centre_s);
+            normal += row * row.transpose() * weight;
+            right += row * (mark.ahead_s * weight);
+        }
+        let inverse = normal
+            .try_inverse()
+            .expect("priors and at least one weight make it positive definite");
+        Self {
+            unknowns: inverse * right,
+            inverse,
+            centre_s,
+        }
+    }
+
+    fn row(mark: &Mark, centre_s: f64) -> Vector3<f64> {
+        Vector3::new(1.0, mark.at_s - centre_s, mark.side)
+    }
+
+    fn residual_s(&self, mark: &Mark) -> f64 {
+        mark.ahead_s - Self::row(mark, self.centre_s).dot(&self.unknowns)
+    }
+
+    /// What the marks' residuals cannot show: samples of both logs in step shift every edge alike, by up to the
+    /// uncertainty of their intervals. That part of it which the residuals do not scatter by is added to the offset,
+    /// and to the drift as if the two ends of the session were off by it independently.
+    fn summary(
+        &self,
+        marks: &[Mark],
+        weights: &[f64],
+        sampling_s: [f64; 2],
+        by_edges: bool,
+    ) -> Refined {
+        let used = || marks.iter().zip(weights).filter(|&(_, &w)| w > 0.0);
+        let matched = used().count();
+        let squares: f64 = used().map(|(mark, _)| self.residual_s(mark).powi(2)).sum();
+        let variance = squares / matched.saturating_sub(3).max(1) as f64;
+        let sampling = (sampling_s[0].powi(2) + sampling_s[1].powi(2)) / 12.0;
+        let unseen = (sampling - variance).max(0.0);
+        let to_start = Vector3::new(1.0, -self.centre_s, 0.0);
+        let leverage = (to_start.transpose() * self.inverse * to_start)[0];
+        let drift = self.unknowns[1];
+        let span_s = span_s(marks).max(1.0);
+        Refined {
+            relation: Relation {
+                offset_s: self.unknowns[0] - drift * self.centre_s,
+                drift,
+            },
+            offset_se_s: (variance * leverage + unseen).sqrt(),
+            drift_se: (variance * self.inverse[(1, 1)] + 2.0 * unseen / (span_s * span_s)).sqrt(),
+            matched,
+            rms_s: (squares / matched.max(1) as f64).sqrt(),
+            by_edges,
+        }
+    }
+}
+
+/// First to last mark, s.
+fn span_s(marks: &[Mark]) -> f64 {
+    let at_s = marks.iter().map(|mark| mark.at_s);
+    at_s.clone().fold(f64::NEG_INFINITY, f64::max) - at_s.fold(f64::INFINITY, f64::min)
+}
+
+fn tukey_weights(marks: &[Mark], line: &Line) -> Vec<f64> {
+    let residuals: Vec<f64> = marks.iter().map(|mark| line.residual_s(mark)).collect();
+    let mut sizes: Vec<f64> = residuals.iter().map(|residual| residual.abs()).collect();
+    let cut_s = TUKEY * (SIGMA_PER_MAD * median(&mut sizes)).max(LEAST_SCALE_S);
+    let weight = |residual: &f64| {
+        let share = (residual / cut_s).powi(2);
+        if share < 1.0 {
+            (1.0 - share).powi(2)
+        } else {
+            0.0
+        }
+    };
+    residuals.iter().map(weight).collect()
+}

@@ -1,0 +1,139 @@
+//! Dwells of the arm (on its joints) and of the target (on its positions), in seconds from each log's first stamp.
+//!
+//! An edge lies half way between the last moving and the first still sample. Where a log begins, ends or breaks off
+//! inside a dwell there is no edge: the true one is somewhere outside.
+
+use nalgebra::{Isometry3, Vector3};
+
+use super::average::robust_sigma;
+use super::rest::{Rest, Stretch};
+use crate::kinematics::Arm;
+use crate::units::NS_PER_S;
+
+/// When a dwell began and ended in its own clock.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// First sample at rest, s.
+    pub start_s: f64,
+    /// Last sample at rest, s.
+    pub end_s: f64,
+    /// When the motion before it ended, where that was seen, s.
+    pub arrived_s: Option<f64>,
+    /// When the motion after it began, where that was seen, s.
+    pub left_s: Option<f64>,
+}
+
+impl Span {
+    /// Half way through, s.
+    pub fn middle_s(&self) -> f64 {
+        f64::midpoint(self.arrival_s(), self.departure_s())
+    }
+
+    /// The edge where it was seen, otherwise the first sample, s.
+    pub fn arrival_s(&self) -> f64 {
+        self.arrived_s.unwrap_or(self.start_s)
+    }
+
+    /// The edge where it was seen, otherwise the last sample, s.
+    pub fn departure_s(&self) -> f64 {
+        self.left_s.unwrap_or(self.end_s)
+    }
+
+    fn of(stamps_ns: &[i64], stretch: Stretch, rest: &Rest) -> Self {
+        let origin = stamps_ns[0];
+        let seconds = |index: usize| stamps_ns[index].saturating_sub(origin) as f64 / NS_PER_S;
+        // An edge is only as sharp as the samples around it: across a break it was not seen.
+        let edge = |before: usize, after: usize| {
+            let apart = stamps_ns[after].saturating_sub(stamps_ns[before]);
+            (apart <= rest.interval_ns.saturating_mul(2))
+                .then(|| f64::midpoint(seconds(before), seconds(after)))
+        };
+        let Stretch { first, last } = stretch;
+        Self {
+            start_s: seconds(first),
+            end_s: seconds(last),
+            arrived_s: (first > 0).then(|| edge(first - 1, first)).flatten(),
+            left_s: (last + 1 < stamps_ns.len())
+                .then(|| edge(last, last + 1))
+                .flatten(),
+        }
+    }
+}
+
+/// A stretch in which every joint is still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArmDwell {
+    /// Joint samples.
+    pub stretch: Stretch,
+    /// In controller seconds.
+    pub span: Span,
+    /// Mean joint angles, rad.
+    pub joints: Vec<f64>,
+    /// The nominal flange at those angles, in the base frame, mm.
+    pub flange: Isometry3<f64>,
+}
+
+/// A stretch in which the target is still.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TargetDwell {
+    /// Readings, counted among those that are measurements.
+    pub stretch: Stretch,
+    /// In tracker seconds.
+    pub span: Span,
+    /// Median position per axis, mm.
+    pub position: Vector3<f64>,
+    /// Standard deviation per axis by the median absolute deviation, mm.
+    pub scatter_mm: [f64; 3],
+}
+
+/// The arm's dwells: `rest` of the joint columns `angles` sampled at `stamps_ns`.
+pub fn arm_dwells(stamps_ns: &[i64], angles: &[Vec<f64>], rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
+    let dwell = |&stretch: &Stretch| {
+        let mean = |column: &Vec<f64>| mean_of(&column[stretch.first..=stretch.last]);
+        let joints: Vec<f64> = angles.iter().map(mean).collect();
+        ArmDwell {
+            stretch,
+            span: Span::of(stamps_ns, stretch, rest),
+            flange: *arm.flange(&joints).isometry(),
+            joints,
+        }
+    };
+    rest.stretches.iter().map(dwell).collect()
+}
+
+/// The target's dwells: `rest` of the coordinate columns `axes` sampled at `stamps_ns`.
+pub fn target_dwells(stamps_ns: &[i64], axes: &[Vec<f64>; 3], rest: &Rest) -> Vec<TargetDwell> {
+    let dwell = |&stretch: &Stretch| {
+        let part = |axis: usize| axes[axis][stretch.first..=stretch.last].to_vec();
+        let middle = |axis: usize| median(&mut part(axis));
+        TargetDwell {
+            stretch,
+            span: Span::of(stamps_ns, stretch, rest),
+            position: Vector3::new(middle(0), middle(1), middle(2)),
+            scatter_mm: std::array::from_fn(|axis| robust_sigma(&mut part(axis))),
+        }
+    };
+    rest.stretches.iter().map(dwell).collect()
+}
+
+/// The mean, about the first value so that equal values give exactly that value.
+fn mean_of(values: &[f64]) -> f64 {
+    let first = values[0];
+    first + values.iter().map(|value| value - first).sum::<f64>() / values.len() as f64
+}
+
+/// The median (of an even number, the mean of the middle two); 0 of nothing. Reorders `values`.
+pub fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    let odd = values.len() % 2 == 1;
+    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    if odd {
+        upper
+    } else {
+        let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        f64::midpoint(lower, upper)
+    }
+}

@@ -1,0 +1,122 @@
+//! Why two logs cannot be joined: what, which, both numbers, and what to try.
+
+use thiserror::Error;
+
+/// Why two logs cannot be joined.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum JoinError {
+    /// A setting that makes no sense.
+    #[error("[join] {key} = {found}, but it has to be {wanted}")]
+    Setting {
+        /// Its name in the pipeline file.
+        key: &'static str,
+        /// What was found.
+        found: String,
+        /// What would do.
+        wanted: &'static str,
+    },
+    /// The recording's joints are not the arm's.
+    #[error(
+        "the recording has {found} joint columns, but the arm {model:?} has {expected} joints: check [robot]"
+    )]
+    JointCount {
+        /// The arm.
+        model: String,
+        /// Columns found.
+        found: usize,
+        /// Joints of the arm.
+        expected: usize,
+    },
+    /// Columns of one table that differ in length, or stamps that decrease.
+    #[error(
+        "{table}: column {column:?} has {found} values for {expected} stamps, or the stamps decrease at row {row}"
+    )]
+    Columns {
+        /// Which table.
+        table: &'static str,
+        /// Which column.
+        column: &'static str,
+        /// Values found.
+        found: usize,
+        /// Stamps found.
+        expected: usize,
+        /// First row out of order.
+        row: usize,
+    },
+    /// A joint angle that is not a number.
+    #[error(
+        "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"
+    )]
+    AngleNotFinite {
+        /// The joint's name.
+        joint: String,
+        /// Which sample, from 0.
+        sample: usize,
+    },
+    /// Too few dwells to match anything.
+    #[error(
+        "{side} log: {found} dwells in {samples} samples over {span_s:.1} s (rest: within {threshold} {unit} over \
+         {window_s} s), but a join needs {needed}: check the topic and its unit, or set {key} in [join]"
+    )]
+    TooFewDwells {
+        /// `controller` or `tracker`.
+        side: &'static str,
+        /// Dwells found.
+        found: usize,
+        /// Dwells needed.
+        needed: usize,
+        /// Samples looked at.
+        samples: usize,
+        /// First to last sample, s.
+        span_s: f64,
+        /// The rest threshold used.
+        threshold: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// The window of rest, s.
+        window_s: f64,
+        /// The setting that would change it.
+        key: &'static str,
+    },
+    /// No shift of the clocks explains the logs.
+    #[error(
+        "no clock offset makes the logs agree: of {arm_dwells} dwells of the arm and {target_dwells} of the target \
+         the best shift leaves {pairs} pairs within {gate_mm} mm of the nominal arm (needed: {needed}{}). Do the logs \
+         belong to one session, is it the right robot file, are positions in mm and angles in rad?",
+        .median_mm.map_or(String::new(), |mm| format!("; median distance {mm:.1} mm"))
+    )]
+    NoCommonPattern {
+        /// Dwells of the arm.
+        arm_dwells: usize,
+        /// Dwells of the target.
+        target_dwells: usize,
+        /// Pairs that fit at the best shift.
+        pairs: usize,
+        /// Pairs needed.
+        needed: usize,
+        /// Median distance of all pairs at the best shift.
+        median_mm: Option<f64>,
+        /// The geometry gate.
+        gate_mm: f64,
+    },
+    /// Two shifts explain the logs equally well.
+    #[error(
+        "two clock offsets explain the logs equally well: {first_s:.3} s after the logs' starts ({first_pairs} pairs, \
+         median {first_mm:.2} mm) and {second_s:.3} s ({second_pairs} pairs, {second_mm:.2} mm). Poses that repeat at \
+         equal times cannot be told apart: add an irregular move, or log the whole session on both sides"
+    )]
+    AmbiguousShift {
+        /// First offset, tracker's first stamp against controller's first stamp, s.
+        first_s: f64,
+        /// Its pairs.
+        first_pairs: usize,
+        /// Its median distance, mm.
+        first_mm: f64,
+        /// Second offset, s.
+        second_s: f64,
+        /// Its pairs.
+        second_pairs: usize,
+        /// Its median distance, mm.
+        second_mm: f64,
+    },
+}

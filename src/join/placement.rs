@@ -1,0 +1,133 @@
+//! Placement: pairs of nominal flange and attained position → where base and target are, and which pairs disagree.
+//!
+//! `attained = tracker_from_base · (flange · target)` with six unknowns of the base and three of the target, by
+//! Gauss–Newton from Kabsch's closed form. Cauchy weights on the residual norm, their scale from the median, keep
+//! wrong reflectors from pulling. Only good to the nominal arm's own error (1–10 mm): enough to tell stations apart.
+
+use nalgebra::{
+    Isometry3, Matrix3, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3,
+};
+
+use super::dwell::median;
+use crate::geometry::align;
+
+/// The target is taken to be within some hundred mm of the flange. With one tool orientation base and target cannot
+/// be told apart: this prior alone then decides, and the residuals do not depend on it.
+const TARGET_PRIOR_MM: f64 = 300.0;
+const ROUNDS: usize = 12;
+/// A step below this (mm, or rad times 1000) ends the search.
+const STEP_DONE: f64 = 1e-3;
+
+/// A nominal flange (mm, base frame) and the position attained there (mm, tracker frame).
+#[derive(Debug, Clone, Copy)]
+pub struct Sighting {
+    /// The nominal flange in the base frame.
+    pub flange: Isometry3<f64>,
+    /// The target in the tracker frame.
+    pub attained: Vector3<f64>,
+}
+
+/// Where base and target are, roughly.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Tracker from base, mm.
+    pub tracker_from_base: Isometry3<f64>,
+    /// The target in the flange frame, mm.
+    pub target_mm: Vector3<f64>,
+}
+
+impl Placement {
+    /// Where the target should be when the arm's nominal flange is `flange`, in the tracker frame.
+    pub fn predict(&self, flange: &Isometry3<f64>) -> Vector3<f64> {
+        (self.tracker_from_base * (flange * Point3::from(self.target_mm))).coords
+    }
+
+    /// Distance between prediction and measurement, mm.
+    pub fn distance_mm(&self, sighting: &Sighting) -> f64 {
+        (sighting.attained - self.predict(&sighting.flange)).norm()
+    }
+
+    /// The placement that fits most of `sightings`; `None` where they do not determine it (fewer than three, a line).
+    pub fn fit(sightings: &[Sighting]) -> Option<Self> {
+        let mut placement = Self::start(sightings)?;
+        for _ in 0..ROUNDS {
+            let scale = placement.median_mm(sightings).max(0.01);
+            let step = placement.step(sightings, scale)?;
+            placement = placement.moved(&step);
+            if scaled(&step) < STEP_DONE {
+                break;
+            }
+        }
+        Some(placement)
+    }
+
+    /// Median distance over `sightings`, mm.
+    pub fn median_mm(&self, sightings: &[Sighting]) -> f64 {
+        let mut distances: Vec<f64> = sightings.iter().map(|s| self.distance_mm(s)).collect();
+        median(&mut distances)
+    }
+
+    /// Kabsch with the target at the flange.
+    fn start(sightings: &[Sighting]) -> Option<Self> {
+        let to: Vec<_> = sightings.iter().map(|s| Point3::from(s.attained)).collect();
+        let from: Vec<_> = sightings
+            .iter()
+            .map(|s| Point3::from(s.flange.translation.vector))
+            .collect();
+        let tracker_from_base = align(&to, &from, &vec![1.0; to.len()])?;
+        Some(Self {
+            tracker_from_base,
+            target_mm: Vector3::zeros(),
+        })
+    }
+
+    /// The Gauss–Newton step: translation and rotation of the base, then the target.
+    fn step(&self, sightings: &[Sighting], scale_mm: f64) -> Option<SVector<f64, 9>> {
+        let mut normal = SMatrix::<f64, 9, 9>::zeros();
+        let mut right = SVector::<f64, 9>::zeros();
+        let rotation = self.tracker_from_base.rotation.to_rotation_matrix();
+        for sighting in sightings {
+            let predicted = self.predict(&sighting.flange);
+            let residual = sighting.attained - predicted;
+            let weight = 1.0 / (1.0 + residual.norm_squared() / (scale_mm * scale_mm * 4.0));
+            let arm = predicted - self.tracker_from_base.translation.vector;
+            let mut jacobian = SMatrix::<f64, 3, 9>::zeros();
+            jacobian
+                .fixed_view_mut::<3, 3>(0, 0)
+                .copy_from(&Matrix3::identity());
+            jacobian
+                .fixed_view_mut::<3, 3>(0, 3)
+                .copy_from(&-arm.cross_matrix());
+            let turned = rotation.matrix() * sighting.flange.rotation.to_rotation_matrix().matrix();
+            jacobian.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
+            normal += jacobian.transpose() * jacobian * weight;
+            right += jacobian.transpose() * residual * weight;
+        }
+        let pull = (scale_mm / TARGET_PRIOR_MM).powi(2);
+        for axis in 0..3 {
+            normal[(6 + axis, 6 + axis)] += pull;
+            right[6 + axis] -= pull * self.target_mm[axis];
+        }
+        normal.cholesky().map(|factor| factor.solve(&right))
+    }
+
+    fn moved(&self, step: &SVector<f64, 9>) -> Self {
+        let part = |first: usize| Vector3::new(step[first], step[first + 1], step[first + 2]);
+        let base = &self.tracker_from_base;
+        Self {
+            tracker_from_base: Isometry3::from_parts(
+                Translation3::from(base.translation.vector + part(0)),
+                UnitQuaternion::from_scaled_axis(part(3)) * base.rotation,
+            ),
+            target_mm: self.target_mm + part(6),
+        }
+    }
+}
+
+/// The largest component of a step, angles counted at a metre's reach, mm.
+fn scaled(step: &SVector<f64, 9>) -> f64 {
+    let reach_mm = |index: usize| if (3..6).contains(&index) { 1000.0 } else { 1.0 };
+    (0..9)
+        .map(|i| step[i].abs() * reach_mm(i))
+        .fold(0.0, f64::max)
+}

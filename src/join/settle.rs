@@ -1,0 +1,83 @@
+//! The settling time: how long after the arm comes to rest the target still rings, read from the readings themselves.
+//!
+//! 1. In each matched dwell the later half of the readings gives a median and a usual distance from it.
+//! 2. The distances of the earlier readings, in units of that usual distance, are sorted by their age after arrival.
+//! 3. The time is the age from which their median over all dwells is no more than half again the usual distance.
+//!
+//! With nothing ringing it is 0, and no reading is lost to it.
+
+use nalgebra::Vector3;
+
+use super::dwell::median;
+use super::observe::Observation;
+use super::pattern::{Pair, Relation};
+
+/// Ringing below half of the scatter of single readings does not show in their mean.
+const SETTLED: f64 = 1.5;
+/// Fewer readings than this have no later half to speak of.
+const MIN_READINGS: usize = 8;
+/// Ages are told apart by one reading, but no finer than this, s.
+const LEAST_AGE_STEP_S: f64 = 0.02;
+/// What still moves after this is drift, not settling, s.
+const LONGEST_S: f64 = 2.0;
+
+/// The settling time in s, by the dwells of `pairs`.
+pub fn settling_s(seen: &Observation, pairs: &[Pair], relation: Relation) -> f64 {
+    let step_s = seen.sampling_s()[1].max(LEAST_AGE_STEP_S);
+    let mut by_age: Vec<Vec<f64>> = Vec::new();
+    for pair in pairs {
+        let (arm, target) = (&seen.arm[pair.arm], &seen.target[pair.target]);
+        let Some(arrived_s) = arm.span.arrived_s else {
+            continue;
+        };
+        let range = target.stretch.first..target.stretch.last + 1;
+        let arrived_s = relation.to_tracker(arrived_s);
+        for (age_s, ratio) in early_ratios(
+            &seen.times_s[range.clone()],
+            &seen.positions[range],
+            arrived_s,
+        ) {
+            let Some(bin) = age_bin(age_s, step_s) else {
+                continue;
+            };
+            if by_age.len() <= bin {
+                by_age.resize_with(bin + 1, Vec::new);
+            }
+            by_age[bin].push(ratio);
+        }
+    }
+    // An age that few dwells have a reading of says nothing; the next one decides.
+    let most = by_age.iter().map(Vec::len).max().unwrap_or(0);
+    let rings = |ratios: &mut Vec<f64>| 2 * ratios.len() < most || median(ratios) > SETTLED;
+    let settled = by_age
+        .iter_mut()
+        .position(|ratios| !rings(ratios))
+        .unwrap_or(0);
+    let sparse = (0..settled).all(|bin| 2 * by_age[bin].len() < most);
+    if sparse { 0.0 } else { settled as f64 * step_s }
+}
+
+/// Age (s) and distance, in usual distances, of each reading in the earlier half of a dwell.
+fn early_ratios(times_s: &[f64], positions: &[Vector3<f64>], arrived_s: f64) -> Vec<(f64, f64)> {
+    if times_s.len() < MIN_READINGS {
+        return Vec::new();
+    }
+    let (early, late) = positions.split_at(positions.len() / 2);
+    let axis = |axis: usize| median(&mut late.iter().map(|p| p[axis]).collect::<Vec<f64>>());
+    let middle = Vector3::new(axis(0), axis(1), axis(2));
+    let distance = |position: &Vector3<f64>| (position - middle).norm();
+    let usual_mm = median(&mut late.iter().map(distance).collect::<Vec<f64>>());
+    if usual_mm <= 0.0 {
+        return Vec::new();
+    }
+    let ratio = |(time_s, position): (&f64, _)| (time_s - arrived_s, distance(position) / usual_mm);
+    times_s.iter().zip(early).map(ratio).collect()
+}
+
+fn age_bin(age_s: f64, step_s: f64) -> Option<usize> {
+    let whole = (age_s / step_s).floor();
+    if !(0.0..LONGEST_S / step_s).contains(&whole) {
+        return None;
+    }
+    usize::try_from(crate::units::round_ns(whole)).ok()
+}

@@ -1,0 +1,519 @@
+//! What recordings bring: one test for each trouble, on synthetic sessions with known truth.
+
+use super::scene::{Scene, check_conservation, paired, ur10};
+use super::*;
+
+#[test]
+fn equal_dwells_pair_whatever_the_offset_and_drift() {
+    // Hours, years, either sign, and the largest drift an oscillator has.
+    for (offset_s, drift) in [
+        (0.0, 0.0),
+        (-4.131, -100e-6),
+        (3.6e4, 100e-6),
+        (-1.6e9, 25e-6),
+        (4.0e8, -60e-6),
+    ] {
+        let scene = Scene {
+            offset_s,
+            drift,
+            ..Scene::random(60, 1)
+        };
+        let joined = scene.joined(&scene.record(&ur10()));
+        assert_eq!((joined.stations.len(), paired(&joined)), (60, 60));
+        // Edges are sampled in step: 20 ms and 50 ms intervals leave up to half of the larger one.
+        scene.check_clock(&joined, 25.0, 30.0);
+    }
+}
+
+#[test]
+fn a_tracker_that_started_late_and_stopped_early_leaves_dwells_outside_its_log() {
+    let scene = Scene::random(60, 2);
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s > starts_s[10] - 0.4 && at_s < starts_s[50] - 0.4
+    });
+    let joined = scene.joined(&recording);
+    for (number, station) in joined.stations.iter().enumerate() {
+        let expected = if (10..50).contains(&number) {
+            Pairing::Paired
+        } else {
+            Pairing::Unmeasured(Unmeasured::OutsideTrackerLog)
+        };
+        assert_eq!(station.pairing, expected, "station {number}");
+    }
+}
+
+#[test]
+fn a_lost_beam_leaves_stations_without_readings() {
+    let scene = Scene::random(80, 3);
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    let lost = |at_s: f64| (5..25).any(|k| (starts_s[k] - 0.4..starts_s[k] + 1.4).contains(&at_s));
+    scene.keep_readings(&mut recording, |at_s| !lost(at_s));
+    let joined = scene.joined(&recording);
+    assert_eq!(paired(&joined), 60);
+    assert_eq!(
+        joined.stations[7].pairing,
+        Pairing::Unmeasured(Unmeasured::NoReadings)
+    );
+}
+
+#[test]
+fn zeros_are_missing_and_a_wrong_reflector_is_refused() {
+    let scene = Scene::random(50, 4);
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for (index, stamp) in recording.readings.stamps.iter().enumerate() {
+        let at_s = scene.controller_s(stamp.ns());
+        let position = &mut recording.readings.positions[index];
+        if (starts_s[20] - 0.2..starts_s[20] + 1.2).contains(&at_s) {
+            *position = [0.0; 3];
+        }
+        for wrong in [3, 30, 31, 32, 40] {
+            if (starts_s[wrong]..=starts_s[wrong] + 1.0).contains(&at_s) {
+                position[1] += 260.0;
+            }
+        }
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(joined.counts.missing, 28); // 1.4 s at 20 Hz
+    assert_eq!(
+        joined.stations[20].pairing,
+        Pairing::Unmeasured(Unmeasured::NoReadings)
+    );
+    for wrong in [3, 30, 31, 32, 40] {
+        assert_eq!(
+            joined.stations[wrong].pairing,
+            Pairing::Unmeasured(Unmeasured::WrongTarget)
+        );
+    }
+    assert_eq!(paired(&joined), 44);
+    assert!(
+        joined
+            .rejects
+            .iter()
+            .any(|reject| reject.reason.contains("another reflector"))
+    );
+}
+
+#[test]
+fn readings_taken_only_at_rest_pair_without_any_edge() {
+    let scene = Scene::random(60, 5);
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    // Six readings in the middle of each dwell.
+    scene.keep_readings(&mut recording, |at_s| {
+        starts_s
+            .iter()
+            .any(|start| (start + 0.4..start + 0.7).contains(&at_s))
+    });
+    let joined = scene.joined(&recording);
+    assert!(paired(&joined) >= 59, "{}", paired(&joined)); // the first dwell is longer than the others
+}
+
+#[test]
+fn other_rates_and_noise_change_nothing() {
+    for (arm_hz, tracker_hz, noise_mm, noise_rad, quantum_rad, dwell_s) in [
+        (10.0, 10.0, 0.005, 0.0, 0.0, 2.0),
+        (500.0, 1000.0, 0.02, 1e-6, 0.0, 1.0),
+        (125.0, 100.0, 0.2, 1e-5, 0.0, 1.0),
+        (250.0, 2.0, 0.01, 0.0, 1.75e-5, 5.0),
+        (50.0, 1.0, 0.02, 3e-5, 1.75e-4, 6.0),
+    ] {
+        let scene = Scene {
+            arm_hz,
+            tracker_hz,
+            noise_mm,
+            noise_rad,
+            quantum_rad,
+            dwell_s: vec![dwell_s; 30],
+            ..Scene::random(30, 6)
+        };
+        let joined = scene.joined(&scene.record(&ur10()));
+        assert_eq!(joined.stations.len(), 30, "{arm_hz} Hz");
+        assert_eq!(
+            paired(&joined),
+            30,
+            "{arm_hz} and {tracker_hz} Hz, {noise_mm} mm"
+        );
+    }
+}
+
+#[test]
+fn dwells_of_many_lengths_and_a_far_target_pair() {
+    let mut scene = Scene::random(50, 7);
+    scene.dwell_s = (0..50).map(|k| 0.8 + f64::from((k * 7) % 5)).collect();
+    scene.target_mm = [250.0, 150.0, 180.0];
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!(paired(&joined), 50);
+}
+
+#[test]
+fn extra_target_dwells_belong_to_no_station() {
+    // The tracker ran on while the controller's log had ended.
+    let scene = Scene::random(70, 8);
+    let mut recording = scene.record(&ur10());
+    let cut = recording.joints.stamps.len() * 4 / 7;
+    recording.joints.stamps.truncate(cut);
+    recording
+        .joints
+        .angles
+        .iter_mut()
+        .for_each(|column| column.truncate(cut));
+    let joined = scene.joined(&recording);
+    assert!((39..=41).contains(&joined.stations.len()));
+    assert!(paired(&joined) >= 39);
+    assert!(joined.counts.unpaired > 500); // 30 dwells of 20 readings
+}
+
+#[test]
+fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
+    let scene = Scene {
+        noise_rad: 2e-7,
+        ..Scene::random(50, 9)
+    };
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for k in 0..50 {
+        let spike_s = starts_s[k] + 0.6;
+        let near = recording
+            .readings
+            .stamps
+            .partition_point(|s| scene.controller_s(s.ns()) < spike_s);
+        recording.readings.positions[near][2] += 0.7;
+    }
+    for (stamp, angle) in recording
+        .joints
+        .stamps
+        .iter()
+        .zip(&mut recording.joints.angles[1])
+    {
+        *angle += 1e-6 * (stamp.ns() - scene.origin_ns) as f64 / NS_PER_S; // a µrad/s
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!((paired(&joined), joined.counts.outlier), (50, 50));
+}
+
+#[test]
+fn a_periodic_session_is_ambiguous_and_nothing_is_guessed() {
+    // The same three poses over and over, and a tracker that saw only the middle: any multiple of three fits.
+    let mut scene = Scene::random(60, 10);
+    for k in 0..60 {
+        scene.poses[k] = scene.poses[k % 6];
+    }
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s > starts_s[18] - 0.4 && at_s < starts_s[42] - 0.4
+    });
+    let error = join(&recording, &ur10(), &JoinSettings::default()).expect_err("ambiguous");
+    assert!(matches!(error, JoinError::AmbiguousShift { .. }), "{error}");
+}
+
+#[test]
+fn logs_of_two_sessions_are_refused() {
+    let mut recording = Scene::random(40, 11).record(&ur10());
+    recording.readings = Scene::random(40, 12).record(&ur10()).readings;
+    let error = join(&recording, &ur10(), &JoinSettings::default()).expect_err("strangers");
+    assert!(
+        matches!(error, JoinError::NoCommonPattern { .. }),
+        "{error}"
+    );
+}
+
+#[test]
+fn commands_are_found_whenever_they_are_stamped() {
+    let scene = Scene::random(40, 13);
+    let arm = ur10();
+    // On sending (0.1 s before the move), during the move, on arrival, while measuring.
+    for before_start_s in [0.9, 0.4, 0.0, -0.6] {
+        let mut recording = scene.record(&arm);
+        for (pose, start_s) in scene.poses.iter().zip(scene.starts_s()).skip(1) {
+            let tool = *arm.flange(pose).isometry() * Point3::new(0.0, 0.0, 109.0);
+            let at_ns =
+                scene.origin_ns + crate::units::round_ns((start_s - before_start_s) * NS_PER_S);
+            recording.commands.stamps.push(Stamp::from_ns(at_ns));
+            recording.commands.positions.push(tool.coords.into());
+        }
+        // Station 20's own command is missing.
+        recording.commands.stamps.remove(19);
+        recording.commands.positions.remove(19);
+        let joined = scene.joined(&recording);
+        for station in &joined.stations {
+            let tool =
+                *arm.flange(&scene.poses[station.number]).isometry() * Point3::new(0.0, 0.0, 109.0);
+            match &station.command {
+                Some(command) => {
+                    assert!((command.position - tool).norm() < 0.1, "{}", station.number)
+                }
+                None => assert!([0, 20].contains(&station.number), "{}", station.number),
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_input_is_an_error_that_says_what() {
+    let arm = ur10();
+    let scene = Scene::random(20, 14);
+    let good = scene.record(&arm);
+    let fails = |recording: &Recording, settings: &JoinSettings, says: &str| {
+        let error = join(recording, &arm, settings).expect_err(says).to_string();
+        assert!(error.contains(says), "{error:?} does not say {says:?}");
+    };
+    let defaults = JoinSettings::default();
+    fails(&Recording::default(), &defaults, "0 joint columns");
+    let mut bad = good.clone();
+    bad.joints.angles[3][7] = f64::NAN;
+    fails(&bad, &defaults, "wrist_1_joint");
+    let mut bad = good.clone();
+    bad.readings
+        .positions
+        .iter_mut()
+        .for_each(|position| *position = [0.0; 3]);
+    fails(&bad, &defaults, "tracker log: 0 dwells in 0 samples");
+    let mut bad = good.clone();
+    bad.readings.stamps.swap(3, 4);
+    fails(&bad, &defaults, "decrease at row 4");
+    let mut bad = good.clone();
+    bad.readings
+        .positions
+        .iter_mut()
+        .flatten()
+        .for_each(|x| *x /= 1000.0);
+    fails(&bad, &defaults, "positions in mm");
+    fails(
+        &good,
+        &JoinSettings {
+            settle_s: Some(f64::NAN),
+            ..defaults.clone()
+        },
+        "settle_s = NaN",
+    );
+    fails(
+        &good,
+        &JoinSettings {
+            min_readings: 1,
+            ..defaults.clone()
+        },
+        "min_readings = 1",
+    );
+    check_conservation(&good, &join(&good, &arm, &defaults).expect("good"));
+}
+
+#[test]
+fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
+    // A serpentine grid repeats itself row by row and layer by layer: only the whole of it tells the shift.
+    let arm = ur10();
+    let mut scene = grid(&arm, [6, 5, 4]);
+    scene.offset_s = -77.7;
+    let mut recording = scene.record(&arm);
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s < starts_s[40] - 0.4 || at_s > starts_s[70] - 0.4
+    });
+    let joined = scene.joined(&recording);
+    assert_eq!((joined.stations.len(), paired(&joined)), (120, 90));
+}
+
+#[test]
+fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
+    let arm = ur10();
+    let scene = grid(&arm, [6, 5, 4]);
+    let mut recording = scene.record(&arm);
+    let starts_s = scene.starts_s();
+    scene.keep_readings(&mut recording, |at_s| {
+        at_s > starts_s[30] - 0.4 && at_s < starts_s[90] - 0.4
+    });
+    // Either the right shift (`joined` checks every mean) or a clear refusal.
+    match join(&recording, &arm, &JoinSettings::default()) {
+        Ok(_) => assert_eq!(paired(&scene.joined(&recording)), 60),
+        Err(error) => assert!(matches!(error, JoinError::AmbiguousShift { .. }), "{error}"),
+    }
+}
+
+/// A serpentine grid in joint space, 8° apart: moves of equal length over and over.
+fn grid(_arm: &Arm, [nx, ny, nz]: [usize; 3]) -> Scene {
+    let mut scene = Scene::random(nx * ny * nz, 21);
+    for (station, pose) in scene.poses.iter_mut().enumerate() {
+        let (layer, in_layer) = (station / (nx * ny), station % (nx * ny));
+        let (row, along) = (in_layer / nx, in_layer % nx);
+        let along = if row % 2 == 0 { along } else { nx - 1 - along };
+        *pose = [
+            -0.4 + 0.14 * along as f64,
+            -1.8 + 0.14 * row as f64,
+            1.2 + 0.14 * layer as f64,
+            -1.0,
+            0.9,
+            0.2,
+        ];
+    }
+    scene
+}
+
+#[test]
+fn tiny_moves_and_repeated_stations_keep_their_own_means() {
+    let mut scene = Scene::random(60, 22);
+    for k in (3..60).step_by(5) {
+        scene.poses[k] = scene.poses[k - 1];
+        scene.poses[k][0] += 2e-3; // 1–2 mm at the target
+    }
+    scene.poses[40] = scene.poses[10]; // visited again
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!((joined.stations.len(), paired(&joined)), (60, 60));
+}
+
+#[test]
+fn a_station_commanded_twice_in_place_is_one_dwell() {
+    let mut scene = Scene::random(40, 23);
+    scene.poses[20] = scene.poses[19];
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!((joined.stations.len(), paired(&joined)), (39, 39));
+}
+
+#[test]
+fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
+    let scene = Scene {
+        noise_rad: 1e-5,
+        ..Scene::random(50, 24)
+    };
+    let mut recording = scene.record(&ur10());
+    for column in &mut recording.joints.angles {
+        let frozen = column[0];
+        column[..60].fill(frozen);
+    }
+    // Every seventh joint sample and every ninth reading never arrived.
+    let joints = &mut recording.joints;
+    let dropped = |index: usize| index > 100 && index % 7 == 0;
+    for column in &mut joints.angles {
+        let kept = column
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| !dropped(*i))
+            .map(|(_, q)| *q);
+        *column = kept.collect();
+    }
+    let kept = joints
+        .stamps
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| !dropped(*i))
+        .map(|(_, s)| *s);
+    joints.stamps = kept.collect();
+    let mut reading = 0;
+    scene.keep_readings(&mut recording, |_| true);
+    let readings = &mut recording.readings;
+    readings.stamps.retain(|_| {
+        reading += 1;
+        reading % 9 != 0
+    });
+    let mut reading = 0;
+    readings.positions.retain(|_| {
+        reading += 1;
+        reading % 9 != 0
+    });
+    let joined = scene.joined(&recording);
+    assert_eq!((joined.stations.len(), paired(&joined)), (50, 50));
+}
+
+#[test]
+fn a_ringing_target_is_left_to_settle() {
+    let scene = Scene {
+        tracker_hz: 100.0,
+        noise_mm: 0.005,
+        ..Scene::random(40, 25)
+    };
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for (stamp, position) in recording
+        .readings
+        .stamps
+        .iter()
+        .zip(&mut recording.readings.positions)
+    {
+        let at_s = scene.controller_s(stamp.ns());
+        let here = starts_s
+            .partition_point(|&start| start <= at_s)
+            .saturating_sub(1);
+        let age_s = at_s - starts_s[here];
+        if here > 0 && age_s < 1.0 {
+            // 0.2 mm at 12 Hz, dying with 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
+            position[2] += 0.2 * (-age_s / 0.06).exp() * (75.0 * age_s).cos();
+        }
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(paired(&joined), 40);
+    assert!(
+        (0.12..0.35).contains(&joined.found.settle_s),
+        "{}",
+        joined.found.settle_s
+    );
+}
+
+#[test]
+fn a_target_that_moves_while_the_arm_rests_is_told() {
+    let scene = Scene {
+        dwell_s: vec![2.0; 40],
+        ..Scene::random(40, 26)
+    };
+    let mut recording = scene.record(&ur10());
+    let starts_s = scene.starts_s();
+    for (stamp, position) in recording
+        .readings
+        .stamps
+        .iter()
+        .zip(&mut recording.readings.positions)
+    {
+        let age_s = scene.controller_s(stamp.ns()) - starts_s[15];
+        if (0.0..2.0).contains(&age_s) {
+            position[0] += 40.0 * age_s; // sliding all the time
+        }
+        let age_s = scene.controller_s(stamp.ns()) - starts_s[25];
+        if (0.0..1.0).contains(&age_s) {
+            position[0] += 9.0; // knocked once
+        }
+    }
+    let joined = scene.joined(&recording);
+    assert_eq!(
+        joined.stations[15].pairing,
+        Pairing::Unmeasured(Unmeasured::TargetMoved)
+    );
+    assert_eq!(joined.stations[25].pairing, Pairing::Ambiguous);
+    assert_eq!(paired(&joined), 38);
+}
+
+#[test]
+fn few_stations_are_enough_and_fewer_are_refused() {
+    let scene = Scene::random(8, 27);
+    let joined = scene.joined(&scene.record(&ur10()));
+    assert_eq!(paired(&joined), 8);
+    let scene = Scene::random(5, 28);
+    let error = join(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
+    assert!(
+        matches!(
+            error,
+            JoinError::TooFewDwells {
+                found: 5,
+                needed: 6,
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn many_sessions_of_any_seed_pair_wholly() {
+    for seed in 100..130 {
+        let mut scene = Scene::random(40, seed);
+        scene.noise_mm = [0.005, 0.02, 0.1][seed as usize % 3];
+        scene.move_s = [0.5, 0.8, 1.7, 4.0][seed as usize % 4];
+        let joined = scene.joined(&scene.record(&ur10()));
+        assert_eq!(
+            (joined.stations.len(), paired(&joined)),
+            (40, 40),
+            "seed {seed}"
+        );
+    }
+}
