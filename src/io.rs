@@ -1,1 +1,3 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
+
+pub mod message;
