@@ -110,6 +110,17 @@ impl LogReject {
         self.time_span_ns = Some((first.min(time_ns), last.max(time_ns)));
         self.messages = Some(self.messages.unwrap_or(0) + 1);
     }
+
+    /// Takes another reject of the same file into this one; how many messages is known only if both know.
+    pub fn join(&mut self, other: &Self) {
+        self.byte_start = self.byte_start.min(other.byte_start);
+        self.byte_end = self.byte_end.max(other.byte_end);
+        self.messages = self.messages.zip(other.messages).map(|(a, b)| a + b);
+        self.time_span_ns = match (self.time_span_ns, other.time_span_ns) {
+            (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
+            (one, another) => one.or(another),
+        };
+    }
 }
 
 /// What became of the decoded rows of one stream.
@@ -175,7 +186,13 @@ pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestEr
     }
     let settings = &mapping.tracker;
     let ignore_orientation = settings.ignore_orientation;
-    let poses = self::poses(decoded.readings, settings.unit, ignore_orientation, "readings", &mut recording)?;
+    let poses = self::poses(
+        decoded.readings,
+        settings.unit,
+        ignore_orientation,
+        "readings",
+        &mut recording,
+    )?;
     recording.readings = TargetReadings {
         stamps: stamps(poses.stamps),
         positions: poses.positions,
@@ -191,7 +208,11 @@ pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestEr
     Ok(recording)
 }
 
-fn joints(decoded: DecodedJoints, mapping: &Mapping, recording: &mut Recording) -> Result<JointSamples, IngestError> {
+fn joints(
+    decoded: DecodedJoints,
+    mapping: &Mapping,
+    recording: &mut Recording,
+) -> Result<JointSamples, IngestError> {
     let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
         let finite = decoded.angles.iter().all(|column| column[row].is_finite());
         (!finite).then_some(RowFault::Angle)
@@ -222,20 +243,33 @@ fn poses(
     if ignore_orientation {
         decoded.orientations = None;
     }
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| pose_fault(&decoded, row));
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+        pose_fault(&decoded, row)
+    });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
     let to_mm = unit.to_mm();
     let mut positions = rows.of(decoded.positions);
-    positions.as_flattened_mut().iter_mut().for_each(|x| *x *= to_mm);
+    positions
+        .as_flattened_mut()
+        .iter_mut()
+        .for_each(|x| *x *= to_mm);
     let covariances = decoded.covariances.map(|column| {
         let mut column = rows.of(column);
-        column.as_flattened_mut().iter_mut().for_each(|x| *x *= to_mm * to_mm);
+        column
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(|x| *x *= to_mm * to_mm);
         column
     });
     let orientations = decoded.orientations.map(|column| {
         let mut column = rows.of(column);
-        let far = column.iter_mut().filter_map(normalise).filter(|&norm| (norm - 1.0).abs() > 1e-3);
-        recording.counts.insert(format!("{stream}.quaternions_not_unit"), far.count() as u64);
+        let far = column
+            .iter_mut()
+            .filter_map(normalise)
+            .filter(|&norm| (norm - 1.0).abs() > 1e-3);
+        recording
+            .counts
+            .insert(format!("{stream}.quaternions_not_unit"), far.count() as u64);
         column
     });
     let poses = DecodedPoses {
@@ -252,7 +286,11 @@ fn poses(
 fn pose_fault(decoded: &DecodedPoses, row: usize) -> Option<RowFault> {
     let position = decoded.positions[row];
     let covariance = decoded.covariances.as_ref().map(|column| column[row]);
-    if !position.iter().chain(covariance.iter().flatten()).all(|x| x.is_finite()) {
+    if !position
+        .iter()
+        .chain(covariance.iter().flatten())
+        .all(|x| x.is_finite())
+    {
         return Some(RowFault::Position);
     }
     let quaternion = decoded.orientations.as_ref()?[row];
@@ -261,19 +299,28 @@ fn pose_fault(decoded: &DecodedPoses, row: usize) -> Option<RowFault> {
     }
     // All zeros is how a missing reflector is written; the join wants to see and count it.
     let reads_something = position.iter().any(|&x| x != 0.0);
-    let zero = quaternion.iter().all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
+    let zero = quaternion
+        .iter()
+        .all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
     (reads_something && zero).then_some(RowFault::ZeroQuaternion)
 }
 
 /// Makes a unit quaternion and tells the norm it had; a zero one becomes the identity.
 fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
-    let largest = quaternion.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let largest = quaternion
+        .iter()
+        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
     if largest < f64::MIN_POSITIVE.sqrt() {
         *quaternion = [0.0, 0.0, 0.0, 1.0];
         return None;
     }
     // Scaled first: squares of very large components overflow.
-    let norm = largest * quaternion.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt();
+    let norm = largest
+        * quaternion
+            .iter()
+            .map(|x| (x / largest).powi(2))
+            .sum::<f64>()
+            .sqrt();
     quaternion.iter_mut().for_each(|x| *x /= norm);
     Some(norm)
 }
@@ -295,10 +342,19 @@ fn stamps<C>(ns: Vec<i64>) -> Vec<Stamp<C>> {
 }
 
 impl Rows {
-    fn require(&self, origins: &Origins, stamps: &[i64], recording: &Recording) -> Result<(), IngestError> {
+    fn require(
+        &self,
+        origins: &Origins,
+        stamps: &[i64],
+        recording: &Recording,
+    ) -> Result<(), IngestError> {
         let (file, topic) = (origins.file.clone(), origins.topic.clone());
         if stamps.len() > 1 && stamps.iter().all(|&stamp| stamp == 0) {
-            return Err(IngestError::StampsUnset { file, topic, messages: stamps.len() });
+            return Err(IngestError::StampsUnset {
+                file,
+                topic,
+                messages: stamps.len(),
+            });
         }
         if self.counts.kept > 0 {
             return Ok(());
@@ -311,7 +367,9 @@ impl Rows {
             file,
             topic,
             decoded: stamps.len() as u64,
-            first_reason: first.map(|reject| format!(": {}", reject.reason)).unwrap_or_default(),
+            first_reason: first
+                .map(|reject| format!(": {}", reject.reason))
+                .unwrap_or_default(),
         })
     }
 }

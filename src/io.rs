@@ -1,3 +1,4 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod log;
 pub mod message;

@@ -142,7 +142,9 @@ mod tests {
     fn rows_are_kept_or_rejected_and_ordered() {
         // Row 3 is faulty; rows 0 and 4 share a stamp and keep their order.
         let stamps = [30, 10, 40, 20, 30];
-        let rows = Rows::judge(&stamps, &origins(), |row| (row == 3).then_some(RowFault::Angle));
+        let rows = Rows::judge(&stamps, &origins(), |row| {
+            (row == 3).then_some(RowFault::Angle)
+        });
         assert_eq!(rows.of(vec!['a', 'b', 'c', 'd', 'e']), ['b', 'a', 'e', 'c']);
         assert_eq!(
             rows.counts,

@@ -34,7 +34,9 @@ pub enum ChunkFault {
         found: u64,
     },
     /// Another checksum than the header says.
-    #[error("the chunk's checksum is {found:08x} where its header says {stated:08x}: bytes are damaged")]
+    #[error(
+        "the chunk's checksum is {found:08x} where its header says {stated:08x}: bytes are damaged"
+    )]
     Checksum {
         /// By its header.
         stated: u32,
@@ -80,7 +82,12 @@ impl Decompressor {
         check(chunk, records)
     }
 
-    fn zstd(&mut self, stored: &[u8], size: usize, records: &mut Vec<u8>) -> Result<(), ChunkFault> {
+    fn zstd(
+        &mut self,
+        stored: &[u8],
+        size: usize,
+        records: &mut Vec<u8>,
+    ) -> Result<(), ChunkFault> {
         let damaged = |error: std::io::Error| ChunkFault::Damaged(error.to_string());
         // Bounded by the limit; only what is really decompressed is ever touched.
         records
@@ -90,7 +97,8 @@ impl Decompressor {
             Some(zstd) => zstd,
             none => none.insert(zstd::bulk::Decompressor::new().map_err(damaged)?),
         };
-        zstd.decompress_to_buffer(stored, records).map_err(damaged)?;
+        zstd.decompress_to_buffer(stored, records)
+            .map_err(damaged)?;
         Ok(())
     }
 }

@@ -200,7 +200,9 @@ impl ChunkRecord {
         let mut fields = Fields::new(body);
         let (start_time, end_time) = (fields.u64()?, fields.u64()?);
         let (uncompressed_size, crc) = (fields.u64()?, fields.u32()?);
-        let compression = fields.text().filter(|name| name.len() <= Self::LONGEST_NAME)?;
+        let compression = fields
+            .text()
+            .filter(|name| name.len() <= Self::LONGEST_NAME)?;
         Some(Self {
             start_time,
             end_time,

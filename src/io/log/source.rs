@@ -5,6 +5,8 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 /// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;
+/// How far behind the window a look moves it.
+const CLOSE: u64 = 4096;
 
 /// A file of known length. Nothing past the length it had when it was opened is read: it may still be written to.
 #[derive(Debug)]
@@ -13,6 +15,7 @@ pub struct Source {
     length: u64,
     window: Vec<u8>,
     window_start: u64,
+    probe: Vec<u8>,
 }
 
 impl Source {
@@ -24,6 +27,7 @@ impl Source {
             length,
             window: Vec::new(),
             window_start: 0,
+            probe: Vec::new(),
         })
     }
 
@@ -37,9 +41,7 @@ impl Source {
         let count = count.min(WINDOW);
         let available = usize::try_from(self.length.saturating_sub(start)).unwrap_or(usize::MAX);
         let wanted = count.min(available);
-        let within = start.checked_sub(self.window_start).and_then(|at| usize::try_from(at).ok());
-        let held = within.is_some_and(|at| at.checked_add(wanted).is_some_and(|end| end <= self.window.len()));
-        if !held {
+        if !self.holds(start, wanted) {
             let mut window = std::mem::take(&mut self.window);
             window.clear();
             self.append(start, WINDOW as u64, &mut window)?;
@@ -50,6 +52,32 @@ impl Source {
         // Fewer than wanted only if the file was cut while it was read.
         let end = (at + wanted).min(self.window.len());
         Ok(self.window.get(at..end).unwrap_or_default())
+    }
+
+    /// Like [`Self::peek`] for a few bytes that may be far off: the window stays where it is unless they lie close
+    /// behind it.
+    pub fn probe(&mut self, start: u64, count: usize) -> io::Result<&[u8]> {
+        let window_end = self.window_start + self.window.len() as u64;
+        let next = start >= self.window_start && start <= window_end + CLOSE;
+        let available = self.length.saturating_sub(start).min(count as u64);
+        if next || self.holds(start, usize::try_from(available).unwrap_or(count)) {
+            return self.peek(start, count);
+        }
+        let mut probe = std::mem::take(&mut self.probe);
+        probe.clear();
+        self.append(start, count as u64, &mut probe)?;
+        self.probe = probe;
+        Ok(&self.probe)
+    }
+
+    fn holds(&self, start: u64, count: usize) -> bool {
+        let within = start
+            .checked_sub(self.window_start)
+            .and_then(|at| usize::try_from(at).ok());
+        within.is_some_and(|at| {
+            at.checked_add(count)
+                .is_some_and(|end| end <= self.window.len())
+        })
     }
 
     /// Appends `count` bytes at `start`, or what there is of them, without asking for memory for more than there is.

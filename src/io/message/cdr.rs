@@ -17,7 +17,9 @@ pub enum MessageFault {
     #[error("the message ends before its last field")]
     Short,
     /// Bytes are left after the last field.
-    #[error("the message goes on after its last field: its schema is of another version, or bytes are damaged")]
+    #[error(
+        "the message goes on after its last field: its schema is of another version, or bytes are damaged"
+    )]
     LeftOver,
     /// Not plain CDR version 1.
     #[error("the message's CDR encapsulation is 0x{0:04x}; read are 0x0000 and 0x0001 (plain CDR)")]
@@ -35,9 +37,15 @@ impl CdrPlan {
     /// Lends the wanted values of one message, in the order they were asked for.
     ///
     /// `values` has a place for each wanted path. What was lent before a fault was met must not be used.
-    pub fn read<'m>(&self, message: &'m [u8], values: &mut [Value<'m>]) -> Result<(), MessageFault> {
+    pub fn read<'m>(
+        &self,
+        message: &'m [u8],
+        values: &mut [Value<'m>],
+    ) -> Result<(), MessageFault> {
         debug_assert_eq!(values.len(), self.wanted, "a place for each wanted path");
-        let (header, bytes) = message.split_first_chunk::<4>().ok_or(MessageFault::Short)?;
+        let (header, bytes) = message
+            .split_first_chunk::<4>()
+            .ok_or(MessageFault::Short)?;
         let encapsulation = u16::from_be_bytes([header[0], header[1]]);
         if encapsulation > 1 {
             return Err(MessageFault::Encapsulation(encapsulation));
@@ -124,7 +132,8 @@ impl<'m> Cursor<'m> {
 
     fn text(&mut self) -> Result<&'m [u8], MessageFault> {
         let length = self.count()?;
-        self.elements(Primitive::U8, u64::from(length)).map(without_end_mark)
+        self.elements(Primitive::U8, u64::from(length))
+            .map(without_end_mark)
     }
 
     fn texts(&mut self, fixed: Option<u32>) -> Result<Texts<'m>, MessageFault> {
@@ -166,8 +175,20 @@ mod tests {
     /// Stamp 7 s 9 ns, frame "b", names "j" and "kk", positions 1.5 and -2, no velocities.
     fn joint_message(little: bool) -> Vec<u8> {
         let mut bytes = vec![0, u8::from(little), 0, 0];
-        let word = |n: u32| if little { n.to_le_bytes() } else { n.to_be_bytes() };
-        let double = |x: f64| if little { x.to_le_bytes() } else { x.to_be_bytes() };
+        let word = |n: u32| {
+            if little {
+                n.to_le_bytes()
+            } else {
+                n.to_be_bytes()
+            }
+        };
+        let double = |x: f64| {
+            if little {
+                x.to_le_bytes()
+            } else {
+                x.to_be_bytes()
+            }
+        };
         bytes.extend(word(7)); // 0: sec
         bytes.extend(word(9)); // 4: nanosec
         bytes.extend(word(2)); // 8: "b" and its end mark
@@ -186,14 +207,24 @@ mod tests {
 
     #[test]
     fn both_byte_orders_lend_the_same_values() {
-        let plan = plan(JOINTS, &["position", "name", "header.stamp.sec", "header.frame_id"]);
+        let plan = plan(
+            JOINTS,
+            &["position", "name", "header.stamp.sec", "header.frame_id"],
+        );
         for little in [true, false] {
             let message = joint_message(little);
             let mut values = [Value::Unread; 4];
             plan.read(&message, &mut values).expect("sound message");
-            let Value::Numbers(position) = values[0] else { panic!("numbers") };
-            assert_eq!((position.get(0), position.get(1), position.get(2)), (Some(1.5), Some(-2.0), None));
-            let Value::Texts(names) = values[1] else { panic!("texts") };
+            let Value::Numbers(position) = values[0] else {
+                panic!("numbers")
+            };
+            assert_eq!(
+                (position.get(0), position.get(1), position.get(2)),
+                (Some(1.5), Some(-2.0), None)
+            );
+            let Value::Texts(names) = values[1] else {
+                panic!("texts")
+            };
             assert_eq!(names.iter().collect::<Vec<_>>(), [&b"j"[..], b"kk"]);
             assert_eq!(values[2], Value::Integer(7));
             assert_eq!(values[3], Value::Text(b"b"));
@@ -230,7 +261,10 @@ mod tests {
         let plan = plan(JOINTS, &["position"]);
         let mut message = joint_message(true);
         message[4 + 36..4 + 40].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(plan.read(&message, &mut [Value::Unread]), Err(MessageFault::Short));
+        assert_eq!(
+            plan.read(&message, &mut [Value::Unread]),
+            Err(MessageFault::Short)
+        );
         message[1] = 3;
         assert_eq!(
             plan.read(&message, &mut [Value::Unread]),
@@ -263,14 +297,20 @@ mod tests {
         assert_eq!(values[1], Value::Number(u64::MAX as f64));
         assert_eq!(values[2], Value::Number(0.25));
         assert_eq!(values[3].integer(), Some(1));
-        let Value::Numbers(rgb) = values[4] else { panic!("numbers") };
+        let Value::Numbers(rgb) = values[4] else {
+            panic!("numbers")
+        };
         assert_eq!(rgb.get(2), Some(3.0));
     }
 
     #[test]
     fn plans_refuse_what_cannot_be_read() {
         let definition = |text| parse("a/B", text).expect("sound text");
-        let refusal = |text, path| CdrPlan::resolve(&definition(text), &[path]).expect_err("refused").to_string();
+        let refusal = |text, path| {
+            CdrPlan::resolve(&definition(text), &[path])
+                .expect_err("refused")
+                .to_string()
+        };
         assert!(refusal("float64 x\nfloat64 y", "z").contains("x, y"));
         assert!(refusal("B b", "b.x").contains("contains itself"));
         assert!(refusal("C c\n===\nMSG: a/C\nfloat64 x", "c").contains("message"));

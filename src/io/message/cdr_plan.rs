@@ -29,7 +29,10 @@ pub(super) enum Step {
     /// One string.
     SkipText,
     /// The steps of a nested type, as often as the definition (or else the message) says.
-    Repeat { count: Option<u32>, steps: Vec<Step> },
+    Repeat {
+        count: Option<u32>,
+        steps: Vec<Step>,
+    },
     /// One number is lent.
     Number { slot: usize, of: Primitive },
     /// One string is lent.
@@ -97,7 +100,12 @@ impl Unfolding<'_> {
         Ok(steps)
     }
 
-    fn field(&mut self, field: &Field, path: String, steps: &mut Vec<Step>) -> Result<(), SchemaError> {
+    fn field(
+        &mut self,
+        field: &Field,
+        path: String,
+        steps: &mut Vec<Step>,
+    ) -> Result<(), SchemaError> {
         let slot = self.wanted.iter().position(|wanted| *wanted == path);
         if let Some(slot) = slot {
             self.found[slot] = true;

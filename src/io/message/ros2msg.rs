@@ -12,14 +12,8 @@ use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, S
 
 /// Types that recorders may leave out of the text.
 const BUILT_IN: [(&str, &str); 2] = [
-    (
-        "builtin_interfaces/Time",
-        "int32 sec\nuint32 nanosec\n",
-    ),
-    (
-        "builtin_interfaces/Duration",
-        "int32 sec\nuint32 nanosec\n",
-    ),
+    ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
+    ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
 ];
 
 /// A field before its type is resolved.
@@ -156,7 +150,10 @@ fn type_and_shape(text: &str) -> Option<(&str, Shape)> {
 }
 
 fn resolve(section: &Section, sections: &[Section]) -> Result<MessageType, SchemaError> {
-    let package = section.name.split_once('/').map_or("", |(package, _)| package);
+    let package = section
+        .name
+        .split_once('/')
+        .map_or("", |(package, _)| package);
     let fields = section
         .fields
         .iter()
@@ -244,7 +241,12 @@ mod tests {
             panic!("inner is a message")
         };
         assert_eq!(definition.types[inner].fields.len(), 1);
-        assert!(definition.types.iter().any(|t| t.name == "builtin_interfaces/Time"));
+        assert!(
+            definition
+                .types
+                .iter()
+                .any(|t| t.name == "builtin_interfaces/Time")
+        );
     }
 
     #[test]
@@ -258,9 +260,18 @@ mod tests {
         );
         assert_eq!(
             parse("a/B", "C c"),
-            Err(SchemaError::UnknownType { name: "C".to_owned() })
+            Err(SchemaError::UnknownType {
+                name: "C".to_owned()
+            })
         );
-        for line in ["float64", "float64[0] x", "float64[", "a b@c", "[] x", "<=3 x"] {
+        for line in [
+            "float64",
+            "float64[0] x",
+            "float64[",
+            "a b@c",
+            "[] x",
+            "<=3 x",
+        ] {
             assert!(parse("a/B", line).is_err(), "{line}");
         }
     }
