@@ -13,7 +13,9 @@ use std::io;
 use thiserror::Error;
 
 use super::Limits;
-use super::record::{ChunkRecord, FRAME_HEADER, MessageRecord, indexed_messages, op};
+use super::record::{
+    ChunkRecord, FRAME_HEADER, MOST_EXTENSION, MessageRecord, extends, indexed_messages, op,
+};
 use super::source::Source;
 
 /// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.
@@ -107,7 +109,7 @@ pub struct Frames<'s> {
     probes_left: u32,
     chunked: bool,
     ended: bool,
-    data_crc: Option<u32>,
+    data_crc: Option<(u64, u32)>,
 }
 
 impl<'s> Frames<'s> {
@@ -134,8 +136,8 @@ impl<'s> Frames<'s> {
         self.source
     }
 
-    /// The checksum of the data section, where its end record was met and gives one.
-    pub const fn data_crc(&self) -> Option<u32> {
+    /// Where the data section ends and its checksum, where its end record was met and gives one.
+    pub const fn data_crc(&self) -> Option<(u64, u32)> {
         self.data_crc
     }
 
@@ -185,7 +187,7 @@ impl<'s> Frames<'s> {
             op::DATA_END => {
                 let body = self.source.peek(start + FRAME_HEADER, 4)?;
                 let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
-                self.data_crc = crc.filter(|&crc| crc != 0);
+                self.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
                 self.ended = true;
                 None
             }
@@ -246,12 +248,13 @@ impl<'s> Frames<'s> {
             // The header stands at the start of the file only.
             op::HEADER => false,
             op::MESSAGE => length >= MessageRecord::HEADER,
-            op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fills(length)),
+            op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fits(length)),
             op::MESSAGE_INDEX => indexed_messages(body, length).is_some(),
-            op::DATA_END => length == 4,
-            op::FOOTER => length == 20,
-            op::SUMMARY_OFFSET => length == 17,
+            op::DATA_END => (4..4 + MOST_EXTENSION).contains(&length),
+            op::SUMMARY_OFFSET => (17..17 + MOST_EXTENSION).contains(&length),
             op::METADATA_INDEX => metadata_index_fits(body, length),
+            // Only the closing magic bytes follow a footer.
+            op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
             _ => true,
         })
     }
@@ -338,7 +341,9 @@ impl<'s> Frames<'s> {
             return Ok(false);
         };
         match opcode {
-            op::CHUNK => Ok(self.chunk(at)?.is_some()),
+            op::CHUNK => Ok(self
+                .chunk(at)?
+                .is_some_and(|chunk| chunk.fills(end - at - FRAME_HEADER))),
             op::DATA_END => self.could_follow(end),
             // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
             _ if self.chunked => Ok(false),
@@ -378,7 +383,7 @@ const fn lost(start: u64, end: u64, why: Loss) -> Piece {
 
 fn metadata_index_fits(body: &[u8], length: u64) -> bool {
     let name_length = body.get(16..20).and_then(|bytes| bytes.first_chunk::<4>());
-    name_length.is_some_and(|bytes| u64::from(u32::from_le_bytes(*bytes)) + 20 == length)
+    name_length.is_some_and(|bytes| extends(u64::from(u32::from_le_bytes(*bytes)) + 20, length))
 }
 
 /// The body of each record in a sound run of frames, with its place.
@@ -391,11 +396,6 @@ impl<'a> Records<'a> {
     /// Starts at the first frame of `bytes`.
     pub const fn new(bytes: &'a [u8]) -> Self {
         Self { bytes, at: 0 }
-    }
-
-    /// Bytes before the next frame.
-    pub const fn at(&self) -> usize {
-        self.at
     }
 }
 

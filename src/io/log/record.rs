@@ -214,9 +214,15 @@ impl ChunkRecord {
         })
     }
 
-    /// Whether the record's length is what its fields add up to.
+    /// Whether the record's length is exactly what its fields add up to.
     pub fn fills(&self, length: u64) -> bool {
         self.header_size.checked_add(self.compressed_size) == Some(length)
+    }
+
+    /// Whether the record's fields fit its length.
+    pub fn fits(&self, length: u64) -> bool {
+        let fields = self.header_size.checked_add(self.compressed_size);
+        fields.is_some_and(|fields| extends(fields, length))
     }
 }
 
@@ -240,9 +246,19 @@ impl<'a> MetadataRecord<'a> {
     }
 }
 
+/// Bytes that a later version of the format may add to the end of a record.
+pub const MOST_EXTENSION: u64 = 64;
+
+/// Whether a record of `length` bytes holds fields of so many, and no more than an extension besides.
+pub fn extends(fields: u64, length: u64) -> bool {
+    length
+        .checked_sub(fields)
+        .is_some_and(|more| more <= MOST_EXTENSION)
+}
+
 /// How many messages of one channel a message index lists, if the start of its body is sound for that length.
 pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<u64> {
     let mut fields = Fields::new(body_start);
     let (_channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
-    (length == bytes + 6 && bytes % 16 == 0).then_some(bytes / 16)
+    (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some(bytes / 16)
 }

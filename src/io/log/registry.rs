@@ -78,11 +78,6 @@ impl<D> Registry<D> {
         self.channels.get(&channel_id).map(|(_, decoder)| decoder)
     }
 
-    /// A channel's schema.
-    pub fn schema(&self, id: u16) -> Option<&Schema> {
-        self.schemas.get(&id)
-    }
-
     /// All channels, by id.
     pub fn channels(&self) -> impl Iterator<Item = &Channel> {
         self.channels.values().map(|(channel, _)| channel)

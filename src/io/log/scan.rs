@@ -213,7 +213,50 @@ where
                 }
             };
         }
-        self.flush()
+        self.flush()?;
+        self.check_unchunked()
+    }
+
+    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one.
+    fn check_unchunked(&mut self) -> Result<(), E> {
+        let Some((data_end, stated)) = self.frames.data_crc() else {
+            return Ok(());
+        };
+        if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
+            return Ok(());
+        }
+        let found = self.checksum(data_end)?;
+        if found != stated {
+            let reject = LogReject {
+                file: self.account.file.clone(),
+                topic: None,
+                byte_start: 0,
+                byte_end: data_end,
+                time_span_ns: None,
+                messages: Some(0),
+                reason: format!(
+                    "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
+                     in messages outside chunks it cannot be told which; they were kept"
+                ),
+            };
+            self.account.reject(reject);
+        }
+        Ok(())
+    }
+
+    fn checksum(&mut self, end: u64) -> Result<u32, E> {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut at = 0;
+        let mut bytes = Vec::new();
+        while at < end {
+            bytes.clear();
+            let count = RUN_BYTES.min(end - at);
+            let read = self.frames.source().append(at, count, &mut bytes);
+            read.map_err(|source| self.io(source))?;
+            hasher.update(&bytes);
+            at += count;
+        }
+        Ok(hasher.finalize())
     }
 
     fn take(&mut self, piece: Piece) -> Result<(), E> {
