@@ -6,12 +6,13 @@ use std::f64::consts::PI;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use crate::units::MM_PER_M;
 
 /// `[controller]`: joint angles.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "ControllerFile")]
 pub struct ControllerSettings {
     /// Topic of the joint states.
     pub topic: String,
@@ -23,7 +24,7 @@ pub struct ControllerSettings {
 
 /// `[commanded]`: commanded poses, in the controller's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "CommandedFile")]
 pub struct CommandedSettings {
     /// Topic of the commanded poses.
     pub topic: String,
@@ -35,7 +36,7 @@ pub struct CommandedSettings {
 
 /// `[tracker]`: readings of the target, in the tracker's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(try_from = "TrackerFile")]
 pub struct TrackerSettings {
     /// Topic of the readings.
     pub topic: String,
@@ -44,10 +45,8 @@ pub struct TrackerSettings {
     /// Unit of the positions.
     pub unit: LengthUnit,
     /// Topic of the temperatures (°C, same time source), where the log has them.
-    #[serde(default)]
     pub temperature: Option<String>,
     /// Leave orientations out: a plain reflector whose driver fills in a pose message all the same.
-    #[serde(default)]
     pub ignore_orientation: bool,
 }
 
@@ -113,6 +112,102 @@ impl LengthUnit {
             Self::M => MM_PER_M,
             Self::Mm => 1.0,
         }
+    }
+}
+
+/// `[controller]` as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ControllerFile {
+    topic: String,
+    time: Option<TimeSource>,
+    unit: Option<AngleUnit>,
+}
+
+/// `[commanded]` as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CommandedFile {
+    topic: String,
+    time: Option<TimeSource>,
+    unit: Option<LengthUnit>,
+}
+
+/// `[tracker]` as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrackerFile {
+    topic: String,
+    time: Option<TimeSource>,
+    unit: Option<LengthUnit>,
+    temperature: Option<String>,
+    #[serde(default)]
+    ignore_orientation: bool,
+}
+
+/// A convention that the pipeline file leaves out.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "[{section}] has no `{key}`, which no log states and nothing is assumed for: choose {choices}"
+)]
+pub struct MissingConvention {
+    section: &'static str,
+    key: &'static str,
+    choices: &'static str,
+}
+
+const fn missing(
+    section: &'static str,
+    key: &'static str,
+    choices: &'static str,
+) -> MissingConvention {
+    MissingConvention {
+        section,
+        key,
+        choices,
+    }
+}
+
+/// Choices for `time`.
+const TIMES: &str =
+    "\"header\" (the message's own stamp), \"publish\" or \"log\" (when it was recorded)";
+/// Choices for `unit` of angles.
+const ANGLES: &str = "\"rad\" or \"deg\"";
+/// Choices for `unit` of lengths.
+const LENGTHS: &str = "\"m\" or \"mm\"";
+
+impl TryFrom<ControllerFile> for ControllerSettings {
+    type Error = MissingConvention;
+    fn try_from(file: ControllerFile) -> Result<Self, MissingConvention> {
+        Ok(Self {
+            topic: file.topic,
+            time: file.time.ok_or(missing("controller", "time", TIMES))?,
+            unit: file.unit.ok_or(missing("controller", "unit", ANGLES))?,
+        })
+    }
+}
+
+impl TryFrom<CommandedFile> for CommandedSettings {
+    type Error = MissingConvention;
+    fn try_from(file: CommandedFile) -> Result<Self, MissingConvention> {
+        Ok(Self {
+            topic: file.topic,
+            time: file.time.ok_or(missing("commanded", "time", TIMES))?,
+            unit: file.unit.ok_or(missing("commanded", "unit", LENGTHS))?,
+        })
+    }
+}
+
+impl TryFrom<TrackerFile> for TrackerSettings {
+    type Error = MissingConvention;
+    fn try_from(file: TrackerFile) -> Result<Self, MissingConvention> {
+        Ok(Self {
+            topic: file.topic,
+            time: file.time.ok_or(missing("tracker", "time", TIMES))?,
+            unit: file.unit.ok_or(missing("tracker", "unit", LENGTHS))?,
+            temperature: file.temperature,
+            ignore_orientation: file.ignore_orientation,
+        })
     }
 }
 

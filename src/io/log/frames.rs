@@ -177,8 +177,11 @@ impl<'s> Frames<'s> {
             }),
             op::CHUNK => {
                 self.chunked = true;
-                let chunk = self.chunk(start)?.expect("judged sound by its header");
-                Some(Piece::Chunk { start, end, chunk })
+                // The file may have been cut since it was judged.
+                Some(match self.chunk(start)? {
+                    Some(chunk) => Piece::Chunk { start, end, chunk },
+                    None => lost(start, end, Loss::Truncated),
+                })
             }
             op::MESSAGE_INDEX => {
                 let messages = indexed_messages(self.source.peek(start + FRAME_HEADER, 6)?, length);
@@ -250,8 +253,10 @@ impl<'s> Frames<'s> {
             op::MESSAGE => length >= MessageRecord::HEADER,
             op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fits(length)),
             op::MESSAGE_INDEX => indexed_messages(body, length).is_some(),
-            op::DATA_END => (4..4 + MOST_EXTENSION).contains(&length),
-            op::SUMMARY_OFFSET => (17..17 + MOST_EXTENSION).contains(&length),
+            op::DATA_END => {
+                extends(4, length) && self.summary_follows(start + FRAME_HEADER + length)?
+            }
+            op::SUMMARY_OFFSET => extends(17, length),
             op::METADATA_INDEX => metadata_index_fits(body, length),
             // Only the closing magic bytes follow a footer.
             op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
@@ -279,8 +284,29 @@ impl<'s> Frames<'s> {
         )
     }
 
+    /// Whether the file ends at `start` or goes on with a record of a summary.
+    fn summary_follows(&mut self, start: u64) -> io::Result<bool> {
+        let opcode = self.source.probe(start, 1)?.first().copied();
+        Ok(match opcode {
+            None => true,
+            Some(opcode) => {
+                matches!(
+                    opcode,
+                    op::SCHEMA
+                        | op::CHANNEL
+                        | op::FOOTER
+                        | op::CHUNK_INDEX
+                        | op::ATTACHMENT_INDEX
+                        | op::STATISTICS
+                ) || matches!(opcode, op::METADATA_INDEX | op::SUMMARY_OFFSET)
+            }
+        })
+    }
+
     fn lose_framing(&mut self, start: u64, why: Loss) -> io::Result<Piece> {
-        let chunk = self.chunk(start)?;
+        let chunk = self
+            .chunk(start)?
+            .filter(ChunkRecord::has_known_compression);
         let times = chunk
             .as_ref()
             .map(|chunk| (chunk.start_time, chunk.end_time));
@@ -306,9 +332,8 @@ impl<'s> Frames<'s> {
     fn chunk(&mut self, start: u64) -> io::Result<Option<ChunkRecord>> {
         let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
         let is_chunk = bytes.first() == Some(&op::CHUNK);
-        let known = |chunk: &ChunkRecord| matches!(chunk.compression.as_str(), "" | "zstd" | "lz4");
         let body = bytes.get(9..).filter(|_| is_chunk);
-        Ok(body.and_then(ChunkRecord::read).filter(known))
+        Ok(body.and_then(ChunkRecord::read))
     }
 
     /// The next place from `from` on where a frame begins that cannot be there by chance.
@@ -343,7 +368,7 @@ impl<'s> Frames<'s> {
         match opcode {
             op::CHUNK => Ok(self
                 .chunk(at)?
-                .is_some_and(|chunk| chunk.fills(end - at - FRAME_HEADER))),
+                .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
             op::DATA_END => self.could_follow(end),
             // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
             _ if self.chunked => Ok(false),

@@ -214,9 +214,15 @@ impl ChunkRecord {
         })
     }
 
-    /// Whether the record's length is exactly what its fields add up to.
-    pub fn fills(&self, length: u64) -> bool {
-        self.header_size.checked_add(self.compressed_size) == Some(length)
+    /// Whether this cannot be anything else by chance: its length is exactly what its fields add up to.
+    pub fn is_certain(&self, length: u64) -> bool {
+        self.has_known_compression()
+            && self.header_size.checked_add(self.compressed_size) == Some(length)
+    }
+
+    /// Whether it can be decompressed here.
+    pub fn has_known_compression(&self) -> bool {
+        matches!(self.compression.as_str(), "" | "zstd" | "lz4")
     }
 
     /// Whether the record's fields fit its length.
