@@ -1,11 +1,27 @@
 //! Ingest: decoded log messages → columns in the crate's units, with every message that is left out accounted for.
 //!
-//! Inputs are the two logs of a session, mapped by the pipeline file; output is a [`Recording`]. Samples are in the
-//! order of the time source that the pipeline file names.
+//! Inputs are the two logs of a session, decoded as the pipeline file maps them; output is a [`Recording`].
+//!
+//! 1. Judge each row: numbers must be finite, quaternions must not be zero.
+//! 2. Order the kept rows by stamp (stable), counting duplicate and backward stamps.
+//! 3. Convert to rad and mm, normalise quaternions.
+
+mod decoded;
+mod rows;
+mod settings;
 
 use std::collections::BTreeMap;
 
+use thiserror::Error;
+
+pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
+pub use settings::{
+    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
+    TrackerSettings,
+};
+
 use crate::units::{Controller, Stamp, Tracker};
+use rows::{RowFault, Rows};
 
 /// One session as columns: what the controller and the tracker said, and what was left out.
 #[derive(Debug, Clone, Default)]
@@ -85,4 +101,289 @@ pub struct LogReject {
     pub messages: Option<u64>,
     /// Why, in words.
     pub reason: String,
+}
+
+impl LogReject {
+    /// Counts one more message, logged at `time_ns`.
+    pub fn widen(&mut self, time_ns: i64) {
+        let (first, last) = self.time_span_ns.unwrap_or((time_ns, time_ns));
+        self.time_span_ns = Some((first.min(time_ns), last.max(time_ns)));
+        self.messages = Some(self.messages.unwrap_or(0) + 1);
+    }
+
+    /// Takes another reject of the same file into this one; how many messages is known only if both know.
+    pub fn join(&mut self, other: &Self) {
+        self.byte_start = self.byte_start.min(other.byte_start);
+        self.byte_end = self.byte_end.max(other.byte_end);
+        self.messages = self.messages.zip(other.messages).map(|(a, b)| a + b);
+        self.time_span_ns = match (self.time_span_ns, other.time_span_ns) {
+            (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
+            (one, another) => one.or(another),
+        };
+    }
+}
+
+/// What became of the decoded rows of one stream.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct StreamCounts {
+    kept: u64,
+    rejected: u64,
+    backward_stamps: u64,
+    duplicate_stamps: u64,
+}
+
+/// Why two decoded logs make no recording.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum IngestError {
+    /// Nothing of a stream is left.
+    #[error(
+        "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
+         see `posegrid inspect {file}`"
+    )]
+    NoSamples {
+        /// The file.
+        file: String,
+        /// The topic.
+        topic: String,
+        /// Rows that were decoded.
+        decoded: u64,
+        /// Of the first reject, with a leading colon, or empty.
+        first_reason: String,
+    },
+    /// Header stamps that nobody set.
+    #[error(
+        "{file}: all {messages} messages of topic {topic:?} have the header stamp 0: the publisher does not set it; \
+         try time = \"publish\" or time = \"log\""
+    )]
+    StampsUnset {
+        /// The file.
+        file: String,
+        /// The topic.
+        topic: String,
+        /// How many messages.
+        messages: usize,
+    },
+}
+
+/// Makes the recording of a session from what was decoded of its logs.
+///
+/// Zero positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
+pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestError> {
+    let mut recording = Recording {
+        rejects: decoded.rejects,
+        metadata: decoded.metadata,
+        counts: decoded.counts,
+        ..Recording::default()
+    };
+    recording.joints = joints(decoded.joints, mapping, &mut recording)?;
+    if let (Some(poses), Some(settings)) = (decoded.commands, &mapping.commanded) {
+        let poses = self::poses(poses, settings.unit, false, "commands", &mut recording)?;
+        recording.commands = CommandSamples {
+            stamps: stamps(poses.stamps),
+            positions: poses.positions,
+            orientations: poses.orientations,
+        };
+    }
+    let settings = &mapping.tracker;
+    let ignore_orientation = settings.ignore_orientation;
+    let poses = self::poses(
+        decoded.readings,
+        settings.unit,
+        ignore_orientation,
+        "readings",
+        &mut recording,
+    )?;
+    recording.readings = TargetReadings {
+        stamps: stamps(poses.stamps),
+        positions: poses.positions,
+        orientations: poses.orientations,
+        covariances: poses.covariances,
+    };
+    if let Some(temperatures) = decoded.temperatures {
+        recording.temperatures = self::temperatures(temperatures, &mut recording);
+    }
+    recording
+        .rejects
+        .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
+    Ok(recording)
+}
+
+fn joints(
+    decoded: DecodedJoints,
+    mapping: &Mapping,
+    recording: &mut Recording,
+) -> Result<JointSamples, IngestError> {
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+        let finite = decoded.angles.iter().all(|column| column[row].is_finite());
+        (!finite).then_some(RowFault::Angle)
+    });
+    rows.require(&decoded.origins, &decoded.stamps, recording)?;
+    let to_rad = mapping.controller.unit.to_rad();
+    let angles = decoded.angles.into_iter().map(|column| {
+        let mut column = rows.of(column);
+        column.iter_mut().for_each(|angle| *angle *= to_rad);
+        column
+    });
+    let samples = JointSamples {
+        angles: angles.collect(),
+        stamps: stamps(rows.of(decoded.stamps)),
+    };
+    recording.account("joints", rows);
+    Ok(samples)
+}
+
+/// Positions in mm, unit quaternions.
+fn poses(
+    mut decoded: DecodedPoses,
+    unit: LengthUnit,
+    ignore_orientation: bool,
+    stream: &str,
+    recording: &mut Recording,
+) -> Result<DecodedPoses, IngestError> {
+    if ignore_orientation {
+        decoded.orientations = None;
+    }
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+        pose_fault(&decoded, row)
+    });
+    rows.require(&decoded.origins, &decoded.stamps, recording)?;
+    let to_mm = unit.to_mm();
+    let mut positions = rows.of(decoded.positions);
+    positions
+        .as_flattened_mut()
+        .iter_mut()
+        .for_each(|x| *x *= to_mm);
+    let covariances = decoded.covariances.map(|column| {
+        let mut column = rows.of(column);
+        column
+            .as_flattened_mut()
+            .iter_mut()
+            .for_each(|x| *x *= to_mm * to_mm);
+        column
+    });
+    let orientations = decoded.orientations.map(|column| {
+        let mut column = rows.of(column);
+        let far = column
+            .iter_mut()
+            .filter_map(normalise)
+            .filter(|&norm| (norm - 1.0).abs() > 1e-3);
+        recording
+            .counts
+            .insert(format!("{stream}.quaternions_not_unit"), far.count() as u64);
+        column
+    });
+    let poses = DecodedPoses {
+        stamps: rows.of(decoded.stamps),
+        origins: decoded.origins,
+        positions,
+        orientations,
+        covariances,
+    };
+    recording.account(stream, rows);
+    Ok(poses)
+}
+
+fn pose_fault(decoded: &DecodedPoses, row: usize) -> Option<RowFault> {
+    let position = decoded.positions[row];
+    let covariance = decoded.covariances.as_ref().map(|column| column[row]);
+    if !position
+        .iter()
+        .chain(covariance.iter().flatten())
+        .all(|x| x.is_finite())
+    {
+        return Some(RowFault::Position);
+    }
+    let quaternion = decoded.orientations.as_ref()?[row];
+    if !quaternion.iter().all(|x| x.is_finite()) {
+        return Some(RowFault::Orientation);
+    }
+    // All zeros is how a missing reflector is written; the join wants to see and count it.
+    let reads_something = position.iter().any(|&x| x != 0.0);
+    let zero = quaternion
+        .iter()
+        .all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
+    (reads_something && zero).then_some(RowFault::ZeroQuaternion)
+}
+
+/// Makes a unit quaternion and tells the norm it had; a zero one becomes the identity.
+fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
+    let largest = quaternion
+        .iter()
+        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    if largest < f64::MIN_POSITIVE.sqrt() {
+        *quaternion = [0.0, 0.0, 0.0, 1.0];
+        return None;
+    }
+    // Scaled first: squares of very large components overflow.
+    let norm = largest
+        * quaternion
+            .iter()
+            .map(|x| (x / largest).powi(2))
+            .sum::<f64>()
+            .sqrt();
+    quaternion.iter_mut().for_each(|x| *x /= norm);
+    Some(norm)
+}
+
+fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+        (!decoded.celsius[row].is_finite()).then_some(RowFault::Temperature)
+    });
+    let samples = TemperatureSamples {
+        stamps: stamps(rows.of(decoded.stamps)),
+        celsius: rows.of(decoded.celsius),
+    };
+    recording.account("temperatures", rows);
+    samples
+}
+
+fn stamps<C>(ns: Vec<i64>) -> Vec<Stamp<C>> {
+    ns.into_iter().map(Stamp::from_ns).collect()
+}
+
+impl Rows {
+    fn require(
+        &self,
+        origins: &Origins,
+        stamps: &[i64],
+        recording: &Recording,
+    ) -> Result<(), IngestError> {
+        let (file, topic) = (origins.file.clone(), origins.topic.clone());
+        if stamps.len() > 1 && stamps.iter().all(|&stamp| stamp == 0) {
+            return Err(IngestError::StampsUnset {
+                file,
+                topic,
+                messages: stamps.len(),
+            });
+        }
+        if self.counts.kept > 0 {
+            return Ok(());
+        }
+        let earlier = recording.rejects.iter().filter(|reject| {
+            reject.file == file && reject.topic.as_ref().is_none_or(|of| *of == topic)
+        });
+        let first = self.rejects.iter().chain(earlier).next();
+        Err(IngestError::NoSamples {
+            file,
+            topic,
+            decoded: stamps.len() as u64,
+            first_reason: first
+                .map(|reject| format!(": {}", reject.reason))
+                .unwrap_or_default(),
+        })
+    }
+}
+
+impl Recording {
+    fn account(&mut self, stream: &str, rows: Rows) {
+        let counts = rows.counts;
+        let mut add = |name: &str, count: u64| {
+            *self.counts.entry(format!("{stream}.{name}")).or_default() += count;
+        };
+        add("kept", counts.kept);
+        add("rejected", counts.rejected);
+        add("duplicate_stamps", counts.duplicate_stamps);
+        add("backward_stamps", counts.backward_stamps);
+        self.rejects.extend(rows.rejects);
+    }
 }

@@ -1,0 +1,304 @@
+//! A block: one chunk, or a run of records that stand in no chunk → its messages, given to a visitor.
+//!
+//! 1. Decompress and check the chunk ([`super::chunk`]); a run is taken as it is.
+//! 2. Walk the records. If one defines something new, or a message belongs to a channel not yet known, the block is
+//!    given back: definitions are taken in one block after another, in the order of the file.
+//! 3. Give each message to the visitor, which fills the block's part.
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+use super::chunk::{ChunkFault, Decompressor};
+use super::frames::Records;
+use super::record::{ChannelRecord, ChunkRecord, MessageRecord, MetadataRecord, SchemaRecord, op};
+use super::registry::{Refused, Registry};
+use super::scan::Visitor;
+
+/// A byte range of the file and how it is stored.
+#[derive(Debug, Clone, Default)]
+pub struct Extent {
+    /// First byte.
+    pub start: u64,
+    /// One past the last byte.
+    pub end: u64,
+    /// The chunk's header; `None` for a run of records.
+    pub chunk: Option<ChunkRecord>,
+    /// Messages that the message indexes after the chunk list.
+    pub indexed: Option<u64>,
+}
+
+/// Why records of a block, or all of it, are left out.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum BlockFault {
+    /// The chunk cannot be used.
+    #[error(transparent)]
+    Chunk(#[from] ChunkFault),
+    /// A frame inside the chunk does not fit.
+    #[error(
+        "records inside the chunk end in the middle of one, at its byte {0} after decompression"
+    )]
+    Framing(usize),
+    /// A record that does not belong into a chunk.
+    #[error("a record with opcode 0x{0:02x} does not belong into a chunk")]
+    Opcode(u8),
+    /// The fields of a record do not fit it.
+    #[error("the fields of a record with opcode 0x{0:02x} do not fit its length")]
+    Malformed(u8),
+    /// A message of a channel that nothing before it defines.
+    #[error("messages of channel {0}, which no record before them defines")]
+    UnknownChannel(u16),
+    /// A definition that contradicts an earlier one.
+    #[error(
+        "channel or schema {0} is defined again and differently: which of the two is meant cannot be told"
+    )]
+    Redefined(u16),
+    /// Too many definitions.
+    #[error("the log defines more than 64 MiB of schemas and channels")]
+    TooManyDefinitions,
+}
+
+/// Messages of a block that were left out for one reason.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// How many; `None`: not known.
+    pub messages: Option<u64>,
+    /// Earliest and latest log time, ns.
+    pub times: Option<(u64, u64)>,
+}
+
+impl Tally {
+    /// Counts one message.
+    pub fn add(&mut self, log_time: u64) {
+        let (first, last) = self.times.unwrap_or((log_time, log_time));
+        self.times = Some((first.min(log_time), last.max(log_time)));
+        self.messages = Some(self.messages.unwrap_or(0) + 1);
+    }
+}
+
+/// What walking a block came to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Outcome {
+    /// All messages were given to the visitor, but for those of faults noted.
+    Walked,
+    /// It defines something new: to be walked again when its turn comes.
+    Defines,
+    /// Nothing of it can be used.
+    Rejected(BlockFault),
+}
+
+/// A block being worked on, with buffers that are kept for the next one.
+pub struct Block<P> {
+    /// Where it lies.
+    pub extent: Extent,
+    /// Its bytes as stored.
+    pub stored: Vec<u8>,
+    /// What the visitor made of its messages.
+    pub part: P,
+    /// What became of it.
+    pub outcome: Outcome,
+    /// What was left out of it.
+    pub faults: Vec<(BlockFault, Tally)>,
+    /// Its metadata records: name, key, value.
+    pub metadata: Vec<(String, String, String)>,
+    /// Messages walked.
+    pub messages: u64,
+    records: Vec<u8>,
+    decompressor: Decompressor,
+}
+
+impl<P: Default> Default for Block<P> {
+    fn default() -> Self {
+        Self {
+            extent: Extent::default(),
+            stored: Vec::new(),
+            part: P::default(),
+            outcome: Outcome::Walked,
+            faults: Vec::new(),
+            metadata: Vec::new(),
+            messages: 0,
+            records: Vec::new(),
+            decompressor: Decompressor::default(),
+        }
+    }
+}
+
+impl<P> Block<P> {
+    /// Decompresses and walks the block, if it defines nothing new.
+    pub fn open<V: Visitor<Part = P>>(
+        &mut self,
+        visitor: &V,
+        registry: &Registry<V::Decoder>,
+        chunk_limit: u64,
+    ) {
+        self.metadata.clear();
+        if let Some(chunk) = &self.extent.chunk {
+            let header = usize::try_from(chunk.header_size).expect("a few bytes");
+            let stored = self.stored.get(9 + header..).unwrap_or_default();
+            if let Err(fault) = self
+                .decompressor
+                .run(chunk, stored, chunk_limit, &mut self.records)
+            {
+                self.clear(visitor);
+                self.outcome = Outcome::Rejected(fault.into());
+                return;
+            }
+        }
+        self.walk(visitor, registry, false);
+    }
+
+    /// Takes the block's definitions in and walks it whatever it holds.
+    pub fn define<V: Visitor<Part = P>>(
+        &mut self,
+        visitor: &mut V,
+        registry: &mut Registry<V::Decoder>,
+    ) -> Result<(), V::Error> {
+        let bytes = records(&self.extent, &self.stored, &self.records);
+        if let Some(fault) = define(bytes, visitor, registry)? {
+            self.clear(visitor);
+            self.outcome = Outcome::Rejected(fault);
+            return Ok(());
+        }
+        self.walk(visitor, registry, true);
+        Ok(())
+    }
+
+    fn clear<V: Visitor<Part = P>>(&mut self, visitor: &V) {
+        visitor.clear(&mut self.part);
+        self.faults.clear();
+        self.messages = 0;
+    }
+
+    fn walk<V: Visitor<Part = P>>(
+        &mut self,
+        visitor: &V,
+        registry: &Registry<V::Decoder>,
+        last: bool,
+    ) {
+        self.clear(visitor);
+        self.outcome = Outcome::Walked;
+        let in_chunk = self.extent.chunk.is_some();
+        let bytes = records(&self.extent, &self.stored, &self.records);
+        let mut unknown: BTreeMap<u16, Tally> = BTreeMap::new();
+        for record in Records::new(bytes) {
+            let seen = match record {
+                Err(at) => Seen::Fault(BlockFault::Framing(at)),
+                Ok((_, op::MESSAGE, body)) => match MessageRecord::read(body) {
+                    None => Seen::Fault(BlockFault::Malformed(op::MESSAGE)),
+                    Some(message) => {
+                        self.messages += 1;
+                        match registry.decoder(message.channel_id) {
+                            Some(decoder) => visitor.message(decoder, &message, &mut self.part),
+                            None => unknown
+                                .entry(message.channel_id)
+                                .or_default()
+                                .add(message.log_time),
+                        }
+                        Seen::Known
+                    }
+                },
+                Ok((_, op::SCHEMA, body)) => see_schema(registry, body),
+                Ok((_, op::CHANNEL, body)) => see_channel(registry, body),
+                Ok((_, op::METADATA, body)) if !in_chunk => take_metadata(body, &mut self.metadata),
+                Ok((_, opcode, _)) => Seen::Fault(BlockFault::Opcode(opcode)),
+            };
+            match seen {
+                Seen::Known => {}
+                Seen::Fault(fault) if self.faults.iter().any(|(noted, _)| *noted == fault) => {}
+                Seen::Fault(fault) => self.faults.push((fault, Tally::default())),
+                Seen::New if last => {
+                    unreachable!("the definitions of the block were taken in before")
+                }
+                Seen::New => {
+                    self.outcome = Outcome::Defines;
+                    return;
+                }
+            }
+        }
+        if !unknown.is_empty() && !last {
+            self.outcome = Outcome::Defines;
+        }
+        let unknown = unknown
+            .into_iter()
+            .map(|(id, tally)| (BlockFault::UnknownChannel(id), tally));
+        self.faults.extend(unknown);
+    }
+}
+
+fn records<'b>(extent: &Extent, stored: &'b [u8], decompressed: &'b [u8]) -> &'b [u8] {
+    if extent.chunk.is_some() {
+        decompressed
+    } else {
+        stored
+    }
+}
+
+/// What a record is to the walk.
+enum Seen {
+    Known,
+    New,
+    Fault(BlockFault),
+}
+
+fn see_schema<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
+    match SchemaRecord::read(body) {
+        None => Seen::Fault(BlockFault::Malformed(op::SCHEMA)),
+        Some(schema) if registry.has_schema(&schema) => Seen::Known,
+        Some(_) => Seen::New,
+    }
+}
+
+fn see_channel<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
+    match ChannelRecord::read(body) {
+        None => Seen::Fault(BlockFault::Malformed(op::CHANNEL)),
+        Some(channel) if registry.has_channel(&channel) => Seen::Known,
+        Some(_) => Seen::New,
+    }
+}
+
+fn take_metadata(body: &[u8], metadata: &mut Vec<(String, String, String)>) -> Seen {
+    let Some(record) = MetadataRecord::read(body) else {
+        return Seen::Fault(BlockFault::Malformed(op::METADATA));
+    };
+    let pairs = record.pairs.iter();
+    metadata.extend(pairs.map(|(key, value)| {
+        (
+            record.name.to_owned(),
+            (*key).to_owned(),
+            (*value).to_owned(),
+        )
+    }));
+    Seen::Known
+}
+
+/// Takes the definitions of sound records in; the walk afterwards notes the others.
+fn define<V: Visitor>(
+    bytes: &[u8],
+    visitor: &mut V,
+    registry: &mut Registry<V::Decoder>,
+) -> Result<Option<BlockFault>, V::Error> {
+    for (_, opcode, body) in Records::new(bytes).map_while(Result::ok) {
+        let (id, refused) = match opcode {
+            op::SCHEMA => match SchemaRecord::read(body) {
+                Some(schema) => (schema.id, registry.add_schema(&schema)),
+                None => continue,
+            },
+            op::CHANNEL => match ChannelRecord::read(body) {
+                Some(channel) => {
+                    let added = registry.add_channel(&channel, |channel, schema| {
+                        visitor.channel(channel, schema)
+                    })?;
+                    (channel.id, added)
+                }
+                None => continue,
+            },
+            _ => continue,
+        };
+        match refused {
+            Ok(()) => {}
+            Err(Refused::Redefined) => return Ok(Some(BlockFault::Redefined(id))),
+            Err(Refused::TooMuch) => return Ok(Some(BlockFault::TooManyDefinitions)),
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,128 @@
+//! A chunk's compressed bytes → its records, checked before they are used.
+
+use std::io::Read;
+
+use thiserror::Error;
+
+use super::record::ChunkRecord;
+
+/// Why a chunk is left out.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum ChunkFault {
+    /// Larger than the limit.
+    #[error(
+        "the chunk says it holds {stated} bytes, the limit is {limit}; if that is right, raise chunk_bytes in [limits]"
+    )]
+    TooLarge {
+        /// By its header.
+        stated: u64,
+        /// By the settings.
+        limit: u64,
+    },
+    /// A compression that is not known.
+    #[error("the chunk's compression is {0:?}; read are \"zstd\", \"lz4\" and none")]
+    Compression(String),
+    /// The compressed bytes are damaged.
+    #[error("the chunk cannot be decompressed: {0}")]
+    Damaged(String),
+    /// Another size than the header says.
+    #[error("the chunk holds {found} bytes where its header says {stated}")]
+    Size {
+        /// By its header.
+        stated: u64,
+        /// After decompression.
+        found: u64,
+    },
+    /// Another checksum than the header says.
+    #[error(
+        "the chunk's checksum is {found:08x} where its header says {stated:08x}: bytes are damaged"
+    )]
+    Checksum {
+        /// By its header.
+        stated: u32,
+        /// Of the records.
+        found: u32,
+    },
+    /// No memory for it.
+    #[error("there is no memory for a chunk of {0} bytes; lower chunk_bytes in [limits]")]
+    Memory(u64),
+}
+
+/// Decompresses chunks, keeping its context for the next one.
+#[derive(Default)]
+pub struct Decompressor {
+    zstd: Option<zstd::bulk::Decompressor<'static>>,
+}
+
+impl Decompressor {
+    /// Fills `records` with the chunk's records and checks their size and checksum.
+    pub fn run(
+        &mut self,
+        chunk: &ChunkRecord,
+        stored: &[u8],
+        limit: u64,
+        records: &mut Vec<u8>,
+    ) -> Result<(), ChunkFault> {
+        let stated = chunk.uncompressed_size;
+        if stated > limit {
+            return Err(ChunkFault::TooLarge { stated, limit });
+        }
+        let size = usize::try_from(stated).map_err(|_| ChunkFault::Memory(stated))?;
+        records.clear();
+        match chunk.compression.as_str() {
+            "" if stored.len() != size => {
+                let found = stored.len() as u64;
+                return Err(ChunkFault::Size { stated, found });
+            }
+            "" => records.extend_from_slice(stored),
+            "zstd" => self.zstd(stored, size, records)?,
+            "lz4" => lz4(stored, size, records)?,
+            other => return Err(ChunkFault::Compression(other.to_owned())),
+        }
+        check(chunk, records)
+    }
+
+    fn zstd(
+        &mut self,
+        stored: &[u8],
+        size: usize,
+        records: &mut Vec<u8>,
+    ) -> Result<(), ChunkFault> {
+        let damaged = |error: std::io::Error| ChunkFault::Damaged(error.to_string());
+        // Bounded by the limit; only what is really decompressed is ever touched.
+        records
+            .try_reserve_exact(size)
+            .map_err(|_| ChunkFault::Memory(size as u64))?;
+        let zstd = match &mut self.zstd {
+            Some(zstd) => zstd,
+            none => none.insert(zstd::bulk::Decompressor::new().map_err(damaged)?),
+        };
+        zstd.decompress_to_buffer(stored, records)
+            .map_err(damaged)?;
+        Ok(())
+    }
+}
+
+fn lz4(stored: &[u8], size: usize, records: &mut Vec<u8>) -> Result<(), ChunkFault> {
+    let damaged = |error: std::io::Error| ChunkFault::Damaged(error.to_string());
+    let decoder = lz4::Decoder::new(stored).map_err(damaged)?;
+    // One more than stated, to notice that there is more.
+    let mut limited = decoder.take(size as u64 + 1);
+    limited.read_to_end(records).map_err(damaged)?;
+    Ok(())
+}
+
+fn check(chunk: &ChunkRecord, records: &[u8]) -> Result<(), ChunkFault> {
+    let (stated, found) = (chunk.uncompressed_size, records.len() as u64);
+    if stated != found {
+        return Err(ChunkFault::Size { stated, found });
+    }
+    if chunk.crc != 0 {
+        let found = crc32fast::hash(records);
+        if chunk.crc != found {
+            let stated = chunk.crc;
+            return Err(ChunkFault::Checksum { stated, found });
+        }
+    }
+    Ok(())
+}

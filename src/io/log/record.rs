@@ -1,0 +1,270 @@
+//! MCAP records: fields read out of a record's bytes, nothing allocated by a length that the file states.
+//!
+//! Source: the MCAP format specification, version 0. A reader returns `None` where a record is shorter than its
+//! fields say. The parsers of the `mcap` crate are not used here: they panic or abort on some hostile lengths.
+
+pub use mcap::records::op;
+
+/// Opcode and length before each record.
+pub const FRAME_HEADER: u64 = 9;
+
+/// Fields of a record, read one after another.
+#[derive(Debug, Clone)]
+pub struct Fields<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Fields<'a> {
+    /// Starts at the first field.
+    pub const fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes }
+    }
+
+    /// What was not read yet.
+    pub const fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (bytes, rest) = self.rest.split_first_chunk::<N>()?;
+        self.rest = rest;
+        Some(*bytes)
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.array().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    /// A count of four bytes and that many bytes.
+    fn bytes(&mut self) -> Option<&'a [u8]> {
+        let length = usize::try_from(self.u32()?).ok()?;
+        let (bytes, rest) = self.rest.split_at_checked(length)?;
+        self.rest = rest;
+        Some(bytes)
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        std::str::from_utf8(self.bytes()?).ok()
+    }
+
+    fn text_map(&mut self) -> Option<Vec<(&'a str, &'a str)>> {
+        let mut pairs = Fields::new(self.bytes()?);
+        let mut found = Vec::new();
+        while !pairs.rest.is_empty() {
+            found.push((pairs.text()?, pairs.text()?));
+        }
+        Some(found)
+    }
+}
+
+/// The record before all others.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HeaderRecord<'a> {
+    /// Conventions of the log, such as `ros2`.
+    pub profile: &'a str,
+    /// What wrote it.
+    pub library: &'a str,
+}
+
+impl<'a> HeaderRecord<'a> {
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        Some(Self {
+            profile: fields.text()?,
+            library: fields.text()?,
+        })
+    }
+}
+
+/// A message definition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SchemaRecord<'a> {
+    /// Not zero.
+    pub id: u16,
+    /// The message type.
+    pub name: &'a str,
+    /// The language of the definition.
+    pub encoding: &'a str,
+    /// The definition.
+    pub definition: &'a [u8],
+}
+
+impl<'a> SchemaRecord<'a> {
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        Some(Self {
+            id: fields.u16().filter(|&id| id != 0)?,
+            name: fields.text()?,
+            encoding: fields.text()?,
+            definition: fields.bytes()?,
+        })
+    }
+}
+
+/// A channel: messages of one schema on one topic.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChannelRecord<'a> {
+    /// Valid in this file only.
+    pub id: u16,
+    /// 0: none.
+    pub schema_id: u16,
+    /// The topic.
+    pub topic: &'a str,
+    /// How messages are serialised.
+    pub encoding: &'a str,
+}
+
+impl<'a> ChannelRecord<'a> {
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        let channel = Self {
+            id: fields.u16()?,
+            schema_id: fields.u16()?,
+            topic: fields.text()?,
+            encoding: fields.text()?,
+        };
+        fields.text_map().map(|_| channel)
+    }
+}
+
+/// A message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MessageRecord<'a> {
+    /// Of the channel it belongs to.
+    pub channel_id: u16,
+    /// Counted by the publisher, 0 where it does not.
+    pub sequence: u32,
+    /// When it was recorded, ns.
+    pub log_time: u64,
+    /// When it was published, ns.
+    pub publish_time: u64,
+    /// The serialised message.
+    pub payload: &'a [u8],
+}
+
+impl<'a> MessageRecord<'a> {
+    /// Bytes before the payload.
+    pub const HEADER: u64 = 22;
+
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        Some(Self {
+            channel_id: fields.u16()?,
+            sequence: fields.u32()?,
+            log_time: fields.u64()?,
+            publish_time: fields.u64()?,
+            payload: fields.rest(),
+        })
+    }
+}
+
+/// What stands before a chunk's compressed records.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ChunkRecord {
+    /// Earliest log time, ns; a hint.
+    pub start_time: u64,
+    /// Latest log time, ns; a hint.
+    pub end_time: u64,
+    /// Bytes of the records.
+    pub uncompressed_size: u64,
+    /// CRC-32 of the uncompressed records; 0: not given.
+    pub crc: u32,
+    /// The name of the compression, empty for none.
+    pub compression: String,
+    /// Bytes of the compressed records.
+    pub compressed_size: u64,
+    /// Bytes before the compressed records, from the start of the record's body.
+    pub header_size: u64,
+}
+
+impl ChunkRecord {
+    /// The longest name of a compression that is looked at.
+    const LONGEST_NAME: usize = 32;
+    /// Bytes of the body that suffice to read the header.
+    pub const MOST_HEADER: usize = 40 + Self::LONGEST_NAME;
+
+    /// Reads the header from the first bytes of the body.
+    pub fn read(body: &[u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        let (start_time, end_time) = (fields.u64()?, fields.u64()?);
+        let (uncompressed_size, crc) = (fields.u64()?, fields.u32()?);
+        let compression = fields
+            .text()
+            .filter(|name| name.len() <= Self::LONGEST_NAME)?;
+        Some(Self {
+            start_time,
+            end_time,
+            uncompressed_size,
+            crc,
+            compression: compression.to_owned(),
+            compressed_size: fields.u64()?,
+            header_size: 40 + compression.len() as u64,
+        })
+    }
+
+    /// Whether this cannot be anything else by chance: its length is exactly what its fields add up to.
+    pub fn is_certain(&self, length: u64) -> bool {
+        self.has_known_compression()
+            && self.header_size.checked_add(self.compressed_size) == Some(length)
+    }
+
+    /// Whether it can be decompressed here.
+    pub fn has_known_compression(&self) -> bool {
+        matches!(self.compression.as_str(), "" | "zstd" | "lz4")
+    }
+
+    /// Whether the record's fields fit its length.
+    pub fn fits(&self, length: u64) -> bool {
+        let fields = self.header_size.checked_add(self.compressed_size);
+        fields.is_some_and(|fields| extends(fields, length))
+    }
+}
+
+/// A named map of texts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MetadataRecord<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Keys and values.
+    pub pairs: Vec<(&'a str, &'a str)>,
+}
+
+impl<'a> MetadataRecord<'a> {
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        Some(Self {
+            name: fields.text()?,
+            pairs: fields.text_map()?,
+        })
+    }
+}
+
+/// Bytes that a later version of the format may add to the end of a record.
+pub const MOST_EXTENSION: u64 = 64;
+
+/// Whether a record of `length` bytes holds fields of so many, and no more than an extension besides.
+pub fn extends(fields: u64, length: u64) -> bool {
+    length
+        .checked_sub(fields)
+        .is_some_and(|more| more <= MOST_EXTENSION)
+}
+
+/// How many messages of one channel a message index lists, if the start of its body is sound for that length.
+pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<u64> {
+    let mut fields = Fields::new(body_start);
+    let (_channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
+    (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some(bytes / 16)
+}

@@ -1,0 +1,156 @@
+//! Which channels and schemas a log has defined so far. Ids mean something within one file only.
+
+use std::collections::BTreeMap;
+
+use super::record::{ChannelRecord, SchemaRecord};
+
+/// Bytes of definitions that are kept of one log.
+const MOST_DEFINITIONS: usize = 64 * 1024 * 1024;
+
+/// A message definition as the log has it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Schema {
+    /// The message type.
+    pub name: String,
+    /// The language of the definition.
+    pub encoding: String,
+    /// The definition.
+    pub definition: Vec<u8>,
+}
+
+/// A channel as the log has it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Channel {
+    /// Valid in this file only.
+    pub id: u16,
+    /// 0: none.
+    pub schema_id: u16,
+    /// The topic.
+    pub topic: String,
+    /// How messages are serialised.
+    pub encoding: String,
+}
+
+/// Channels with their decoders `D`, and schemas.
+#[derive(Debug)]
+pub struct Registry<D> {
+    schemas: BTreeMap<u16, Schema>,
+    channels: BTreeMap<u16, (Channel, D)>,
+    size: usize,
+}
+
+/// A definition that cannot be taken in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refused {
+    /// The id already means something else.
+    Redefined,
+    /// No room for more.
+    TooMuch,
+}
+
+impl<D> Default for Registry<D> {
+    fn default() -> Self {
+        Self {
+            schemas: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            size: 0,
+        }
+    }
+}
+
+impl<D> Registry<D> {
+    /// Whether exactly this schema is known.
+    pub fn has_schema(&self, record: &SchemaRecord<'_>) -> bool {
+        self.schemas
+            .get(&record.id)
+            .is_some_and(|schema| schema.is(record))
+    }
+
+    /// Whether exactly this channel is known.
+    pub fn has_channel(&self, record: &ChannelRecord<'_>) -> bool {
+        self.channels
+            .get(&record.id)
+            .is_some_and(|(channel, _)| channel.is(record))
+    }
+
+    /// The decoder of a channel.
+    pub fn decoder(&self, channel_id: u16) -> Option<&D> {
+        self.channels.get(&channel_id).map(|(_, decoder)| decoder)
+    }
+
+    /// All channels, by id.
+    pub fn channels(&self) -> impl Iterator<Item = &Channel> {
+        self.channels.values().map(|(channel, _)| channel)
+    }
+
+    /// Takes a schema in.
+    pub fn add_schema(&mut self, record: &SchemaRecord<'_>) -> Result<(), Refused> {
+        if self.has_schema(record) {
+            return Ok(());
+        }
+        if self.schemas.contains_key(&record.id) {
+            return Err(Refused::Redefined);
+        }
+        self.grow(record.definition.len() + record.name.len() + record.encoding.len())?;
+        self.schemas.insert(
+            record.id,
+            Schema {
+                name: record.name.to_owned(),
+                encoding: record.encoding.to_owned(),
+                definition: record.definition.to_owned(),
+            },
+        );
+        Ok(())
+    }
+
+    /// Takes a channel in; `decoder` makes its decoder.
+    pub fn add_channel<E>(
+        &mut self,
+        record: &ChannelRecord<'_>,
+        decoder: impl FnOnce(&Channel, Option<&Schema>) -> Result<D, E>,
+    ) -> Result<Result<(), Refused>, E> {
+        if self.has_channel(record) {
+            return Ok(Ok(()));
+        }
+        if self.channels.contains_key(&record.id) {
+            return Ok(Err(Refused::Redefined));
+        }
+        if let Err(refused) = self.grow(record.topic.len() + record.encoding.len()) {
+            return Ok(Err(refused));
+        }
+        let channel = Channel {
+            id: record.id,
+            schema_id: record.schema_id,
+            topic: record.topic.to_owned(),
+            encoding: record.encoding.to_owned(),
+        };
+        let decoder = decoder(&channel, self.schemas.get(&record.schema_id))?;
+        self.channels.insert(record.id, (channel, decoder));
+        Ok(Ok(()))
+    }
+
+    fn grow(&mut self, bytes: usize) -> Result<(), Refused> {
+        let size = self.size + bytes;
+        if size > MOST_DEFINITIONS {
+            return Err(Refused::TooMuch);
+        }
+        self.size = size;
+        Ok(())
+    }
+}
+
+impl Schema {
+    fn is(&self, record: &SchemaRecord<'_>) -> bool {
+        self.name == record.name
+            && self.encoding == record.encoding
+            && self.definition == record.definition
+    }
+}
+
+impl Channel {
+    fn is(&self, record: &ChannelRecord<'_>) -> bool {
+        self.schema_id == record.schema_id
+            && self.topic == record.topic
+            && self.encoding == record.encoding
+    }
+}

@@ -1,0 +1,491 @@
+//! Scan: one log file → every sound message given to a visitor, every lost byte range to the account.
+//!
+//! 1. Check the magic bytes and read the header.
+//! 2. Walk the frames and gather blocks: chunks, and runs of records outside chunks.
+//! 3. A batch of blocks, bounded in bytes, is decompressed, checked and decoded in parallel, each block into a part
+//!    of its own.
+//! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
+//!    that defines channels is worked on when its turn comes.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::Path;
+
+use mcap::MAGIC;
+use rayon::prelude::*;
+
+use super::block::{Block, BlockFault, Extent, Outcome, Tally};
+use super::frames::{Frames, Loss, Lost, Piece};
+use super::record::{ChunkRecord, FRAME_HEADER, HeaderRecord, MessageRecord, op};
+use super::registry::{Channel, Registry, Schema};
+use super::source::Source;
+use super::{FileError, Limits};
+use crate::ingest::LogReject;
+use crate::progress::Progress;
+
+/// Bytes of a run of records outside chunks.
+const RUN_BYTES: u64 = 1024 * 1024;
+/// Rejects of one log that are listed one by one; the rest is told together.
+const MOST_REJECTS: usize = 10_000;
+
+/// What wants a log's messages. `message` is called from many threads, everything else from one.
+pub trait Visitor: Sync {
+    /// What it keeps for each channel.
+    type Decoder: Send + Sync;
+    /// What it makes of one block.
+    type Part: Default + Send;
+    /// Why it may give up.
+    type Error;
+
+    /// A channel was met for the first time.
+    fn channel(
+        &mut self,
+        channel: &Channel,
+        schema: Option<&Schema>,
+    ) -> Result<Self::Decoder, Self::Error>;
+    /// A message of a channel that was met.
+    fn message(&self, decoder: &Self::Decoder, message: &MessageRecord<'_>, part: &mut Self::Part);
+    /// Empties a part for the next block; its buffers should stay.
+    fn clear(&self, part: &mut Self::Part);
+    /// Takes over what was made of a block, and adds what it left out of it.
+    fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
+}
+
+/// What was found in a log besides its messages.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Account {
+    /// The file, as it was named.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// Conventions of the log, such as `ros2`.
+    pub profile: String,
+    /// What wrote it.
+    pub library: String,
+    /// Sound chunks, by compression.
+    pub chunks: BTreeMap<String, u64>,
+    /// Sound chunks without a checksum.
+    pub chunks_unchecked: u64,
+    /// Messages outside chunks: no checksum covers them one by one.
+    pub messages_outside_chunks: u64,
+    /// Messages in sound blocks.
+    pub messages: u64,
+    /// Channels, by id.
+    pub channels: Vec<Channel>,
+    /// Metadata records: name, key, value.
+    pub metadata: Vec<(String, String, String)>,
+    /// What was left out.
+    pub rejects: Vec<LogReject>,
+}
+
+/// Reads a whole log.
+pub fn scan<V, E>(
+    path: &Path,
+    name: &str,
+    limits: Limits,
+    visitor: &mut V,
+    progress: &dyn Progress,
+) -> Result<Account, E>
+where
+    V: Visitor<Error = E>,
+    V::Part: Send,
+    E: From<FileError>,
+{
+    let at_fault = |source| FileError::Io {
+        file: name.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(at_fault)?;
+    let mut source = Source::new(file).map_err(at_fault)?;
+    let mut account = Account {
+        file: name.to_owned(),
+        bytes: source.length(),
+        ..Account::default()
+    };
+    let start = read_header(&mut source, &mut account)?;
+    progress.begin(name, source.length());
+    let mut scan = Scan {
+        frames: Frames::new(&mut source, start, limits),
+        registry: Registry::default(),
+        batch: Vec::new(),
+        filled: 0,
+        // The first blocks define the channels: a batch full of them would wait for the first one.
+        blocks_at_once: 1,
+        limits,
+        visitor,
+        account,
+        progress,
+        told: 0,
+    };
+    scan.run()?;
+    let channels = scan.registry.channels().cloned().collect();
+    let mut account = scan.account;
+    account.channels = channels;
+    progress.end();
+    Ok(account)
+}
+
+/// Checks the magic bytes; returns where the data section begins.
+fn read_header(source: &mut Source, account: &mut Account) -> Result<u64, FileError> {
+    let name = account.file.clone();
+    let at_fault = |source| FileError::Io {
+        file: name.clone(),
+        source,
+    };
+    if source.length() == 0 {
+        return Err(FileError::Empty { file: name });
+    }
+    let start = source.peek(0, 8).map_err(at_fault)?.to_vec();
+    if start != MAGIC {
+        return Err(FileError::NotMcap { file: name, start });
+    }
+    let frame = source.peek(8, 9).map_err(at_fault)?.to_vec();
+    let (Some(&op::HEADER), Some(length)) = (
+        frame.first(),
+        frame.get(1..).and_then(|l| l.first_chunk::<8>()),
+    ) else {
+        return Ok(8);
+    };
+    let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+    let body = source.peek(8 + FRAME_HEADER, length).map_err(at_fault)?;
+    if body.len() < length {
+        return Ok(8);
+    }
+    if let Some(header) = HeaderRecord::read(body) {
+        header.profile.clone_into(&mut account.profile);
+        header.library.clone_into(&mut account.library);
+        return Ok(8 + FRAME_HEADER + length as u64);
+    }
+    Ok(8)
+}
+
+struct Scan<'a, V: Visitor> {
+    frames: Frames<'a>,
+    registry: Registry<V::Decoder>,
+    batch: Vec<Block<V::Part>>,
+    /// Blocks of the batch that are in use; the others keep their buffers.
+    filled: usize,
+    blocks_at_once: usize,
+    limits: Limits,
+    visitor: &'a mut V,
+    account: Account,
+    progress: &'a dyn Progress,
+    /// Bytes told to the progress.
+    told: u64,
+}
+
+impl<V, E> Scan<'_, V>
+where
+    V: Visitor<Error = E>,
+    E: From<FileError>,
+{
+    fn run(&mut self) -> Result<(), E> {
+        let mut run: Option<Run> = None;
+        loop {
+            let piece = self.frames.next().map_err(|source| self.io(source))?;
+            run = match (piece, run.take()) {
+                (
+                    Some(Piece::Record {
+                        start,
+                        end,
+                        is_message,
+                    }),
+                    run,
+                ) => {
+                    let grown = Run::grown(run, start, end, is_message);
+                    self.unless_full(grown)?
+                }
+                (Some(Piece::Lost(mut lost)), Some(mut run)) => {
+                    run.yield_to(&mut lost);
+                    self.add_run(&run)?;
+                    self.lose(&lost);
+                    None
+                }
+                (piece, run) => {
+                    if let Some(run) = run {
+                        self.add_run(&run)?;
+                    }
+                    match piece {
+                        None => break,
+                        Some(piece) => self.take(piece)?,
+                    }
+                    None
+                }
+            };
+        }
+        self.flush()?;
+        self.check_unchunked()
+    }
+
+    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one.
+    fn check_unchunked(&mut self) -> Result<(), E> {
+        let Some((data_end, stated)) = self.frames.data_crc() else {
+            return Ok(());
+        };
+        if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
+            return Ok(());
+        }
+        let found = self.checksum(data_end)?;
+        if found != stated {
+            let reject = LogReject {
+                file: self.account.file.clone(),
+                topic: None,
+                byte_start: 0,
+                byte_end: data_end,
+                time_span_ns: None,
+                messages: Some(0),
+                reason: format!(
+                    "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
+                     in messages outside chunks it cannot be told which; they were kept"
+                ),
+            };
+            self.account.reject(reject);
+        }
+        Ok(())
+    }
+
+    fn checksum(&mut self, end: u64) -> Result<u32, E> {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut at = 0;
+        let mut bytes = Vec::new();
+        while at < end {
+            bytes.clear();
+            let count = RUN_BYTES.min(end - at);
+            let read = self.frames.source().append(at, count, &mut bytes);
+            read.map_err(|source| self.io(source))?;
+            hasher.update(&bytes);
+            at += count;
+        }
+        Ok(hasher.finalize())
+    }
+
+    fn take(&mut self, piece: Piece) -> Result<(), E> {
+        match piece {
+            Piece::Chunk { start, end, chunk } => {
+                let extent = Extent {
+                    start,
+                    end,
+                    chunk: Some(chunk),
+                    indexed: None,
+                };
+                self.add(extent)
+            }
+            Piece::Index { messages } => {
+                if let Some(block) = self.batch[..self.filled].last_mut() {
+                    let indexed = &mut block.extent.indexed;
+                    *indexed = indexed.unwrap_or(0).checked_add(messages);
+                }
+                Ok(())
+            }
+            Piece::Lost(lost) => {
+                self.lose(&lost);
+                Ok(())
+            }
+            Piece::Record { .. } => Ok(()),
+        }
+    }
+
+    fn unless_full(&mut self, run: Run) -> Result<Option<Run>, E> {
+        if run.end - run.start < RUN_BYTES {
+            return Ok(Some(run));
+        }
+        self.add_run(&run)?;
+        Ok(None)
+    }
+
+    fn add_run(&mut self, run: &Run) -> Result<(), E> {
+        if run.end == run.start {
+            return Ok(());
+        }
+        self.add(Extent {
+            start: run.start,
+            end: run.end,
+            chunk: None,
+            indexed: None,
+        })
+    }
+
+    /// Puts a block into the batch, after working on the batch if it is full.
+    fn add(&mut self, extent: Extent) -> Result<(), E> {
+        let bytes = weight(&extent, self.limits);
+        let held: u64 = self.batch[..self.filled]
+            .iter()
+            .map(|block| weight(&block.extent, self.limits))
+            .sum();
+        if self.filled > 0
+            && (self.filled >= self.blocks_at_once || held + bytes > self.limits.batch_bytes)
+        {
+            self.flush()?;
+        }
+        if self.filled == self.batch.len() {
+            self.batch.push(Block::default());
+        }
+        let block = &mut self.batch[self.filled];
+        block.stored.clear();
+        let (start, length) = (extent.start, extent.end - extent.start);
+        let read = self
+            .frames
+            .source()
+            .append(start, length, &mut block.stored);
+        block.extent = extent;
+        self.filled += 1;
+        read.map_err(|source| self.io(source))
+    }
+
+    fn flush(&mut self) -> Result<(), E> {
+        let blocks = &mut self.batch[..self.filled];
+        let (visitor, registry) = (&*self.visitor, &self.registry);
+        let limit = self.limits.chunk_bytes;
+        blocks
+            .par_iter_mut()
+            .for_each(|block| block.open(visitor, registry, limit));
+        for block in blocks {
+            if block.outcome == Outcome::Defines {
+                block.define(self.visitor, &mut self.registry)?;
+            }
+            settle(block, self.visitor, &mut self.account);
+        }
+        self.progress.advance(self.frames.at() - self.told);
+        self.told = self.frames.at();
+        self.filled = 0;
+        self.blocks_at_once = (self.blocks_at_once * 2).min(1024);
+        Ok(())
+    }
+
+    fn lose(&mut self, lost: &Lost) {
+        let times = lost.times.map(|(first, last)| (ns(first), ns(last)));
+        let messages = (lost.why == Loss::NoDataEnd).then_some(0);
+        let reject = LogReject {
+            file: self.account.file.clone(),
+            topic: None,
+            byte_start: lost.start,
+            byte_end: lost.end,
+            time_span_ns: times,
+            messages,
+            reason: lost.why.to_string(),
+        };
+        self.account.reject(reject);
+    }
+
+    fn io(&self, source: std::io::Error) -> E {
+        let file = self.account.file.clone();
+        FileError::Io { file, source }.into()
+    }
+}
+
+/// Bytes that a block may occupy while it is worked on.
+fn weight(extent: &Extent, limits: Limits) -> u64 {
+    let unpacked = extent
+        .chunk
+        .as_ref()
+        .map_or(0, |chunk| chunk.uncompressed_size.min(limits.chunk_bytes));
+    (extent.end - extent.start).saturating_add(unpacked)
+}
+
+/// Merges a block that was walked, accounts for one that was not.
+fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut Account) {
+    let Extent {
+        start,
+        end,
+        ref chunk,
+        indexed,
+    } = block.extent;
+    let reject = |fault: &BlockFault, tally: &Tally| LogReject {
+        file: account.file.clone(),
+        topic: None,
+        byte_start: start,
+        byte_end: end,
+        time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
+        messages: tally.messages,
+        reason: fault.to_string(),
+    };
+    let mut rejects: Vec<_> = block
+        .faults
+        .iter()
+        .map(|(fault, tally)| reject(fault, tally))
+        .collect();
+    if let Outcome::Rejected(fault) = &block.outcome {
+        let tally = Tally {
+            messages: indexed,
+            times: chunk
+                .as_ref()
+                .map(|chunk| (chunk.start_time, chunk.end_time)),
+        };
+        rejects.push(reject(fault, &tally));
+    } else {
+        account.count(chunk.as_ref(), block.messages);
+        visitor.merge(&block.extent, &mut block.part, &mut rejects);
+    }
+    account.metadata.append(&mut block.metadata);
+    rejects
+        .into_iter()
+        .for_each(|reject| account.reject(reject));
+}
+
+impl Account {
+    fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
+        self.messages += messages;
+        match chunk {
+            None => self.messages_outside_chunks += messages,
+            Some(chunk) => {
+                *self.chunks.entry(chunk.compression.clone()).or_default() += 1;
+                self.chunks_unchecked += u64::from(chunk.crc == 0);
+            }
+        }
+    }
+
+    /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
+    fn reject(&mut self, reject: LogReject) {
+        let full = self.rejects.len() >= MOST_REJECTS;
+        match self.rejects.last_mut() {
+            Some(last) if full => {
+                last.join(&reject);
+                "many more losses, told together; see the first ones".clone_into(&mut last.reason);
+            }
+            Some(last)
+                if last.byte_end == reject.byte_start
+                    && last.byte_start != last.byte_end
+                    && last.reason == reject.reason
+                    && last.topic == reject.topic
+                    && last.messages.is_none()
+                    && reject.messages.is_none() =>
+            {
+                last.join(&reject);
+            }
+            _ => self.rejects.push(reject),
+        }
+    }
+}
+
+/// Records outside chunks, one after another.
+struct Run {
+    start: u64,
+    end: u64,
+    /// Where the last record begins, if it is a message.
+    last_message: Option<u64>,
+}
+
+impl Run {
+    fn grown(run: Option<Self>, start: u64, end: u64, is_message: bool) -> Self {
+        Self {
+            start: run.map_or(start, |run| run.start),
+            end,
+            last_message: is_message.then_some(start),
+        }
+    }
+
+    /// Where framing is lost right behind a message, its own length may be what is wrong.
+    fn yield_to(&mut self, lost: &mut Lost) {
+        if let (Loss::Framing(_), Some(start), true) =
+            (lost.why, self.last_message, lost.start == self.end)
+        {
+            self.end = start;
+            lost.start = start;
+        }
+    }
+}
+
+/// A log's time as a stamp; times past the year 2262 are cut to it.
+pub fn ns(time: u64) -> i64 {
+    i64::try_from(time).unwrap_or(i64::MAX)
+}

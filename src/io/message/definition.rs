@@ -1,0 +1,109 @@
+//! A message definition, whatever language it was written in.
+
+use std::fmt;
+
+/// The message type of a channel with every type it uses.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Definition {
+    /// The first one is the channel's own; fields refer to the others by index.
+    pub types: Vec<MessageType>,
+}
+
+/// A message type: named fields in the order they are serialised in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MessageType {
+    /// `package/Name`.
+    pub name: String,
+    /// At least one: an empty message carries a placeholder byte.
+    pub fields: Vec<Field>,
+}
+
+/// One field.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Field {
+    /// Its name.
+    pub name: String,
+    /// What one element is.
+    pub of: FieldType,
+    /// How many elements there are.
+    pub shape: Shape,
+}
+
+/// What one element of a field is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FieldType {
+    /// A number.
+    Primitive(Primitive),
+    /// A string, bounded or not.
+    Text,
+    /// A string of wide characters.
+    WideText,
+    /// A nested message: its index in [`Definition::types`].
+    Message(usize),
+}
+
+/// How many elements a field has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// One.
+    One,
+    /// As many as the definition says.
+    Fixed(u32),
+    /// As many as the message says, bounded or not.
+    Sequence,
+}
+
+/// A number as it is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Primitive {
+    /// 0 or 1 in one byte.
+    Bool,
+    /// Also `char` in the older sense.
+    I8,
+    /// Also `byte` and `char`.
+    U8,
+    /// Two bytes, signed.
+    I16,
+    /// Two bytes.
+    U16,
+    /// Four bytes, signed.
+    I32,
+    /// Four bytes.
+    U32,
+    /// Eight bytes, signed.
+    I64,
+    /// Eight bytes.
+    U64,
+    /// IEEE single.
+    F32,
+    /// IEEE double.
+    F64,
+}
+
+impl Primitive {
+    /// Bytes of one element; also what CDR aligns it to.
+    pub const fn size(self) -> usize {
+        match self {
+            Self::Bool | Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = match self.of {
+            FieldType::Primitive(primitive) => format!("{primitive:?}").to_lowercase(),
+            FieldType::Text => "string".to_owned(),
+            FieldType::WideText => "wstring".to_owned(),
+            FieldType::Message(_) => "message".to_owned(),
+        };
+        match self.shape {
+            Shape::One => f.write_str(&of),
+            Shape::Fixed(count) => write!(f, "{of}[{count}]"),
+            Shape::Sequence => write!(f, "{of}[]"),
+        }
+    }
+}

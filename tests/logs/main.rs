@@ -1,0 +1,6 @@
+//! Logs in, recordings out: on real recordings, on logs built here, and on logs that were damaged on purpose.
+
+mod build;
+mod damage;
+mod recordings;
+mod sound;
