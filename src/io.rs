@@ -1,11 +1,8 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
-<<<<<<< HEAD
 pub mod lake;
+pub mod log;
 pub mod log_writer;
+pub mod message;
 pub mod schema;
 pub mod table;
-=======
-pub mod log;
-pub mod message;
->>>>>>> logs

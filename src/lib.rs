@@ -10,6 +10,9 @@
 //! Core modules ([`units`], [`geometry`], [`kinematics`]) know no stage. A stage is a plain function that uses core and
 //! the output of earlier stages. Only [`io`], the pipeline and the command line read and write.
 
+// Core: knows no stage.
+
+// Core: knows no stage.
 pub mod figures;
 pub mod geometry;
 pub mod kinematics;
@@ -17,20 +20,18 @@ pub mod linalg;
 pub mod progress;
 pub mod units;
 
-pub mod ingest;
-
-pub mod join;
-
+// The stages, in data order: ingest, join, fit, similarity, grid, compensation, report.
 pub mod fit;
-
+pub mod grid;
+pub mod ingest;
+pub mod join;
+pub mod report;
 pub mod similarity;
 
-pub mod grid;
-
+// Before measuring.
 pub mod simulate;
 
-pub mod manifest;
-
-pub mod io;
-
+// Everything that reads and writes.
 pub mod cli;
+pub mod io;
+pub mod manifest;

@@ -52,8 +52,10 @@ struct Row {
     command_mm: [f64; 3],
 }
 
-fn rows(folder: &std::path::Path) -> Vec<Row> {
-    let mut reader = csv::Reader::from_path(folder.join("stations.csv")).expect("stations.csv");
+fn rows(session: &str) -> Vec<Row> {
+    let path =
+        common::recording(&format!("{session}/stations.csv")).expect("it stands beside the logs");
+    let mut reader = csv::Reader::from_path(path).expect("stations.csv");
     let row = |record: csv::StringRecord| {
         let number = |column: usize| record[column].parse::<f64>().expect("a number");
         Row {
@@ -71,12 +73,12 @@ fn rows(folder: &std::path::Path) -> Vec<Row> {
 #[test]
 fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
     for truth in SESSIONS {
-        let Some(folder) = common::folder(truth.name) else {
+        let arm = common::arm("ur10");
+        let Some(recording) = common::session(truth.name, &arm) else {
             continue;
         };
-        let recording = common::recording(&folder);
         let begun = std::time::Instant::now();
-        let joined = join(&recording, &common::ur10(), &JoinSettings::default()).expect(truth.name);
+        let joined = join(&recording, &arm, &JoinSettings::default()).expect(truth.name);
         eprintln!(
             "{}: {:?} {:?} {:?}",
             truth.name,
@@ -85,7 +87,7 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
             joined.counts
         );
         check_clock(&truth, &joined);
-        check_stations(&truth, &joined, &rows(&folder));
+        check_stations(&truth, &joined, &rows(truth.name));
         let counted = joined.counts.kept
             + joined.counts.settling
             + joined.counts.outlier

@@ -5,8 +5,14 @@
 use std::path::PathBuf;
 
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
+use posegrid::ingest::{
+    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, Recording, TimeSource,
+    TrackerSettings,
+};
+use posegrid::io::log::{Limits, read_recording};
 use posegrid::join::{Attained, Command, Pairing, Station};
 use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::progress::Quiet;
 use posegrid::units::Stamp;
 
 /// A file of the recordings that stand beside the project; `None`, said loudly, where they are absent.
@@ -89,4 +95,40 @@ fn truth_station(row: &csv::StringRecord) -> Station {
         },
         attained,
     }
+}
+
+/// A recording read from its two logs; `None`, said loudly, where it is absent.
+pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
+    let (controller, tracker) = (
+        recording(&format!("{name}/controller.mcap"))?,
+        recording(&format!("{name}/tracker.mcap"))?,
+    );
+    let mapping = Mapping {
+        controller: ControllerSettings {
+            topic: "/joint_states".to_owned(),
+            time: TimeSource::Header,
+            unit: AngleUnit::Rad,
+        },
+        commanded: Some(CommandedSettings {
+            topic: "/commanded_pose".to_owned(),
+            time: TimeSource::Header,
+            unit: LengthUnit::M,
+        }),
+        tracker: TrackerSettings {
+            topic: "/tracker/pose".to_owned(),
+            time: TimeSource::Header,
+            unit: LengthUnit::M,
+            temperature: Some("/tracker/temperature".to_owned()),
+            ignore_orientation: false,
+        },
+        joints: arm
+            .joints()
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect(),
+    };
+    Some(
+        read_recording(&controller, &tracker, &mapping, Limits::default(), &Quiet)
+            .expect("a sound recording"),
+    )
 }

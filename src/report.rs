@@ -1,0 +1,139 @@
+//! Report: predictions held against measurements → residuals and accuracy figures, with what each is a figure of.
+//!
+//! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
+//! (METHOD.md 7): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or *after*.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use crate::figures::Figures;
+use crate::grid::Verdict;
+
+/// The models that are held side by side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Model {
+    /// The command as it is, where command and target are one point and the base is surveyed or said to be fitted.
+    RawCommand,
+    /// The nominal arm, base and target fitted.
+    BaseTarget,
+    /// The identified geometry.
+    Geometric,
+    /// The whole error model.
+    Full,
+    /// The chosen compensation table.
+    Table,
+}
+
+/// The joint angles a prediction was given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Angles {
+    /// As the controller reported them.
+    Reported,
+    /// Between reported and commanded, as the model finds.
+    Blended,
+    /// As commanded: all an off-line programmer has.
+    Commanded,
+}
+
+/// How stations that judge were kept from training.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Split {
+    /// They were not: training figures.
+    None,
+    /// Whole blocks of the work space held out, every block once.
+    Blocks,
+    /// A whole session held out.
+    Session,
+}
+
+/// Where the base of a held-out session comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BaseRefit {
+    /// From training.
+    None,
+    /// From the session's first stations, judged on the rest.
+    First,
+    /// From all its stations: for comparing models only.
+    All,
+}
+
+/// What a set of residuals is of.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Subject {
+    /// How the stations were kept from training.
+    pub split: Split,
+    /// The session the stations are of.
+    pub of_session: String,
+    /// Which model predicts.
+    pub model: Model,
+    /// At which angles.
+    pub angles: Angles,
+    /// With which base.
+    pub base_refit: BaseRefit,
+}
+
+/// Measured minus predicted target at one station, base frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residual {
+    /// The station's number in its session.
+    pub station: usize,
+    /// The fold that held it out, where blocks were.
+    pub fold: Option<usize>,
+    /// Whether the base was refitted on it.
+    pub used_for_refit: bool,
+    /// Predicted position of the target, mm.
+    pub predicted: Point3<f64>,
+    /// Measured minus predicted, mm.
+    pub residual: Vector3<f64>,
+    /// Covariance of measured minus predicted, mm², where the model has one.
+    pub covariance: Option<Matrix3<f64>>,
+    /// The station's robust weight, in training.
+    pub weight: Option<f64>,
+}
+
+/// Residuals of one model on one set of stations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResidualSet {
+    /// What they are of.
+    pub subject: Subject,
+    /// In station order.
+    pub residuals: Vec<Residual>,
+}
+
+/// Accuracy of one model on one set of stations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Accuracy {
+    /// What it is of.
+    pub subject: Subject,
+    /// Before compensation (an error as it is) or after (what a prediction would leave).
+    pub moment: Moment,
+    /// Figures of the error norms, mm; `None` with a reason in the verdict.
+    pub figures: Option<Figures>,
+    /// Distribution-free upper tolerance bound, mm.
+    pub bound: Option<f64>,
+    /// Distinct blocks the stations lie in: those of one block are not independent.
+    pub blocks: Option<usize>,
+    /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected).
+    pub coverage: Option<Calibrated>,
+    /// Expanded uncertainty (k = 2) of one measured error, mm.
+    pub expanded_uncertainty_mm: f64,
+    /// Bound plus uncertainty held against the tolerance.
+    pub verdict: Verdict,
+}
+
+/// Before or after compensation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Moment {
+    /// The error as it is.
+    Before,
+    /// What a prediction leaves.
+    After,
+}
+
+/// How well stated covariances fit what was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibrated {
+    /// Share of stations inside their 95 % ellipsoid.
+    pub inside: f64,
+    /// Mean squared Mahalanobis distance; 3 is expected.
+    pub mean_squared_distance: f64,
+}
