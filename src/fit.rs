@@ -7,6 +7,7 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 
+pub mod commanded;
 pub mod full;
 pub mod gauge;
 pub mod holdout;

@@ -35,3 +35,4 @@ pub mod simulate;
 pub mod cli;
 pub mod io;
 pub mod manifest;
+pub mod pipeline;

@@ -1,0 +1,48 @@
+//! Everything one piece of work publishes, before it is made into tables.
+
+use crate::fit::commanded::Commanded;
+use crate::fit::full::FullModel;
+use crate::fit::{Calibration, Gauge};
+use crate::grid::Grids;
+use crate::ingest::LogReject;
+use crate::join::Joined;
+use crate::report::{Accuracy, Model, ResidualSet};
+use crate::similarity::Semivariogram;
+
+/// One session of a piece of work, read and joined.
+#[derive(Debug, Clone)]
+pub struct JoinedSession {
+    /// Its name.
+    pub name: String,
+    /// Messages and byte ranges its logs lost.
+    pub log_rejects: Vec<LogReject>,
+    /// What was read, by kind.
+    pub counts: std::collections::BTreeMap<String, u64>,
+    /// Its stations and clocks.
+    pub joined: Joined,
+    /// Its commands.
+    pub commanded: Commanded,
+}
+
+/// Everything one piece of work found.
+#[derive(Debug)]
+pub struct Outcome<'a> {
+    /// Sessions that trained, in the fit's order.
+    pub training: Vec<JoinedSession>,
+    /// Sessions that only judge.
+    pub test: Vec<JoinedSession>,
+    /// The base + target and the geometric calibration.
+    pub calibrations: Vec<(Model, Calibration)>,
+    /// The whole error model, unless it is switched off.
+    pub full: Option<FullModel>,
+    /// The gauge of the first training session.
+    pub gauge: Gauge<'a>,
+    /// Residuals by model, split, angles and base.
+    pub residuals: Vec<ResidualSet>,
+    /// Semivariograms of raw errors and residuals.
+    pub semivariograms: Vec<(Model, Vec<Semivariogram>)>,
+    /// Steps and table.
+    pub grids: Grids,
+    /// Figures with verdicts.
+    pub accuracy: Vec<Accuracy>,
+}
