@@ -83,7 +83,7 @@ impl<'a> OpenRun<'a> {
         let (temporary, _) = write(runs, &path)?;
         let created = temporary
             .create(&path)
-            .map_err(folder_error("write", &path))?;
+            .map_err(folder_error("create by a hard link", &path))?;
         Ok(if created {
             Commit::Done
         } else {
