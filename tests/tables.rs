@@ -4,8 +4,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Barrier;
+use std::sync::{Arc, Barrier};
 
+use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
+use parquet::arrow::ArrowWriter;
 use posegrid::io::lake::{Commit, Lake};
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::table::{self, Columns, Table};
@@ -152,14 +154,53 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     assert!(one == contents(&folder.path().join("two")));
 }
 
+/// A file of targets as somebody else may write it.
+fn foreign_targets(x_mm: ArrayRef, more: Vec<(&str, ArrayRef)>) -> Result<Table, String> {
+    let names: ArrayRef = Arc::new(StringArray::from(vec!["rivet 1", "rivet 2"]));
+    let zero: ArrayRef = Arc::new(Float64Array::from(vec![0.0, 0.0]));
+    let mut columns = vec![
+        ("z_mm", zero.clone()),
+        ("y_mm", zero),
+        ("x_mm", x_mm),
+        ("target", names),
+    ];
+    columns.extend(more);
+    let batch = RecordBatch::try_from_iter(columns).unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let mut writer = ArrowWriter::try_new(file.reopen().unwrap(), batch.schema(), None).unwrap();
+    writer.write(&batch).unwrap();
+    writer.close().unwrap();
+    table::read(file.path(), schema::find("targets").unwrap()).map_err(|error| error.to_string())
+}
+
 #[test]
 fn accepted_targets_may_come_from_other_writers() {
-    let schema = schema::find("targets").unwrap();
-    let whole = sample(schema, &hostile_work().key());
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("targets.parquet");
-    table::write(&whole, fs::File::create(&path).unwrap()).unwrap();
-    assert_eq!(table::read(&path, schema).unwrap(), whole);
+    // Another order of columns, a narrower type, a column of their own, none of those that may be null.
+    let x: ArrayRef = Arc::new(Float32Array::from(vec![1.5, -2.0]));
+    let note: ArrayRef = Arc::new(StringArray::from(vec!["left wing", "right wing"]));
+    let targets = foreign_targets(x, vec![("note", note)]).unwrap();
+    assert_eq!(targets.f64("x_mm").values(), &[1.5, -2.0]);
+    assert_eq!(targets.text("configuration").null_count(), 2);
+
+    let unit: ArrayRef = Arc::new(StringArray::from(vec!["1.5 mm", "2 mm"]));
+    let error = foreign_targets(unit.clone(), vec![]).unwrap_err();
+    assert!(
+        error.contains("\"x_mm\": found Utf8, the schema says float64"),
+        "{error}"
+    );
+    // A column that may be null is no place for text to vanish into.
+    let number: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
+    let error = foreign_targets(number, vec![("qw", unit.clone())]).unwrap_err();
+    assert!(error.contains("\"qw\": found Utf8"), "{error}");
+    let hole: ArrayRef = Arc::new(Float64Array::from(vec![Some(1.0), None]));
+    let error = foreign_targets(hole, vec![]).unwrap_err();
+    assert!(error.contains("column \"x_mm\", row 1: null"), "{error}");
+    let nan: ArrayRef = Arc::new(Float64Array::from(vec![f64::NAN, 0.0]));
+    let error = foreign_targets(nan, vec![]).unwrap_err();
+    assert!(
+        error.contains("row 0: NaN is not a finite number"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -133,6 +133,9 @@ def check_runs(lake, folders):
     digests = f"select unnest(table_names) as name, unnest(table_rows) as rows, robot, run from {runs}"
     for name, rows, robot, run in duckdb.sql(digests).fetchall():
         table, session = name.split("/", 1)
+        if not (lake / table).is_dir():
+            problems.append(f"{lake}, run {run}: its table {name} is missing")
+            continue
         where = f"read_parquet('{lake}/{table}/*/*/*.parquet')"
         query = f"select count(*) from {where} where robot = ? and session = ? and run = ?"
         found = duckdb.execute(query, [robot, session, run]).fetchall()[0][0]

@@ -69,13 +69,14 @@ impl<'a> OpenRun<'a> {
     /// Makes the run exist by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`].
     ///
     /// # Panics
-    /// When the table is another one than `runs`.
+    /// When the table is not the `runs` row of this very run.
     pub fn commit(self, runs: &Table) -> Result<Commit, LakeError> {
         assert_eq!(
             runs.schema().table,
             "runs",
             "a run is committed by its row in `runs`"
         );
+        assert_eq!(runs.key(), Some(&self.key), "the row is the run's own");
         let path = self.path(runs)?;
         for written in &self.written {
             self.check_unchanged(written)?;
@@ -83,7 +84,7 @@ impl<'a> OpenRun<'a> {
         let (temporary, _) = write(runs, &path)?;
         let created = temporary
             .create(&path)
-            .map_err(folder_error("write", &path))?;
+            .map_err(folder_error("create by a hard link", &path))?;
         Ok(if created {
             Commit::Done
         } else {

@@ -188,6 +188,25 @@ mod tests {
     }
 
     #[test]
+    fn a_process_killed_before_the_rename_leaves_the_old_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("table");
+        fs::write(&target, "old").unwrap();
+        let mut temporary = Temporary::beside(&target).unwrap();
+        temporary.write_all(b"whole").unwrap();
+        temporary.sync().unwrap();
+        // A killed process drops nothing.
+        std::mem::forget(temporary);
+        assert_eq!(fs::read_to_string(&target).unwrap(), "old");
+        assert_eq!(
+            files(folder.path()).len(),
+            2,
+            "the temporary is left, hidden from readers by its dot"
+        );
+        assert!(files(folder.path())[0].starts_with(".table.tmp-"));
+    }
+
+    #[test]
     fn of_two_that_create_one_wins() {
         let folder = tempfile::tempdir().unwrap();
         let target = folder.path().join("row");

@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, RecordBatch, new_null_array};
-use arrow::compute::{cast, concat_batches};
+use arrow::compute::{CastOptions, cast_with_options, concat_batches};
+use arrow::datatypes::DataType;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::file::metadata::ParquetMetaData;
 
@@ -137,10 +138,7 @@ fn columns(batch: &RecordBatch, schema: &TableSchema) -> Result<Vec<Option<Array
         });
     }
     let find = |column: &ColumnSchema| match batch.column_by_name(&column.name) {
-        // A type that cannot be widened goes on as it is: the check that follows names it.
-        Some(array) if accepted => {
-            Some(cast(array, &column.kind.arrow()).unwrap_or_else(|_| Arc::clone(array)))
-        }
+        Some(array) if accepted => Some(widened(array, &column.kind.arrow())),
         Some(array) => Some(Arc::clone(array)),
         None if accepted && column.nullable => {
             Some(new_null_array(&column.kind.arrow(), batch.num_rows()))
@@ -148,6 +146,32 @@ fn columns(batch: &RecordBatch, schema: &TableSchema) -> Result<Vec<Option<Array
         None => None,
     };
     Ok(schema.columns.iter().map(find).collect())
+}
+
+/// The array as `wanted` where that says the same; otherwise as it is, and the check that follows names its type.
+fn widened(array: &ArrayRef, wanted: &DataType) -> ArrayRef {
+    // Otherwise what does not fit would become null in silence.
+    let strict = CastOptions {
+        safe: false,
+        ..CastOptions::default()
+    };
+    let as_wanted =
+        widens(array.data_type(), wanted).then(|| cast_with_options(array, wanted, &strict));
+    as_wanted
+        .and_then(Result::ok)
+        .unwrap_or_else(|| Arc::clone(array))
+}
+
+fn widens(found: &DataType, wanted: &DataType) -> bool {
+    match (found, wanted) {
+        (found, DataType::Float64) => found.is_integer() || found.is_floating(),
+        (found, DataType::Int64) => found.is_integer(),
+        (found, DataType::Utf8) => found.is_string(),
+        (DataType::List(found) | DataType::LargeList(found), DataType::List(wanted)) => {
+            widens(found.data_type(), wanted.data_type())
+        }
+        (found, wanted) => found == wanted,
+    }
 }
 
 #[cfg(test)]
