@@ -184,6 +184,7 @@ fn layout(
     }
     if settings.blend && observations.iter().any(|o| o.shortfall.is_some()) {
         layout.push(Block::Blend, joints);
+        layout.push(Block::StopShort, joints);
         (0..sessions)
             .filter(|_| sessions > 1)
             .for_each(|session| layout.push(Block::SessionBlend(session), joints));
@@ -211,7 +212,7 @@ fn layout(
     layout
 }
 
-/// Full harmonics for joints that move the target, few for those that hardly do and whose orientation is not measured.
+/// Full harmonics for joints that move the target, fewer for those that hardly do.
 fn harmonics(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,
@@ -230,11 +231,18 @@ fn harmonics(
             .collect()
     });
     let longest = levers.iter().copied().fold(0.0, f64::max);
+    // An orientation shows what a position near the axis does not.
+    let turned = observations.iter().any(|o| o.orientation.is_some());
+    let few = if turned {
+        2 * settings.harmonics / 3
+    } else {
+        FEW_HARMONICS
+    };
     let count = |lever: &f64| {
         if *lever > LITTLE * longest {
             settings.harmonics
         } else {
-            FEW_HARMONICS
+            few
         }
     };
     levers.iter().map(count).collect()
@@ -519,7 +527,10 @@ type Optional = (&'static str, fn(Block) -> bool);
 const OPTIONAL: [Optional; 5] = [
     ("gravity", |block| block == Block::Gravity),
     ("blend", |block| {
-        matches!(block, Block::Blend | Block::SessionBlend(_))
+        matches!(
+            block,
+            Block::Blend | Block::StopShort | Block::SessionBlend(_)
+        )
     }),
     ("drift", |block| {
         matches!(block, Block::WarmUp | Block::Drift(_))
@@ -569,7 +580,7 @@ impl Part {
         match self {
             Self::Gravity => name == "gravity",
             Self::WarmUp | Self::Drift => name == "drift",
-            Self::SessionBlend => name == "blend",
+            Self::SessionBlend | Self::StopShort => name == "blend",
             Self::SessionCurve => name == "session_changes",
             Self::Line { .. } => name == "gear_lines",
             Self::ShortCurve(_) | Self::LongCurve(_) => false,
