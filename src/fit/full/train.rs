@@ -277,9 +277,10 @@ fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
 }
 
 fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
+    let frames = problem.frames(&state.offsets);
     let row = |observation: &Observation| {
         let view = problem.view(observation.session, &observation.axes, &state.offsets);
-        let root = problem.starts()[observation.session]
+        let root = frames[observation.session]
             .tracker_from_base
             .isometry()
             .rotation;
