@@ -164,3 +164,31 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
     );
     assert_eq!(worst.2, 0, "{}", truth.name);
 }
+
+#[test]
+fn dbg_partial() {
+    for (name, stations) in [
+        ("ur10-grid", 615),
+        ("ur10-random-a", 700),
+        ("ur10-joint", 1495),
+    ] {
+        let folder = common::folder(name).unwrap();
+        let full = common::recording(&folder);
+        for (a, b) in [(0.0, 0.8), (0.2, 1.0), (0.1, 0.9), (0.3, 0.5)] {
+            let mut r = full.clone();
+            let n = r.readings.stamps.len() as f64;
+            let (i, j) = ((a * n) as usize, (b * n) as usize);
+            r.readings.stamps = r.readings.stamps[i..j].to_vec();
+            r.readings.positions = r.readings.positions[i..j].to_vec();
+            r.readings.orientations = None;
+            match join(&r, &common::ur10(), &JoinSettings::default()) {
+                Ok(j) => eprintln!(
+                    "{name} {a}..{b} of {stations}: off {:.3} s {}",
+                    j.clock.model.offset_ns / 1e9,
+                    j.clock.method
+                ),
+                Err(e) => eprintln!("{name} {a}..{b}: {e}"),
+            }
+        }
+    }
+}

@@ -139,12 +139,13 @@ fn alignments(arm: &Span, target: &Span) -> impl Iterator<Item = f64> {
         .flatten()
 }
 
-/// The best scored `T`s that lie apart by [`SAME_S`], best first.
+/// The best scored `T`s that lie apart by [`SAME_S`], best first; none that scored below half of the best.
 fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) -> f64) -> Vec<T> {
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(at_s(&a.1).total_cmp(&at_s(&b.1))));
     let mut chosen: Vec<T> = Vec::new();
-    for (_, candidate) in scored {
-        if chosen.len() == most {
+    let least = scored.first().map_or(0.0, |(best, _)| best / 2.0);
+    for (score, candidate) in scored {
+        if chosen.len() == most || score < least {
             break;
         }
         if chosen
@@ -179,9 +180,9 @@ pub fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
             pairs.push(Pair { arm, target });
         }
         if end_s < t.span.end_s {
-            arm += 1
+            arm += 1;
         } else {
-            target += 1
+            target += 1;
         }
     }
     pairs

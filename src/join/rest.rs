@@ -172,7 +172,7 @@ impl<'a> Windows<'a> {
     fn count(&self, threshold: f64) -> usize {
         let mut lengths: Vec<usize> = Vec::new();
         self.for_each_stretch(threshold, |stretch| {
-            lengths.push(stretch.last - stretch.first)
+            lengths.push(stretch.last - stretch.first);
         });
         if lengths.is_empty() {
             return 0;

@@ -175,8 +175,8 @@ fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
     };
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
-    for k in 0..50 {
-        let spike_s = starts_s[k] + 0.6;
+    for start_s in &starts_s {
+        let spike_s = start_s + 0.6;
         let near = recording
             .readings
             .stamps
@@ -306,7 +306,7 @@ fn bad_input_is_an_error_that_says_what() {
 fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
     // A serpentine grid repeats itself row by row and layer by layer: only the whole of it tells the shift.
     let arm = ur10();
-    let mut scene = grid(&arm, [6, 5, 4]);
+    let mut scene = grid([6, 5, 4]);
     scene.offset_s = -77.7;
     let mut recording = scene.record(&arm);
     let starts_s = scene.starts_s();
@@ -320,7 +320,7 @@ fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
 #[test]
 fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
     let arm = ur10();
-    let scene = grid(&arm, [6, 5, 4]);
+    let scene = grid([6, 5, 4]);
     let mut recording = scene.record(&arm);
     let starts_s = scene.starts_s();
     scene.keep_readings(&mut recording, |at_s| {
@@ -334,7 +334,7 @@ fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
 }
 
 /// A serpentine grid in joint space, 8° apart: moves of equal length over and over.
-fn grid(_arm: &Arm, [nx, ny, nz]: [usize; 3]) -> Scene {
+fn grid([nx, ny, nz]: [usize; 3]) -> Scene {
     let mut scene = Scene::random(nx * ny * nz, 21);
     for (station, pose) in scene.poses.iter_mut().enumerate() {
         let (layer, in_layer) = (station / (nx * ny), station % (nx * ny));
@@ -385,7 +385,7 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
     }
     // Every seventh joint sample and every ninth reading never arrived.
     let joints = &mut recording.joints;
-    let dropped = |index: usize| index > 100 && index % 7 == 0;
+    let dropped = |index: usize| index > 100 && index.is_multiple_of(7);
     for column in &mut joints.angles {
         let kept = column
             .iter()
@@ -505,10 +505,10 @@ fn few_stations_are_enough_and_fewer_are_refused() {
 
 #[test]
 fn many_sessions_of_any_seed_pair_wholly() {
-    for seed in 100..130 {
-        let mut scene = Scene::random(40, seed);
-        scene.noise_mm = [0.005, 0.02, 0.1][seed as usize % 3];
-        scene.move_s = [0.5, 0.8, 1.7, 4.0][seed as usize % 4];
+    for seed in 100..130_usize {
+        let mut scene = Scene::random(40, seed as u64);
+        scene.noise_mm = [0.005, 0.02, 0.1][seed % 3];
+        scene.move_s = [0.5, 0.8, 1.7, 4.0][seed % 4];
         let joined = scene.joined(&scene.record(&ur10()));
         assert_eq!(
             (joined.stations.len(), paired(&joined)),
