@@ -75,15 +75,7 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
             continue;
         };
         let recording = common::recording(&folder);
-        let begun = std::time::Instant::now();
         let joined = join(&recording, &common::ur10(), &JoinSettings::default()).expect(truth.name);
-        eprintln!(
-            "{}: {:?} {:?} {:?}",
-            truth.name,
-            begun.elapsed(),
-            joined.found,
-            joined.counts
-        );
         check_clock(&truth, &joined);
         check_stations(&truth, &joined, &rows(&folder));
         let counted = joined.counts.kept
@@ -101,11 +93,6 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
 fn check_clock(truth: &Truth, joined: &Joined) {
     let offset_s = joined.clock.model.offset_ns / NS_PER_S;
     let drift_ppm = joined.clock.model.drift * 1e6;
-    eprintln!(
-        "   offset off by {:.2} ms, drift by {:.3} ppm",
-        (offset_s - truth.offset_s) * 1e3,
-        drift_ppm - truth.drift_ppm
-    );
     assert!(
         (offset_s - truth.offset_s).abs() < 0.010,
         "{}: offset {offset_s} s",
@@ -120,7 +107,7 @@ fn check_clock(truth: &Truth, joined: &Joined) {
 
 fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
     assert_eq!(joined.stations.len(), truth.stations, "{}", truth.name);
-    let mut worst = (0.0_f64, 0.0_f64, 0);
+    let mut beyond = 0;
     for (station, row) in joined.stations.iter().zip(rows) {
         for (angle, truth) in station.joints.iter().zip(row.joints) {
             assert!((angle - truth).abs() < 1e-6, "station {}", station.number);
@@ -151,44 +138,36 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
         for axis in 0..3 {
             let off = (attained.position[axis] - row.position_mm[axis]).abs();
             let allowed = (3.0 * attained.scatter_mm[axis] * left_out.sqrt()).max(0.01);
-            worst = (
-                worst.0.max(off),
-                worst.1.max(off / allowed),
-                worst.2 + usize::from(off > allowed),
-            );
+            beyond += usize::from(off > allowed);
         }
     }
-    eprintln!(
-        "   worst mean {:.4} mm, {:.2} of what is allowed, {} beyond",
-        worst.0, worst.1, worst.2
-    );
-    assert_eq!(worst.2, 0, "{}", truth.name);
+    assert_eq!(beyond, 0, "{}", truth.name);
 }
 
+/// A tracker that started late or stopped early: grids and joint sequences repeat themselves, and a shift by a row leaves
+/// most stations within a millimetre. The whole of what was seen decides, or nothing does.
 #[test]
-fn dbg_partial() {
-    for (name, stations) in [
-        ("ur10-grid", 615),
-        ("ur10-random-a", 700),
-        ("ur10-joint", 1495),
-    ] {
-        let folder = common::folder(name).unwrap();
-        let full = common::recording(&folder);
-        for (a, b) in [(0.0, 0.8), (0.2, 1.0), (0.1, 0.9), (0.3, 0.5)] {
-            let mut r = full.clone();
-            let n = r.readings.stamps.len() as f64;
-            let (i, j) = ((a * n) as usize, (b * n) as usize);
-            r.readings.stamps = r.readings.stamps[i..j].to_vec();
-            r.readings.positions = r.readings.positions[i..j].to_vec();
-            r.readings.orientations = None;
-            match join(&r, &common::ur10(), &JoinSettings::default()) {
-                Ok(j) => eprintln!(
-                    "{name} {a}..{b} of {stations}: off {:.3} s {}",
-                    j.clock.model.offset_ns / 1e9,
-                    j.clock.method
-                ),
-                Err(e) => eprintln!("{name} {a}..{b}: {e}"),
-            }
+fn part_of_a_tracker_log_finds_the_same_clock() {
+    for truth in [&SESSIONS[0], &SESSIONS[1], &SESSIONS[3]] {
+        let Some(folder) = common::folder(truth.name) else {
+            continue;
+        };
+        let whole = common::recording(&folder);
+        let tenths = whole.readings.stamps.len() / 10;
+        for (first, end) in [(0, 8), (2, 10), (3, 5)] {
+            let mut part = whole.clone();
+            let range = first * tenths..end * tenths;
+            part.readings.stamps = whole.readings.stamps[range.clone()].to_vec();
+            part.readings.positions = whole.readings.positions[range].to_vec();
+            part.readings.orientations = None;
+            let joined = join(&part, &common::ur10(), &JoinSettings::default()).expect(truth.name);
+            let offset_s = joined.clock.model.offset_ns / NS_PER_S;
+            // Fewer edges, all sampled in step: a dwell's length is what must not be mistaken.
+            assert!(
+                (offset_s - truth.offset_s).abs() < 0.05,
+                "{}: {offset_s} s",
+                truth.name
+            );
         }
     }
 }

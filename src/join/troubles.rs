@@ -245,7 +245,7 @@ fn commands_are_found_whenever_they_are_stamped() {
                 *arm.flange(&scene.poses[station.number]).isometry() * Point3::new(0.0, 0.0, 109.0);
             match &station.command {
                 Some(command) => {
-                    assert!((command.position - tool).norm() < 0.1, "{}", station.number)
+                    assert!((command.position - tool).norm() < 0.1, "{}", station.number);
                 }
                 None => assert!([0, 20].contains(&station.number), "{}", station.number),
             }
