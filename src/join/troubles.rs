@@ -517,3 +517,40 @@ fn many_sessions_of_any_seed_pair_wholly() {
         );
     }
 }
+
+#[test]
+fn a_bad_arm_a_far_target_lost_beams_and_wrong_reflectors_at_once() {
+    for seed in 200..212_usize {
+        let mut scene = Scene::random(80, seed as u64);
+        scene.arm_error = 8.0; // 8 mrad a joint: up to 20 mm at the target
+        scene.target_mm = [200.0, -250.0, 150.0];
+        scene.noise_mm = 0.05;
+        let mut recording = scene.record(&ur10());
+        let starts_s = scene.starts_s();
+        let station = |at_s: f64| {
+            starts_s
+                .partition_point(|&start| start - 0.4 <= at_s)
+                .saturating_sub(1)
+        };
+        for (stamp, position) in recording
+            .readings
+            .stamps
+            .iter()
+            .zip(&mut recording.readings.positions)
+        {
+            if (station(scene.controller_s(stamp.ns())) + seed) % 7 == 3 {
+                position[0] -= 340.0;
+            }
+        }
+        scene.keep_readings(&mut recording, |at_s| (station(at_s) + seed) % 5 != 1);
+        let joined = scene.joined(&recording);
+        let expected = (0..80)
+            .filter(|k| (k + seed) % 5 != 1 && (k + seed) % 7 != 3)
+            .count();
+        assert_eq!(
+            (joined.stations.len(), paired(&joined)),
+            (80, expected),
+            "seed {seed}"
+        );
+    }
+}
