@@ -299,6 +299,10 @@ fn bad_input_is_an_error_that_says_what() {
         },
         "min_readings = 1",
     );
+    let mut bad = good.clone();
+    bad.readings.positions[30] = [f64::NAN, 0.0, 0.0];
+    bad.readings.positions[31] = [f64::INFINITY, 1e300, 0.0];
+    assert_eq!(scene.joined(&bad).counts.missing, 2);
     check_conservation(&good, &join(&good, &arm, &defaults).expect("good"));
 }
 
