@@ -10,6 +10,8 @@ use super::dwell::median;
 use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
 use super::placement::{Placement, Sighting};
 
+/// Pairs to which base and target are fitted, spread over the session: nine unknowns need no more.
+const FIT_PAIRS: usize = 250;
 /// Reach of support, in median residuals.
 const REACH: f64 = 6.0;
 /// No nominal arm and no tracker agree better than this, mm: a reach below it would split hairs.
@@ -169,7 +171,9 @@ impl Candidate {
         if sightings.len() < MIN_PAIRS {
             return None;
         }
-        let placement = Placement::fit(&sightings)?;
+        let stride = sightings.len().div_ceil(FIT_PAIRS);
+        let spread: Vec<Sighting> = sightings.iter().copied().step_by(stride).collect();
+        let placement = Placement::fit(&spread)?;
         let distances_mm: Vec<f64> = sightings.iter().map(|s| placement.distance_mm(s)).collect();
         let median_mm = median(&mut distances_mm.clone());
         Some(Self {

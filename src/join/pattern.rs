@@ -114,6 +114,14 @@ pub fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
     let mut grown: Vec<(f64, Relation)> = Vec::new();
     for block in blocks(dwells.target.len()) {
         for offset_s in places(dwells, block.clone(), ruler) {
+            // Another block has grown to this place already.
+            let here_s = dwells.target[block.start].span.start_s - offset_s;
+            let known = |(_, relation): &(f64, Relation)| {
+                (relation.ahead_s(here_s) - offset_s).abs() < SAME_S / 2.0
+            };
+            if grown.iter().any(known) {
+                continue;
+            }
             let relation = grow(dwells, block.clone(), offset_s);
             let score = agreement(dwells, &overlaps(dwells, relation), ruler);
             grown.push((score, relation));
