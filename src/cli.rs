@@ -1,5 +1,7 @@
 //! The command line: arguments, messages, exit codes; one file per command.
 
+pub mod simulate;
+
 use std::process::ExitCode;
 
 /// Runs the command line of this process.

@@ -3,9 +3,13 @@
 //! Names follow the types: `tracker_from_base * base_from_flange * flange_from_target`. Raw numbers enter a frame
 //! through one door, [`Transform::claim`] and [`Position::claim`], which says what is claimed.
 
+pub mod placement;
+
 use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Mul;
+
+pub use placement::{EulerOrder, Placement, PlacementError};
 
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

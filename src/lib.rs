@@ -10,13 +10,25 @@
 //! Core modules ([`units`], [`geometry`], [`kinematics`]) know no stage. A stage is a plain function that uses core and
 //! the output of earlier stages. Only [`io`], the pipeline and the command line read and write.
 
+pub mod figures;
 pub mod geometry;
 pub mod kinematics;
+pub mod linalg;
 pub mod progress;
 pub mod units;
 
 pub mod ingest;
+
 pub mod join;
 
-pub mod cli;
+pub mod fit;
+
+pub mod similarity;
+
+pub mod grid;
+
+pub mod simulate;
+
 pub mod io;
+
+pub mod cli;

@@ -1,0 +1,247 @@
+//! `posegrid simulate`: a synthetic session with known truth, as MCAP.
+//!
+//! Inputs: a robot file and flags. Outputs: `controller.mcap`, `tracker.mcap`, `truth.json` and `truth_stations.csv` in
+//! a folder. The same flags give the same bytes.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use thiserror::Error;
+
+use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
+use crate::kinematics::{Arm, ArmError, RobotFile};
+use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
+
+mod flags;
+
+use flags::{ErrorFlags, PoseFlags};
+
+/// Make a synthetic session with known truth, as the two MCAP logs of a cell.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Example: a KR 210 measured on a uniform grid of 120 mm
+  posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out kr210 --seed 1 \\
+    --home 0,-75,100,25,55,-15 --size 720,1440,720 --grid-step 120")]
+pub struct SimulateArgs {
+    /// Nominal arm: a robot file.
+    pub robot: PathBuf,
+    /// Folder for the logs and the truth; made where it is missing.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Key of all random numbers: the same seed gives the same session.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Name of the session in the logs.
+    #[arg(long, default_value = "simulated")]
+    pub session: String,
+    /// Name of the robot in the logs; the robot file's name where it is missing.
+    #[arg(long)]
+    pub robot_name: Option<String>,
+    #[command(flatten)]
+    poses: PoseFlags,
+    #[command(flatten)]
+    errors: ErrorFlags,
+}
+
+/// Why no session was made.
+#[derive(Debug, Error)]
+pub enum SimulateCommandError {
+    /// The robot file cannot be read.
+    #[error("{}: {source}; give the path of a robot file, for example pipelines/robots/ur10.toml", path.display())]
+    Read {
+        /// The robot file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The robot file is not one.
+    #[error("{}: {source}", path.display())]
+    Parse {
+        /// The robot file.
+        path: PathBuf,
+        /// Where and why.
+        source: Box<toml::de::Error>,
+    },
+    /// The robot file's arm is wrong.
+    #[error("{}: {source}", path.display())]
+    Arm {
+        /// The robot file.
+        path: PathBuf,
+        /// Why.
+        source: ArmError,
+    },
+    /// The settings ask for what cannot be.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// The folder holds a session already.
+    #[error("{} exists already; choose another --out, or remove it first", .0.display())]
+    Exists(PathBuf),
+    /// A file cannot be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: WriteCause,
+    },
+}
+
+/// Why a file was not written.
+#[derive(Debug, Error)]
+pub enum WriteCause {
+    /// The folder or the disk refused.
+    #[error("{0}; check the space and the permissions of the folder")]
+    Io(#[from] io::Error),
+    /// The recording does not fit into a log.
+    #[error(transparent)]
+    Log(#[from] LogWriteError),
+    /// The truth does not fit into JSON.
+    #[error("{0}")]
+    Json(#[from] serde_json::Error),
+}
+
+/// What was made, for a person to read.
+#[derive(Debug, Clone)]
+pub struct SimulatedSession {
+    /// The folder.
+    pub out: PathBuf,
+    /// The session.
+    pub simulated: Simulated,
+}
+
+impl fmt::Display for SimulatedSession {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let truth = &self.simulated.truth;
+        let error = truth.raw_error_mm;
+        writeln!(
+            f,
+            "{} stations of a {} ({} missed by the beam), {} readings ({} outliers)",
+            truth.stations_visited,
+            truth.model,
+            truth.stations_lost,
+            truth.readings.seen,
+            truth.readings.outliers
+        )?;
+        writeln!(
+            f,
+            "attained minus commanded: mean {:.3} mm, rms {:.3} mm, largest {:.3} mm",
+            error.mean, error.rms, error.max
+        )?;
+        write!(f, "written to {}: {}", self.out.display(), FILES.join(", "))
+    }
+}
+
+const FILES: [&str; 4] = [
+    "controller.mcap",
+    "tracker.mcap",
+    "truth.json",
+    "truth_stations.csv",
+];
+
+/// Makes the session and writes its four files.
+pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError> {
+    let arm = read_arm(&args.robot)?;
+    let settings = args.settings(&arm)?;
+    if let Some(path) = FILES
+        .map(|file| args.out.join(file))
+        .into_iter()
+        .find(|path| path.exists())
+    {
+        return Err(SimulateCommandError::Exists(path));
+    }
+    let simulated = simulate(&arm, &settings)?;
+    fs::create_dir_all(&args.out).map_err(|source| SimulateCommandError::Write {
+        path: args.out.clone(),
+        source: source.into(),
+    })?;
+    args.write(&arm, &simulated)?;
+    Ok(SimulatedSession {
+        out: args.out.clone(),
+        simulated,
+    })
+}
+
+fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
+    let text = fs::read_to_string(path).map_err(|source| SimulateCommandError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let file: RobotFile = toml::from_str(&text).map_err(|source| SimulateCommandError::Parse {
+        path: path.to_owned(),
+        source: Box::new(source),
+    })?;
+    file.arm().map_err(|source| SimulateCommandError::Arm {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+impl SimulateArgs {
+    fn settings(&self, arm: &Arm) -> Result<SimulateSettings, SimulateError> {
+        let home = self.poses.home();
+        self.errors
+            .settings(self.seed, home, |cell| self.poses.poses(arm, cell))
+    }
+
+    fn write(&self, arm: &Arm, simulated: &Simulated) -> Result<(), SimulateCommandError> {
+        let names: Vec<&str> = arm
+            .joints()
+            .iter()
+            .map(|joint| joint.name.as_str())
+            .collect();
+        let session = self.session_record(arm);
+        let Simulated { recording, truth } = simulated;
+        let [controller, tracker, json, stations] = FILES.map(|file| self.out.join(file));
+        written(&controller, |sink| {
+            Ok(write_controller_log(sink, recording, &names, &session)?)
+        })?;
+        written(&tracker, |sink| {
+            Ok(write_tracker_log(sink, recording, &session)?)
+        })?;
+        written(&json, |sink| Ok(sink.write_all(truth.json()?.as_bytes())?))?;
+        written(&stations, |sink| {
+            Ok(sink.write_all(truth.stations_csv(&names).as_bytes())?)
+        })
+    }
+
+    /// The metadata record that names robot, model and session.
+    fn session_record(&self, arm: &Arm) -> BTreeMap<String, String> {
+        let stem = self.robot.file_stem().unwrap_or_default().to_string_lossy();
+        let robot = self.robot_name.clone().unwrap_or_else(|| stem.into_owned());
+        let pairs = [
+            ("robot", robot),
+            ("model", arm.model().to_owned()),
+            ("session", self.session.clone()),
+            ("tracker", "simulated laser tracker".to_owned()),
+            ("length_unit", "m".to_owned()),
+            ("source", format!("posegrid simulate --seed {}", self.seed)),
+        ];
+        pairs.map(|(key, value)| (key.to_owned(), value)).into()
+    }
+}
+
+/// Writes a file under a temporary name and renames it: a file with its own name is whole.
+fn written(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteCause>,
+) -> Result<(), SimulateCommandError> {
+    let partial = path.with_extension("partial");
+    let attempt = || -> Result<(), WriteCause> {
+        let mut sink = BufWriter::new(File::create(&partial)?);
+        write(&mut sink)?;
+        sink.flush()?;
+        Ok(fs::rename(&partial, path)?)
+    };
+    attempt().map_err(|source| {
+        // The first error is the one to tell; a partial file left behind has a name that says so.
+        let _ = fs::remove_file(&partial);
+        SimulateCommandError::Write {
+            path: path.to_owned(),
+            source,
+        }
+    })
+}

@@ -1,0 +1,281 @@
+//! The flags that say where to measure and which errors there are.
+
+use clap::Args;
+use nalgebra::{Isometry3, Vector3};
+
+use crate::geometry::isometry_from_rpy;
+use crate::kinematics::Arm;
+use crate::simulate::settings::{Cell, SimulateSettings, TrackerErrors};
+use crate::simulate::{Poses, SimulateError};
+
+/// Where to measure.
+#[derive(Debug, Clone, Args)]
+#[group(skip)]
+#[command(next_help_heading = "Where to measure")]
+pub(super) struct PoseFlags {
+    /// Reported joint angles at the start, degrees: their arm configuration is the session's.
+    #[arg(long, value_name = "Q1,Q2,…", value_parser = list, allow_hyphen_values = true)]
+    home: List,
+    /// Size of the box to measure in, mm.
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "600,600,600")]
+    size: Triple,
+    /// Centre of the box in the base frame, mm; where the target is at home when not given.
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    centre: Option<Triple>,
+    /// Measure on a uniform grid of this step, mm, in the orientation that the target has at home (the default, at 100).
+    #[arg(long, value_name = "MM", value_parser = finite, conflicts_with_all = ["random", "random_joints"])]
+    grid_step: Option<f64>,
+    /// Measure this many random poses in the box.
+    #[arg(long, value_name = "N", conflicts_with = "random_joints")]
+    random: Option<usize>,
+    /// Random poses: largest turn away from home's orientation, degrees.
+    #[arg(long, value_name = "DEG", value_parser = finite, default_value_t = 30.0)]
+    cone_deg: f64,
+    /// Measure this many random joint configurations about home.
+    #[arg(long, value_name = "N")]
+    random_joints: Option<usize>,
+    /// Random joint configurations: how far each joint goes to either side of home, degrees.
+    #[arg(long, value_name = "DEG", value_parser = finite, default_value_t = 40.0)]
+    spread_deg: f64,
+}
+
+impl PoseFlags {
+    pub(super) fn home(&self) -> Vec<f64> {
+        self.home
+            .0
+            .iter()
+            .map(|degrees| degrees.to_radians())
+            .collect()
+    }
+
+    pub(super) fn poses(&self, arm: &Arm, cell: &Cell) -> Result<Poses, SimulateError> {
+        let home = self.home();
+        if home.len() != arm.joints().len() {
+            return Err(SimulateError::Length {
+                what: "--home",
+                joints: arm.joints().len(),
+                found: home.len(),
+            });
+        }
+        if let Some(count) = self.random_joints {
+            let spread = self.spread_deg.to_radians();
+            return Ok(Poses::Joints {
+                count,
+                lower: home.iter().map(|q| q - spread).collect(),
+                upper: home.iter().map(|q| q + spread).collect(),
+            });
+        }
+        let flange_from_target =
+            isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
+        Ok(self.boxed(&(arm.flange(&home).isometry() * flange_from_target)))
+    }
+
+    /// A grid or random poses in the box about where the target is at home.
+    fn boxed(&self, at_home: &Isometry3<f64>) -> Poses {
+        // Home gives whole millimetres: a centre with twelve digits helps nobody.
+        let centre = self
+            .centre
+            .map_or(at_home.translation.vector.map(f64::round), |Triple(c)| {
+                c.into()
+            });
+        let half = Vector3::from(self.size.0) / 2.0;
+        let (lower_mm, upper_mm) = ((centre - half).into(), (centre + half).into());
+        let (roll, pitch, yaw) = at_home.rotation.euler_angles();
+        let orientation_rpy = [roll, pitch, yaw];
+        match self.random {
+            Some(count) => Poses::Box {
+                count,
+                lower_mm,
+                upper_mm,
+                orientation_rpy,
+                cone_rad: self.cone_deg.to_radians(),
+            },
+            None => Poses::Grid {
+                lower_mm,
+                upper_mm,
+                step_mm: self.grid_step.unwrap_or(100.0),
+                orientation_rpy,
+            },
+        }
+    }
+}
+
+/// Which errors there are; 0 switches one off.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each is a flag of the command line"
+)]
+#[derive(Debug, Clone, Args)]
+#[group(skip)]
+#[command(next_help_heading = "Errors (realistic ones where not given)")]
+pub(super) struct ErrorFlags {
+    /// Start from an arm, a tracker and clocks without any error instead of realistic ones.
+    #[arg(long)]
+    exact: bool,
+    /// Standard deviation of link lengths, mm.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    length_sd_mm: Option<f64>,
+    /// Standard deviation of link angles, mrad.
+    #[arg(long, value_name = "MRAD", value_parser = finite)]
+    angle_sd_mrad: Option<f64>,
+    /// Slow part of the joint error curves, µrad rms.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    slow_curve_urad: Option<f64>,
+    /// Fast part of the joint error curves, µrad rms.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    fast_curve_urad: Option<f64>,
+    /// Amplitude of the gear lines, µrad.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    gear_line_urad: Option<f64>,
+    /// Backlash, µrad.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    backlash_urad: Option<f64>,
+    /// How far the controller stops short of its command, µrad.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    stops_short_urad: Option<f64>,
+    /// Share of the way from reported to commanded angle at which the arm stands.
+    #[arg(long, value_name = "SHARE", value_parser = finite)]
+    nearer_command: Option<f64>,
+    /// Repeatability, µrad per joint.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    repeatability_urad: Option<f64>,
+    /// What a joint gives way under the stretched arm's weight, µrad.
+    #[arg(long, value_name = "URAD", value_parser = finite)]
+    sag_urad: Option<f64>,
+    /// Standard deviation of the target's mounting, mm per axis.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    target_sd_mm: Option<f64>,
+    /// Slow drift of the base, mm.
+    #[arg(long, value_name = "MM", value_parser = finite)]
+    base_drift_mm: Option<f64>,
+    /// A 6-DoF target, which gives its orientation, instead of a reflector.
+    #[arg(long)]
+    six_dof: bool,
+    /// A tracker without noise.
+    #[arg(long)]
+    no_tracker_noise: bool,
+    /// Share of stations that the beam misses.
+    #[arg(long, value_name = "SHARE", value_parser = finite)]
+    lost_share: Option<f64>,
+    /// Write a lost beam as 0 0 0, as some instruments do.
+    #[arg(long)]
+    lost_as_zeros: bool,
+    /// Share of readings that are 2 to 20 mm off.
+    #[arg(long, value_name = "SHARE", value_parser = finite)]
+    outlier_share: Option<f64>,
+    /// How far the tracker's clock is ahead at the first joint state, s.
+    #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
+    clock_offset_s: Option<f64>,
+    /// How much faster the tracker's clock runs, ppm.
+    #[arg(long, value_name = "PPM", value_parser = finite, allow_hyphen_values = true)]
+    clock_drift_ppm: Option<f64>,
+    /// Shortest dwell, s.
+    #[arg(long, value_name = "S", value_parser = finite)]
+    dwell_s: Option<f64>,
+    /// Dwells are longer by a random time up to this, s.
+    #[arg(long, value_name = "S", value_parser = finite)]
+    dwell_spread_s: Option<f64>,
+    /// Joint states per second.
+    #[arg(long, value_name = "HZ", value_parser = finite)]
+    joint_rate_hz: Option<f64>,
+    /// Tracker readings per second.
+    #[arg(long, value_name = "HZ", value_parser = finite)]
+    reading_rate_hz: Option<f64>,
+}
+
+impl ErrorFlags {
+    pub(super) fn settings(
+        &self,
+        seed: u64,
+        home: Vec<f64>,
+        poses: impl FnOnce(&Cell) -> Result<Poses, SimulateError>,
+    ) -> Result<SimulateSettings, SimulateError> {
+        let poses = poses(&Cell::default())?;
+        let mut settings = if self.exact {
+            SimulateSettings::exact(seed, home, poses)
+        } else {
+            SimulateSettings::realistic(seed, home, poses)
+        };
+        self.change_arm(&mut settings);
+        self.change_cell(&mut settings);
+        self.change_times(&mut settings);
+        Ok(settings)
+    }
+
+    fn change_arm(&self, settings: &mut SimulateSettings) {
+        let (geometry, joints) = (&mut settings.geometry, &mut settings.joints);
+        set(&mut geometry.length_sd_mm, self.length_sd_mm, 1.0);
+        set(&mut geometry.angle_sd_rad, self.angle_sd_mrad, 1e-3);
+        set(&mut joints.slow_curve_rad, self.slow_curve_urad, 1e-6);
+        set(&mut joints.fast_curve_rad, self.fast_curve_urad, 1e-6);
+        set(&mut joints.gear_line_rad, self.gear_line_urad, 1e-6);
+        set(&mut joints.backlash_rad, self.backlash_urad, 1e-6);
+        set(&mut joints.stops_short_rad, self.stops_short_urad, 1e-6);
+        set(&mut joints.nearer_command, self.nearer_command, 1.0);
+        set(&mut joints.repeatability_rad, self.repeatability_urad, 1e-6);
+        set(&mut settings.gravity.sag_rad, self.sag_urad, 1e-6);
+    }
+
+    fn change_cell(&self, settings: &mut SimulateSettings) {
+        let cell = &mut settings.cell;
+        set(&mut cell.target_sd_mm, self.target_sd_mm, 1.0);
+        set(&mut cell.base_drift_mm, self.base_drift_mm, 1.0);
+        cell.six_dof |= self.six_dof;
+        let tracker = &mut settings.tracker;
+        if self.no_tracker_noise {
+            let (lost_share, outlier_share) = (tracker.lost_share, tracker.outlier_share);
+            *tracker = TrackerErrors {
+                lost_share,
+                outlier_share,
+                ..TrackerErrors::none()
+            };
+        }
+        set(&mut tracker.lost_share, self.lost_share, 1.0);
+        set(&mut tracker.outlier_share, self.outlier_share, 1.0);
+        tracker.lost_as_zeros |= self.lost_as_zeros;
+    }
+
+    fn change_times(&self, settings: &mut SimulateSettings) {
+        let (clocks, motion) = (&mut settings.clocks, &mut settings.motion);
+        set(&mut clocks.offset_s, self.clock_offset_s, 1.0);
+        set(&mut clocks.drift_ppm, self.clock_drift_ppm, 1.0);
+        set(&mut motion.dwell_s, self.dwell_s, 1.0);
+        set(&mut motion.dwell_spread_s, self.dwell_spread_s, 1.0);
+        set(&mut motion.joint_rate_hz, self.joint_rate_hz, 1.0);
+        set(&mut motion.reading_rate_hz, self.reading_rate_hz, 1.0);
+    }
+}
+
+fn set(setting: &mut f64, flag: Option<f64>, unit: f64) {
+    if let Some(value) = flag {
+        *setting = value * unit;
+    }
+}
+
+/// Numbers separated by commas.
+#[derive(Debug, Clone)]
+struct List(Vec<f64>);
+
+/// Three numbers separated by commas.
+#[derive(Debug, Clone, Copy)]
+struct Triple([f64; 3]);
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok(number),
+        _ => Err(format!("{text:?} is not a finite number")),
+    }
+}
+
+fn list(text: &str) -> Result<List, String> {
+    let numbers: Result<_, _> = text.split(',').map(finite).collect();
+    numbers.map(List)
+}
+
+fn triple(text: &str) -> Result<Triple, String> {
+    let List(numbers) = list(text)?;
+    let count = numbers.len();
+    <[f64; 3]>::try_from(numbers)
+        .map(Triple)
+        .map_err(|_| format!("{count} numbers; give three, separated by commas"))
+}

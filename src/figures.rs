@@ -1,0 +1,165 @@
+//! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
+//!
+//! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
+//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (METHOD.md 5); too few errors have none.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{Binomial, DiscreteCDF};
+
+/// The share of errors a bound has to cover, and how sure one has to be of it.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Coverage {
+    /// Share of the population, 0.95 for 95 %.
+    pub share: f64,
+    /// Confidence, 0.95 for 95 %.
+    pub confidence: f64,
+}
+
+/// Figures of a set of error norms, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// How many errors.
+    pub n: usize,
+    /// Mean.
+    pub mean: f64,
+    /// Root mean square.
+    pub rms: f64,
+    /// Standard deviation (n − 1); zero for one error.
+    pub sd: f64,
+    /// Median.
+    pub median: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Figures {
+    /// Figures of `norms`; `None` of an empty set.
+    pub fn of(norms: &[f64]) -> Option<Self> {
+        let sorted = ascending(norms);
+        let max = *sorted.last()?;
+        let n = sorted.len() as f64;
+        let mean = sorted.iter().sum::<f64>() / n;
+        let squares = sorted.iter().map(|e| (e - mean).powi(2)).sum::<f64>();
+        Some(Self {
+            n: sorted.len(),
+            mean,
+            rms: (sorted.iter().map(|e| e * e).sum::<f64>() / n).sqrt(),
+            sd: if sorted.len() > 1 {
+                (squares / (n - 1.0)).sqrt()
+            } else {
+                0.0
+            },
+            median: percentile(&sorted, 0.5),
+            p95: percentile(&sorted, 0.95),
+            p99: percentile(&sorted, 0.99),
+            max,
+        })
+    }
+
+    /// Mean plus three standard deviations: the literature's figure, not a verdict.
+    pub fn mean_plus_3_sd(&self) -> f64 {
+        3.0f64.mul_add(self.sd, self.mean)
+    }
+}
+
+/// The median of `values`; `None` of an empty set.
+pub fn median(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| percentile(&ascending(values), 0.5))
+}
+
+/// Distribution-free upper bound on the share `coverage.share` of the errors' population.
+///
+/// `None` where n is too small for the asked confidence: "not shown", never a smaller claim.
+pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
+    let rank = bound_rank(norms.len(), coverage)?;
+    ascending(norms).get(rank - 1).copied()
+}
+
+/// The same where several errors are of one station: `independent` stations in all, each with a share of the errors.
+///
+/// The rank is that of `independent` errors, carried to the same share of all of them.
+pub fn upper_tolerance_bound_of(
+    norms: &[f64],
+    independent: usize,
+    coverage: Coverage,
+) -> Option<f64> {
+    let rank = bound_rank(independent, coverage)?;
+    let place = (rank * norms.len()).div_ceil(independent);
+    ascending(norms).get(place.checked_sub(1)?).copied()
+}
+
+/// The rank k of the order statistic that bounds, from 1; `None` where even the largest does not.
+pub fn bound_rank(n: usize, coverage: Coverage) -> Option<usize> {
+    let binomial = Binomial::new(coverage.share, u64::try_from(n).ok()?).ok()?;
+    let holds = |k: usize| binomial.cdf(k as u64 - 1) >= coverage.confidence;
+    if n == 0 || !holds(n) {
+        return None;
+    }
+    let ranks: Vec<usize> = (1..=n).collect();
+    ranks.get(ranks.partition_point(|&k| !holds(k))).copied()
+}
+
+/// The least n for which the largest of n bounds the share with the confidence.
+pub fn least_count(coverage: Coverage) -> f64 {
+    ((1.0 - coverage.confidence).ln() / coverage.share.ln()).ceil()
+}
+
+fn ascending(values: &[f64]) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a rank between 0 and the length"
+)]
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    let below = place.floor() as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    (place - below as f64).mul_add(sorted[above] - sorted[below], sorted[below])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_of_four_errors() {
+        let figures = Figures::of(&[4.0, 1.0, 2.0, 3.0]).expect("four errors");
+        assert!((figures.mean - 2.5).abs() < 1e-15);
+        assert!((figures.rms - 7.5f64.sqrt()).abs() < 1e-15); // (1 + 4 + 9 + 16)/4
+        assert!((figures.sd - (5.0f64 / 3.0).sqrt()).abs() < 1e-15);
+        assert!((figures.p95 - 3.85).abs() < 1e-12); // place 0.95·3 = 2.85
+        assert!((figures.max - 4.0).abs() < 1e-15);
+        assert!(Figures::of(&[]).is_none());
+    }
+
+    #[test]
+    fn ranks_are_the_ones_of_the_method() {
+        // METHOD.md 5: 59 for 95/95, 299 for 99/95; 95 of 96, 675 of 700; 99/95: 698 of 700.
+        let p95 = Coverage {
+            share: 0.95,
+            confidence: 0.95,
+        };
+        let p99 = Coverage {
+            share: 0.99,
+            confidence: 0.95,
+        };
+        assert_eq!(bound_rank(58, p95), None);
+        assert_eq!(bound_rank(59, p95), Some(59));
+        assert_eq!(bound_rank(298, p99), None);
+        assert_eq!(bound_rank(299, p99), Some(299));
+        assert_eq!(bound_rank(96, p95), Some(95));
+        assert_eq!(bound_rank(700, p95), Some(675));
+        assert_eq!(bound_rank(700, p99), Some(698));
+        assert!((least_count(p95) - 59.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,255 @@
+//! Fit: joined stations → an identified arm, with its covariance and with what could not be told apart.
+//!
+//! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps (METHOD.md 3):
+//! 1. stations become [`Observation`]s with a covariance each ([`observation`]);
+//! 2. starting frames from a closed-form alignment, then base and target alone ([`start`]);
+//! 3. the structural rank on the nominal arm ([`rank`]);
+//! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
+//! 5. covariance and observability at the solution.
+
+pub mod full;
+pub mod gauge;
+pub mod holdout;
+pub mod loss;
+pub mod observation;
+pub mod problem;
+pub mod rank;
+pub mod solve;
+pub mod start;
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use gauge::{ErrorModel, Gauge};
+pub use holdout::Blocks;
+pub use loss::Loss;
+pub use observation::{Noise, Observation, TrackerUncertainty, observations};
+pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
+pub use rank::{Observability, Structure};
+pub use solve::{Convergence, Solution};
+
+use crate::kinematics::{Arm, Chain};
+
+/// Above this condition number the identification is ill posed (Schröer's rule; METHOD.md 3).
+pub const CONDITION_LIMIT: f64 = 100.0;
+
+/// The `[fit]` section of a pipeline file.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FitSettings {
+    /// The arm's repeatability per axis as a standard deviation, mm.
+    pub repeatability_mm: f64,
+    /// The loss on a station's whitened residual.
+    pub loss: Loss,
+    /// Standard deviation that the weak prior gives to length offsets, mm; zero for no prior.
+    pub prior_length_mm: f64,
+    /// Standard deviation that the weak prior gives to angle offsets, mrad; zero for no prior.
+    pub prior_angle_mrad: f64,
+    /// Whether orientations are fitted where the log has them.
+    pub orientations: bool,
+    /// Where the target sits at the flange, where it is known; with one tool orientation nothing else tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<KnownTarget>,
+    /// How the work space is cut for held-out figures.
+    pub blocks: Blocks,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self {
+            repeatability_mm: 0.03,
+            loss: Loss::Squares,
+            prior_length_mm: 3.0,
+            prior_angle_mrad: 3.0,
+            orientations: false,
+            target: None,
+            blocks: Blocks::default(),
+        }
+    }
+}
+
+impl FitSettings {
+    /// What the settings expect of geometry and target before any measurement.
+    pub fn prior(&self) -> Prior {
+        let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
+        Prior {
+            geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
+            target: self.target,
+        }
+    }
+}
+
+/// Why a fit has no result.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum FitError {
+    /// Fewer stations than unknowns ask for.
+    #[error(
+        "{stations} measured stations in session {session}, but base and target alone need at least {needed}: \
+         measure more poses, or look at the rejects for what was left out"
+    )]
+    TooFewStations {
+        /// The session's place in the fit.
+        session: usize,
+        /// Stations it has.
+        stations: usize,
+        /// Stations it would need.
+        needed: usize,
+    },
+    /// Stations on a point or a line do not determine a base frame.
+    #[error(
+        "the measured stations of session {session} lie in one place or on a line (spread {spread_mm:.3} mm across \
+         the longest direction's normal): the base frame cannot be found, spread the poses"
+    )]
+    Degenerate {
+        /// The session's place in the fit.
+        session: usize,
+        /// Spread across the second direction, mm.
+        spread_mm: f64,
+    },
+}
+
+/// An identified arm.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// Which parameters were free.
+    pub freedom: Freedom,
+    /// The unknowns in the order of the offsets and the covariance.
+    pub unknowns: Vec<Unknown>,
+    /// Prior standard deviation of each unknown, where it has one.
+    pub prior_sd: Vec<Option<f64>>,
+    /// Covariance of the unknowns.
+    pub covariance: DMatrix<f64>,
+    /// Offsets of the arm's own chain, in its order.
+    pub geometry: Vec<f64>,
+    /// The frames of each session.
+    pub frames: Vec<Frames>,
+    /// The structure at the nominal arm.
+    pub nominal_structure: Structure,
+    /// The structure at the solution, robust weights not applied.
+    pub structure: Structure,
+    /// Poses the fit is of.
+    pub poses: usize,
+    /// How the solution was reached.
+    pub solution: Solution,
+}
+
+impl Calibration {
+    /// The identified chain of the arm.
+    pub fn chain(&self, arm: &Arm) -> Chain {
+        arm.chain().with_offsets(&self.geometry)
+    }
+
+    /// The standard error of unknown `place`.
+    pub fn standard_error(&self, place: usize) -> f64 {
+        self.covariance[(place, place)].max(0.0).sqrt()
+    }
+
+    /// Whether unknown `place` was told apart: its standard error is below half its prior's, or, without a prior, it
+    /// takes part in no structural null direction.
+    pub fn told_apart(&self, place: usize) -> bool {
+        let structural = !self.nominal_structure.zero_columns.contains(&place);
+        match self.prior_sd[place] {
+            Some(sd) => structural && self.standard_error(place) < 0.5 * sd,
+            None => structural && self.nominal_structure.indistinguishable[place].is_empty(),
+        }
+    }
+
+    /// What unknown `place` could not be told apart from: structural partners, else those it correlates with by 0.9.
+    pub fn confounded_with(&self, place: usize) -> Vec<usize> {
+        if self.told_apart(place) {
+            return Vec::new();
+        }
+        let structural = &self.nominal_structure.indistinguishable[place];
+        if !structural.is_empty() {
+            return structural.clone();
+        }
+        (0..self.unknowns.len())
+            .filter(|&other| other != place && self.correlation(place, other).abs() > 0.9)
+            .collect()
+    }
+
+    /// The correlation of two unknowns.
+    pub fn correlation(&self, a: usize, b: usize) -> f64 {
+        let scale = self.standard_error(a) * self.standard_error(b);
+        if scale > 0.0 {
+            self.covariance[(a, b)] / scale
+        } else {
+            0.0
+        }
+    }
+
+    /// Observability of the poses.
+    pub fn observability(&self) -> Option<Observability> {
+        self.structure.observability(self.poses)
+    }
+}
+
+/// Identifies what `freedom` allows on the observations of `sessions` sessions.
+pub fn identify(
+    arm: &Arm,
+    observations: &[Observation],
+    sessions: usize,
+    freedom: Freedom,
+    settings: &FitSettings,
+) -> Result<Calibration, FitError> {
+    let starts = start::frames(arm, observations, sessions, settings)?;
+    let problem = Problem::new(
+        observations,
+        arm.chain(),
+        &starts,
+        freedom,
+        settings.prior(),
+    );
+    let size = problem.unknowns().len();
+    let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
+    let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
+    let structure = Structure::of(&problem, &solution.offsets);
+    Ok(Calibration {
+        freedom,
+        unknowns: problem.unknowns().to_vec(),
+        prior_sd: problem
+            .prior_precision()
+            .iter()
+            .map(|&p| (p > 0.0).then(|| p.sqrt().recip()))
+            .collect(),
+        covariance: covariance(&problem, &solution, nominal_structure.rank),
+        geometry: problem.geometry(&solution.offsets),
+        frames: problem.frames(&solution.offsets),
+        nominal_structure,
+        structure,
+        poses: observations.len(),
+        solution,
+    })
+}
+
+/// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse, `rank` directions deep.
+fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatrix<f64> {
+    let factor = solution.variance_factor;
+    let matrix =
+        solve::posterior_information(&solution.information, problem.prior_precision(), factor);
+    let scales = matrix
+        .diagonal()
+        .map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+    let size = scales.len();
+    let scaled = DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j]);
+    let eigen = scaled.symmetric_eigen();
+    let mut order: Vec<usize> = (0..size).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let with_prior = problem
+        .prior_precision()
+        .iter()
+        .filter(|&&p| p > 0.0)
+        .count();
+    let directions = if with_prior > 0 { size } else { rank };
+    let mut inverse = DMatrix::zeros(size, size);
+    for &direction in order
+        .iter()
+        .take(directions)
+        .filter(|&&i| eigen.eigenvalues[i] > 0.0)
+    {
+        let vector = eigen.eigenvectors.column(direction);
+        inverse.ger(eigen.eigenvalues[direction].recip(), &vector, &vector, 1.0);
+    }
+    DMatrix::from_fn(size, size, |i, j| inverse[(i, j)] * scales[i] * scales[j])
+}

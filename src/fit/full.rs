@@ -1,0 +1,219 @@
+//! The whole error model: geometry, joint curves, gravity, gear lines, drift and blend as one Gaussian model.
+//!
+//! All parts are linear in their unknowns around the geometric fit (METHOD.md 3), so they are one Bayesian linear
+//! regression with a diagonal prior: curves are Fourier series whose coefficients' variances are those of the kernels
+//! ([`spectrum`]), sizes follow from the marginal likelihood ([`components`]), noise and weights from leave-one-out
+//! residuals ([`noise`]), gear lines from their periodogram ([`lines`]). The cost is linear in the number of stations.
+//!
+//! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
+//! [`FullModel`], which predicts with a covariance.
+
+pub mod components;
+pub mod design;
+pub mod layout;
+pub mod lines;
+pub mod noise;
+pub mod regression;
+pub mod settings;
+pub mod spectrum;
+pub mod train;
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3, Vector3};
+
+use super::observation::Observation;
+use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
+use crate::kinematics::{Arm, Parameter};
+use design::PoseView;
+use layout::{Block, Layout};
+use noise::Repeatability;
+use regression::Posterior;
+pub use settings::FullSettings;
+pub use train::{LeftOut, PartEvidence};
+
+/// The whole model of an arm, trained.
+#[derive(Debug)]
+pub struct FullModel {
+    /// The identification problem without observations: chains and unknowns to predict with.
+    problem: Problem<'static>,
+    up: Option<Vector3<f64>>,
+    layout: Layout,
+    offsets: DVector<f64>,
+    mean: DVector<f64>,
+    posterior: Posterior,
+    span: f64,
+    /// What is left beside the model.
+    pub repeatability: Repeatability,
+    /// Weight of each observation.
+    pub weights: Vec<f64>,
+    /// Leave-one-out residuals of the observations it was trained on.
+    pub left_out: Vec<LeftOut>,
+    /// What the optional parts brought.
+    pub parts: Vec<PartEvidence>,
+}
+
+/// A pose to predict at.
+#[derive(Debug, Clone, Copy)]
+pub struct Query<'q> {
+    /// Axis variables, rad.
+    pub axes: &'q [f64],
+    /// Commanded minus reported axis variables, rad; `None` where only one of them is known.
+    pub shortfall: Option<&'q [f64]>,
+    /// From the target to the predicted point, along the flange's axes, mm.
+    pub lever: Vector3<f64>,
+    /// The session whose frames are used.
+    pub session: usize,
+    /// Whether the session's own parts apply (base as fitted, drift, changes); otherwise the base is the nominal one and
+    /// predictions are those for any session.
+    pub own: bool,
+    /// The station's number, for drift and warm-up.
+    pub station: Option<usize>,
+}
+
+/// What the model says of a pose: the point in the tracker's frame of the query's session, and its rows.
+#[derive(Debug, Clone)]
+pub struct Predicted {
+    /// The predicted point, mm.
+    pub position: Point3<f64>,
+    /// How it moves with every column.
+    pub rows: DMatrix<f64>,
+}
+
+impl FullModel {
+    /// Trains the model on `observations` from the frames and the offsets of a geometric fit.
+    ///
+    /// `None` where a factorisation fails, which rounding alone can cause.
+    pub fn train(
+        arm: &Arm,
+        observations: &[Observation],
+        frames: &[Frames],
+        geometry: &[f64],
+        prior: Prior,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+    ) -> Option<Self> {
+        let up = up.map(UnitVector3::into_inner);
+        let turned = observations
+            .iter()
+            .any(|observation| observation.orientation.is_some());
+        let build = |observations| {
+            Problem::with_target_turn(
+                observations,
+                arm.chain(),
+                frames,
+                Freedom::Geometry,
+                prior,
+                turned,
+            )
+        };
+        let problem = build(observations);
+        let mut start = DVector::zeros(problem.unknowns().len());
+        start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
+        let mut settled = train::train(&problem, start, settings, up)?;
+        let parts = settled.weigh_parts();
+        let mean = settled.posterior.mean() + &settled.prior_mean;
+        let train::Settled {
+            state,
+            posterior,
+            left_out,
+            ..
+        } = settled;
+        Some(Self {
+            problem: Problem::with_target_turn(
+                &[],
+                arm.chain(),
+                frames,
+                Freedom::Geometry,
+                prior,
+                turned,
+            ),
+            up,
+            layout: state.layout,
+            offsets: state.offsets,
+            mean,
+            posterior,
+            span: state.span,
+            repeatability: state.repeatability,
+            weights: state.weights,
+            left_out,
+            parts,
+        })
+    }
+
+    /// Predicts a point at a pose.
+    pub fn predict(&self, query: &Query<'_>) -> Predicted {
+        let frames = &self.problem.starts()[query.session];
+        let view = self.problem.view(query.session, query.axes, &self.offsets);
+        let root = frames.tracker_from_base.isometry().rotation;
+        let flange = view.end.rotation * frames.flange_from_target.isometry().rotation.inverse();
+        let mut view = view.moved(&(flange * query.lever));
+        if !query.own {
+            view.unknowns.retain(|(place, _)| {
+                !matches!(
+                    self.problem.unknowns()[*place].parameter,
+                    Parameter::Base(_)
+                )
+            });
+        }
+        let pose = PoseView {
+            unknowns: &view.unknowns,
+            joints: &view.joints,
+            axes: &view.axes,
+            end: view.end.translation.vector.into(),
+            up: self.up.map(|up| root * up),
+            base: *root.to_rotation_matrix().matrix(),
+            angles: query.axes,
+            shortfall: query.shortfall,
+            session: query.own.then_some(query.session),
+            time: query.station.map(|station| station as f64 / self.span),
+        };
+        let rows = pose.rows(&self.layout, 3);
+        let moved: DVector<f64> = &rows * &self.mean;
+        let position =
+            Point3::from(view.end.translation.vector + Vector3::new(moved[0], moved[1], moved[2]));
+        Predicted { position, rows }
+    }
+
+    /// Covariance of predicted positions whose rows are stacked, three each, mm².
+    pub fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
+        let half = self.posterior.half(rows);
+        (0..rows.nrows() / 3)
+            .map(|i| {
+                let own = half.columns(3 * i, 3);
+                let covariance = own.tr_mul(&own);
+                Matrix3::from_fn(|row, column| covariance[(row, column)])
+            })
+            .collect()
+    }
+
+    /// The unknowns of geometry and frames, in column order.
+    pub fn unknowns(&self) -> &[Unknown] {
+        self.problem.unknowns()
+    }
+
+    /// Posterior mean of the unknowns' offsets.
+    pub fn offsets(&self) -> DVector<f64> {
+        &self.offsets + self.mean.rows(0, self.offsets.len())
+    }
+
+    /// Posterior mean of a block's columns; `None` where the model has no such part.
+    pub fn coefficients(&self, block: Block) -> Option<DVector<f64>> {
+        self.layout
+            .columns(block)
+            .map(|columns| self.mean.rows(columns.start, columns.len()).into_owned())
+    }
+
+    /// The columns, block by block.
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Log evidence of the model, nats.
+    pub const fn log_evidence(&self) -> f64 {
+        self.posterior.log_evidence
+    }
+
+    /// The frames the offsets are relative to.
+    pub fn starts(&self) -> &[Frames] {
+        self.problem.starts()
+    }
+}

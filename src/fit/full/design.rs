@@ -1,0 +1,144 @@
+//! Rows of the error model: how the target moves with every column, at one pose.
+
+use std::f64::consts::PI;
+use std::ops::Range;
+
+use nalgebra::{DMatrix, Matrix3, Point3, Vector3};
+
+use super::layout::{Block, Layout};
+use crate::kinematics::Twist;
+use crate::units::MM_PER_M;
+
+/// One pose as the columns see it; all vectors in the frame that the rows are in.
+#[derive(Debug, Clone)]
+pub struct PoseView<'a> {
+    /// The target's motion per unit of each unknown of the problem that moves it.
+    pub unknowns: &'a [(usize, Twist)],
+    /// The target's motion per unit of each axis variable.
+    pub joints: &'a [Twist],
+    /// Origin and direction of each joint axis.
+    pub axes: &'a [(Point3<f64>, Vector3<f64>)],
+    /// Where the target is.
+    pub end: Point3<f64>,
+    /// Against gravity, unit length; `None` where the mounting is not known.
+    pub up: Option<Vector3<f64>>,
+    /// The base frame's axes.
+    pub base: Matrix3<f64>,
+    /// Axis variables, rad.
+    pub angles: &'a [f64],
+    /// Commanded minus reported axis variables, rad.
+    pub shortfall: Option<&'a [f64]>,
+    /// The session whose own parts apply.
+    pub session: Option<usize>,
+    /// Place in the session as a share of the drift's span; `None` where drift does not apply.
+    pub time: Option<f64>,
+}
+
+/// Point masses whose torque a joint gives way to: later joints' origins, and the target.
+pub fn gravity_columns(joints: usize) -> usize {
+    (1..=joints).sum()
+}
+
+impl PoseView<'_> {
+    /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
+    pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(count, layout.size());
+        for (block, columns) in layout.blocks() {
+            match block {
+                Block::Unknowns => {
+                    for (unknown, twist) in self.unknowns {
+                        put(&mut rows, columns.start + unknown, twist, 1.0);
+                    }
+                }
+                Block::Gravity => self.gravity(&mut rows, columns.start),
+                Block::Blend => self.blend(&mut rows, columns),
+                Block::SessionBlend(session) if self.session == Some(session) => {
+                    self.blend(&mut rows, columns);
+                }
+                Block::WarmUp => self.drift(&mut rows, columns),
+                Block::Drift(session) if self.session == Some(session) => {
+                    self.drift(&mut rows, columns);
+                }
+                Block::Curve(joint) => self.curve(&mut rows, columns, joint),
+                Block::SessionCurve { session, joint } if self.session == Some(session) => {
+                    put(&mut rows, columns.start, &self.joints[joint], 1.0);
+                    self.curve(&mut rows, columns.start + 1..columns.end, joint);
+                }
+                Block::Line { joint, cycles } => {
+                    let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
+                    put(&mut rows, columns.start, &self.joints[joint], cos);
+                    put(&mut rows, columns.start + 1, &self.joints[joint], sin);
+                }
+                Block::SessionBlend(_) | Block::Drift(_) | Block::SessionCurve { .. } => {}
+            }
+        }
+        rows
+    }
+
+    /// `J_j · z_j·((o_k − o_j) × (−up))`, lengths in m.
+    fn gravity(&self, rows: &mut DMatrix<f64>, first: usize) {
+        let Some(up) = self.up else { return };
+        let mut column = first;
+        for (joint, (origin, axis)) in self.axes.iter().enumerate() {
+            let masses = self.axes[joint + 1..]
+                .iter()
+                .map(|(origin, _)| *origin)
+                .chain([self.end]);
+            for mass in masses {
+                let torque = axis.dot(&(mass - origin).cross(&-up)) / MM_PER_M;
+                put(rows, column, &self.joints[joint], torque);
+                column += 1;
+            }
+        }
+    }
+
+    fn blend(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+        let Some(shortfall) = self.shortfall else {
+            return;
+        };
+        for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
+            put(rows, column, twist, *shortfall);
+        }
+    }
+
+    fn drift(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+        let Some(time) = self.time else { return };
+        let orders = columns.len() / 3;
+        for axis in 0..3 {
+            for order in 0..orders {
+                let shape = (PI * (order + 1) as f64 * time).cos();
+                let moved = self.base.column(axis) * shape;
+                rows.fixed_view_mut::<3, 1>(0, columns.start + axis * orders + order)
+                    .copy_from(&moved);
+            }
+        }
+    }
+
+    fn curve(&self, rows: &mut DMatrix<f64>, columns: Range<usize>, joint: usize) {
+        let (sin, cos) = self.angles[joint].sin_cos();
+        let (mut sin_k, mut cos_k) = (sin, cos);
+        for pair in 0..columns.len() / 2 {
+            put(rows, columns.start + 2 * pair, &self.joints[joint], cos_k);
+            put(
+                rows,
+                columns.start + 2 * pair + 1,
+                &self.joints[joint],
+                sin_k,
+            );
+            // The angle sums of (k + 1) q.
+            (sin_k, cos_k) = (
+                sin_k.mul_add(cos, cos_k * sin),
+                cos_k.mul_add(cos, -(sin_k * sin)),
+            );
+        }
+    }
+}
+
+fn put(rows: &mut DMatrix<f64>, column: usize, twist: &Twist, amount: f64) {
+    rows.fixed_view_mut::<3, 1>(0, column)
+        .copy_from(&(twist.linear * amount));
+    if rows.nrows() == 6 {
+        rows.fixed_view_mut::<3, 1>(3, column)
+            .copy_from(&(twist.angular * amount));
+    }
+}

@@ -1,0 +1,78 @@
+//! The columns of the error model, block by block.
+
+use std::ops::Range;
+
+/// One part of the model that owns a run of columns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Block {
+    /// Geometry, bases and targets: the unknowns of the identification problem.
+    Unknowns,
+    /// Joints giving way under the torque on them, one coefficient per joint and later point mass.
+    Gravity,
+    /// Share of the way from reported to commanded angle, one per joint.
+    Blend,
+    /// The same, as one session differs from all.
+    SessionBlend(usize),
+    /// Slow translation of the base that every session repeats: warming up.
+    WarmUp,
+    /// Slow translation of the base in one session alone.
+    Drift(usize),
+    /// Error curve of one joint (from 0): pairs `cos kq, sin kq`.
+    Curve(usize),
+    /// How the curve of one joint changed in one session.
+    SessionCurve {
+        /// The session.
+        session: usize,
+        /// The joint, from 0.
+        joint: usize,
+    },
+    /// A sine of fixed cycles per turn on the raw angle of one joint.
+    Line {
+        /// The joint, from 0.
+        joint: usize,
+        /// Cycles per turn.
+        cycles: f64,
+    },
+}
+
+/// Blocks in column order.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Layout {
+    blocks: Vec<(Block, Range<usize>)>,
+    size: usize,
+}
+
+impl Layout {
+    /// Puts a block of `columns` behind the others.
+    pub fn push(&mut self, block: Block, columns: usize) {
+        self.blocks.push((block, self.size..self.size + columns));
+        self.size += columns;
+    }
+
+    /// Columns in all.
+    pub const fn size(&self) -> usize {
+        self.size
+    }
+
+    /// The blocks with their columns.
+    pub fn blocks(&self) -> impl Iterator<Item = (Block, Range<usize>)> {
+        self.blocks.iter().cloned()
+    }
+
+    /// The columns of one block; `None` where the model has no such part.
+    pub fn columns(&self, block: Block) -> Option<Range<usize>> {
+        self.blocks
+            .iter()
+            .find(|(own, _)| *own == block)
+            .map(|(_, columns)| columns.clone())
+    }
+
+    /// Cycles per turn of the gear lines of one joint.
+    pub fn lines(&self, joint: usize) -> Vec<f64> {
+        let cycles = |(block, _): &(Block, Range<usize>)| match block {
+            Block::Line { joint: own, cycles } if *own == joint => Some(*cycles),
+            _ => None,
+        };
+        self.blocks.iter().filter_map(cycles).collect()
+    }
+}

@@ -1,0 +1,137 @@
+//! Bayesian linear regression on a fixed Gram matrix: `y = Φ δ + noise`, `δ ~ N(0, diag v)`.
+//!
+//! With `u = δ/√v` the posterior information is `M = I + √v A √v`, `A = Φᵀ N⁻¹ Φ`: well scaled whatever `v`, and a
+//! column of variance zero is simply left out.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::linalg::{Cholesky, gram};
+
+/// Whitened rows summed up.
+#[derive(Debug, Clone)]
+pub struct Sums {
+    /// `Φᵀ N⁻¹ Φ`.
+    pub information: DMatrix<f64>,
+    /// `Φᵀ N⁻¹ y`.
+    pub moment: DVector<f64>,
+    /// `yᵀ N⁻¹ y`.
+    pub square: f64,
+    /// Rows.
+    pub rows: usize,
+    /// `Σ ln |N|`.
+    pub ln_noise: f64,
+}
+
+/// The posterior at given prior variances and noise scale.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    /// `√v`.
+    pub scale: DVector<f64>,
+    /// Factor of M.
+    pub factor: Cholesky,
+    /// `u`, the mean over `√v`.
+    pub whitened: DVector<f64>,
+    /// Log marginal likelihood, nats, up to the constant of the rows.
+    pub log_evidence: f64,
+    /// The noise scale s² it was found at.
+    pub noise_scale: f64,
+}
+
+impl Sums {
+    /// Sums over stacked, whitened rows.
+    pub fn new(whitened: &DMatrix<f64>, values: &DVector<f64>, ln_noise: f64) -> Self {
+        Self {
+            information: gram(&whitened.as_view()),
+            moment: whitened.tr_mul(values),
+            square: values.norm_squared(),
+            rows: values.len(),
+            ln_noise,
+        }
+    }
+
+    /// The posterior at prior variances `v` and noise scaled by `noise_scale`; `None` if rounding made M indefinite.
+    pub fn posterior(&self, variances: &DVector<f64>, noise_scale: f64) -> Option<Posterior> {
+        let scale = variances.map(f64::sqrt);
+        let size = scale.len();
+        let mut matrix = self.information.clone();
+        for column in 0..size {
+            for row in column..size {
+                matrix[(row, column)] *= scale[row] * scale[column] / noise_scale;
+            }
+            matrix[(column, column)] += 1.0;
+        }
+        let factor = Cholesky::new(matrix)?;
+        let right = self.moment.component_mul(&scale) / noise_scale;
+        let whitened = factor.solve(&right);
+        let quadratic = self.square / noise_scale - right.dot(&whitened);
+        let ln_noise = (self.rows as f64).mul_add(noise_scale.ln(), self.ln_noise);
+        let log_evidence = -0.5 * (quadratic + factor.ln_determinant() + ln_noise);
+        Some(Posterior {
+            scale,
+            factor,
+            whitened,
+            log_evidence,
+            noise_scale,
+        })
+    }
+
+    /// Weighted sum of squared residuals at a posterior's mean.
+    pub fn misfit(&self, posterior: &Posterior) -> f64 {
+        let mean = posterior.mean();
+        self.square - 2.0 * mean.dot(&self.moment) + mean.dot(&(&self.information * &mean))
+    }
+}
+
+impl Posterior {
+    /// The posterior mean of δ.
+    pub fn mean(&self) -> DVector<f64> {
+        self.whitened.component_mul(&self.scale)
+    }
+
+    /// `1 − Σ_kk/v_k`: how much of each column the rows determined.
+    pub fn determined(&self) -> DVector<f64> {
+        let inverse = self.factor.inverse_lower();
+        DVector::from_iterator(
+            inverse.ncols(),
+            inverse
+                .column_iter()
+                .map(|column| 1.0 - column.norm_squared()),
+        )
+    }
+
+    /// Posterior covariance of `rows · δ`, and its square root factor's transpose: `L⁻¹ √v rowsᵀ`.
+    pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut right = rows.transpose();
+        for (mut row, scale) in right.row_iter_mut().zip(&self.scale) {
+            row *= *scale;
+        }
+        self.factor.forward(&right, 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn posterior_and_evidence_are_those_of_the_closed_form() {
+        // y = Φ δ + e, e ~ N(0, I), δ ~ N(0, V): y ~ N(0, Φ V Φᵀ + I), δ | y ~ N(V Φᵀ S⁻¹ y, V − V Φᵀ S⁻¹ Φ V).
+        let rows = DMatrix::from_fn(7, 3, |i, j| ((3 * i + 5 * j) as f64).sin());
+        let values = DVector::from_fn(7, |i, _| (i as f64).cos());
+        let variances = DVector::from_vec(vec![0.5, 2.0, 0.0]);
+        let v = DMatrix::from_diagonal(&variances);
+        let s = &rows * &v * rows.transpose() + DMatrix::identity(7, 7);
+        let s_inverse = s.clone().try_inverse().expect("positive definite");
+        let posterior = Sums::new(&rows, &values, 0.0)
+            .posterior(&variances, 1.0)
+            .expect("positive definite");
+        let mean = &v * rows.transpose() * &s_inverse * &values;
+        assert!((posterior.mean() - mean).norm() < 1e-12);
+        let evidence = -0.5 * (values.dot(&(&s_inverse * &values)) + s.determinant().ln());
+        assert!((posterior.log_evidence - evidence).abs() < 1e-10);
+        let half = posterior.half(&rows);
+        let covariance =
+            &rows * (&v - &v * rows.transpose() * s_inverse * &rows * &v) * rows.transpose();
+        assert!((half.transpose() * half - covariance).abs().max() < 1e-12);
+    }
+}

@@ -1,0 +1,84 @@
+//! The `[fit.full]` section: what the whole error model starts from. Sizes are starting points that the session's own
+//! likelihood replaces; lengths are fixed.
+
+use serde::{Deserialize, Serialize};
+
+/// Settings of the whole error model.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each part of the model can be left out by itself"
+)]
+pub struct FullSettings {
+    /// Whether the whole model is fitted at all.
+    pub enabled: bool,
+    /// Joints give way under gravity (needs the mounting).
+    pub gravity: bool,
+    /// Gear lines are looked for.
+    pub gear_lines: bool,
+    /// The base drifts slowly.
+    pub drift: bool,
+    /// The arm stands between reported and commanded angle (needs commanded orientations).
+    pub blend: bool,
+    /// Length of the short kernel of the joint curves, degrees.
+    pub short_length_deg: f64,
+    /// Length of the long kernel of the joint curves, degrees.
+    pub long_length_deg: f64,
+    /// Harmonics of the joint curves.
+    pub harmonics: usize,
+    /// Expected size of each kernel of the joint curves, rad.
+    pub curve_sd_rad: f64,
+    /// Expected compliance, rad per m of lever.
+    pub gravity_sd: f64,
+    /// Expected size of a gear line, rad.
+    pub line_sd_rad: f64,
+    /// Evidence a gear line must bring, nats.
+    pub line_threshold: f64,
+    /// Expected size of the base drift, mm.
+    pub drift_sd_mm: f64,
+    /// Smoothness of the base drift, stations.
+    pub drift_length_stations: f64,
+    /// Expected size of the blend between reported and commanded angle.
+    pub blend_sd: f64,
+    /// Expected difference of the blend between sessions.
+    pub session_blend_sd: f64,
+    /// Expected change of a joint's curve between sessions, rad.
+    pub session_curve_sd_rad: f64,
+    /// Smoothness of that change, degrees.
+    pub session_length_deg: f64,
+    /// Expected repeatability of the arm as a whole, per axis, mm.
+    pub noise_mm: f64,
+    /// Expected repeatability of each joint, rad.
+    pub joint_noise_rad: f64,
+    /// Degrees of freedom of the Student t that weighs stations by their leave-one-out residual; 0 for none.
+    pub student_t: f64,
+}
+
+impl Default for FullSettings {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            gravity: true,
+            gear_lines: true,
+            drift: true,
+            blend: true,
+            short_length_deg: 6.0,
+            long_length_deg: 50.0,
+            harmonics: 60,
+            curve_sd_rad: 0.4e-3,
+            gravity_sd: 0.4e-3,
+            line_sd_rad: 15e-6,
+            line_threshold: 8.0,
+            drift_sd_mm: 0.03,
+            drift_length_stations: 180.0,
+            blend_sd: 1.0,
+            session_blend_sd: 0.1,
+            session_curve_sd_rad: 30e-6,
+            session_length_deg: 30.0,
+            noise_mm: 0.02,
+            joint_noise_rad: 25e-6,
+            student_t: 8.0,
+        }
+    }
+}

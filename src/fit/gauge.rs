@@ -1,0 +1,117 @@
+//! The gauge in which errors are stated: nominal arm, base and target fitted (METHOD.md 6).
+//!
+//! An error is attained minus commanded position in the controller's base frame. The target is a point of its own; the
+//! controller's tool point follows from it by the lever between the two, turned as the flange really is where the
+//! target's orientation was measured, and as the nominal arm says where it was not.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+
+use super::problem::Frames;
+use crate::join::Attained;
+use crate::kinematics::Arm;
+
+/// What predicts the error of the tool point at given joint angles.
+pub trait ErrorModel: Sync {
+    /// Attained minus commanded position of the tool point in the base frame, mm.
+    fn error(&self, joints: &[f64]) -> Vector3<f64>;
+    /// The same with its covariance, mm².
+    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>);
+}
+
+/// The gauge of one session.
+#[derive(Debug, Clone)]
+pub struct Gauge<'a> {
+    arm: &'a Arm,
+    frames: Frames,
+    flange_from_tool: Isometry3<f64>,
+    oriented: bool,
+}
+
+impl<'a> Gauge<'a> {
+    /// The gauge of the nominal `arm` with the frames of a base + target fit.
+    ///
+    /// `flange_from_tool` is the controller's own tool point; without one it is the target itself. `oriented` says that
+    /// the frames' target orientation was fitted, so that measured orientations mean something.
+    pub fn new(
+        arm: &'a Arm,
+        frames: Frames,
+        flange_from_tool: Option<Isometry3<f64>>,
+        oriented: bool,
+    ) -> Self {
+        let target = frames.flange_from_target.isometry().translation;
+        let at_target = Isometry3::from_parts(target, UnitQuaternion::identity());
+        Self {
+            arm,
+            frames,
+            flange_from_tool: flange_from_tool.unwrap_or(at_target),
+            oriented,
+        }
+    }
+
+    /// The nominal arm.
+    pub const fn arm(&self) -> &'a Arm {
+        self.arm
+    }
+
+    /// The frames of the base + target fit.
+    pub const fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
+    /// The controller's own tool at the flange.
+    pub const fn flange_from_tool(&self) -> &Isometry3<f64> {
+        &self.flange_from_tool
+    }
+
+    /// From target to tool point, along the flange's axes, mm.
+    pub fn lever(&self) -> Vector3<f64> {
+        self.flange_from_tool.translation.vector
+            - self.frames.flange_from_target.isometry().translation.vector
+    }
+
+    /// The nominal tool pose at reported joint angles, in the base frame.
+    pub fn nominal_tool(&self, joints: &[f64]) -> Isometry3<f64> {
+        self.arm.flange(joints).isometry() * self.flange_from_tool
+    }
+
+    /// The measured target in the base frame.
+    pub fn measured_target(&self, attained: &Attained) -> Point3<f64> {
+        self.frames
+            .tracker_from_base
+            .isometry()
+            .inverse_transform_point(&attained.position)
+    }
+
+    /// Where the nominal arm has the target at reported joint angles, in the base frame.
+    pub fn nominal_target(&self, joints: &[f64]) -> Point3<f64> {
+        self.arm.flange(joints).isometry()
+            * Point3::from(self.frames.flange_from_target.isometry().translation.vector)
+    }
+
+    /// Error of the measured point: measured minus nominal target, mm.
+    pub fn target_error(&self, joints: &[f64], attained: &Attained) -> Vector3<f64> {
+        self.measured_target(attained) - self.nominal_target(joints)
+    }
+
+    /// Where the tool point was attained, in the base frame.
+    pub fn attained_tool(&self, joints: &[f64], attained: &Attained) -> Point3<f64> {
+        self.measured_target(attained) + self.flange_rotation(joints, attained) * self.lever()
+    }
+
+    fn flange_rotation(&self, joints: &[f64], attained: &Attained) -> UnitQuaternion<f64> {
+        let measured = attained
+            .orientation
+            .filter(|_| self.oriented)
+            .map(|in_tracker| {
+                let in_base =
+                    self.frames.tracker_from_base.isometry().rotation.inverse() * in_tracker;
+                in_base * self.frames.flange_from_target.isometry().rotation.inverse()
+            });
+        measured.unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
+    }
+}
+
+/// The translation part of a placement as an isometry of its own.
+pub fn translation(vector: Vector3<f64>) -> Isometry3<f64> {
+    Isometry3::from_parts(Translation3::from(vector), UnitQuaternion::identity())
+}

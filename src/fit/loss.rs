@@ -1,0 +1,70 @@
+//! Losses on a station's whitened residual: how much a station that fits badly may still say.
+
+use serde::{Deserialize, Serialize};
+
+use crate::figures::median;
+
+/// How a station's weight falls with its whitened residual norm over the robust scale.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case", tag = "kind")]
+pub enum Loss {
+    /// Every station counts the same.
+    #[default]
+    Squares,
+    /// Huber's: full weight up to `tuning`, then falling as 1/s.
+    Huber {
+        /// In units of the robust scale.
+        tuning: f64,
+    },
+    /// Cauchy's: `1/(1 + (s/tuning)²)`.
+    Cauchy {
+        /// In units of the robust scale.
+        tuning: f64,
+    },
+}
+
+impl Loss {
+    /// The weight of a station whose whitened residual norm is `s` robust scales.
+    pub fn weight(self, s: f64) -> f64 {
+        match self {
+            Self::Squares => 1.0,
+            Self::Huber { tuning } => (tuning / s).min(1.0),
+            Self::Cauchy { tuning } => (1.0 + (s / tuning).powi(2)).recip(),
+        }
+    }
+
+    /// The weights of all stations from their whitened residual norms, scaled by their median.
+    ///
+    /// The median of the norms over that of a unit Gaussian's is the scale, so that a model whose misfit is far above
+    /// the noise is not taken for a session of outliers.
+    pub fn weights(self, norms: &[f64]) -> Vec<f64> {
+        // Median of the norm of a unit Gaussian in three dimensions.
+        const MEDIAN_CHI_3: f64 = 1.538_172_254;
+        let scale = median(norms).unwrap_or(0.0) / MEDIAN_CHI_3;
+        if matches!(self, Self::Squares) || scale <= 0.0 {
+            return vec![1.0; norms.len()];
+        }
+        norms.iter().map(|norm| self.weight(norm / scale)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_fall_as_the_formulas_say() {
+        assert!((Loss::Huber { tuning: 2.0 }.weight(1.0) - 1.0).abs() < 1e-15);
+        assert!((Loss::Huber { tuning: 2.0 }.weight(8.0) - 0.25).abs() < 1e-15);
+        assert!((Loss::Cauchy { tuning: 2.0 }.weight(4.0) - 0.2).abs() < 1e-15);
+        assert_eq!(Loss::Squares.weights(&[1.0, 100.0]), [1.0, 1.0]);
+    }
+
+    #[test]
+    fn one_gross_error_hardly_counts() {
+        let mut norms = vec![1.5; 50];
+        norms.push(150.0);
+        let weights = Loss::Cauchy { tuning: 2.5 }.weights(&norms);
+        assert!(weights[50] < 1e-3 && weights[0] > 0.7);
+    }
+}

@@ -1,0 +1,107 @@
+//! Starting frames: a closed-form alignment of the nominal arm's flanges, then base and target alone.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+
+use super::observation::Observation;
+use super::problem::{Frames, Freedom, Problem};
+use super::{FitError, FitSettings, solve};
+use crate::geometry::{Transform, align};
+use crate::kinematics::Arm;
+
+/// Nine numbers of base and target ask for three positions; one more leaves something to judge by.
+const LEAST_STATIONS: usize = 4;
+/// Positions that spread less than this across their longest direction lie on a line for the purpose.
+const LEAST_SPREAD_MM: f64 = 1.0;
+/// Passes of base and target alone; the frames are taken in after each, so the small turns stay small.
+const PASSES: usize = 3;
+
+/// The frames of each session with the nominal arm: base and target fitted, geometry held.
+pub fn frames(
+    arm: &Arm,
+    observations: &[Observation],
+    sessions: usize,
+    settings: &FitSettings,
+) -> Result<Vec<Frames>, FitError> {
+    let aligned = (0..sessions).map(|session| aligned(arm, observations, session));
+    let mut frames = aligned.collect::<Result<Vec<_>, _>>()?;
+    for _ in 0..PASSES {
+        let problem = Problem::new(
+            observations,
+            arm.chain(),
+            &frames,
+            Freedom::BaseAndTarget,
+            settings.prior(),
+        );
+        // With one tool orientation base and target trade freely; the solver's damping takes the shortest step there.
+        let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
+        frames = problem.frames(&solution.offsets);
+    }
+    Ok(frames)
+}
+
+/// The base from flange origins alone, and the target's mean turn where orientations are measured.
+fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Frames, FitError> {
+    let own: Vec<&Observation> = observations
+        .iter()
+        .filter(|o| o.session == session)
+        .collect();
+    if own.len() < LEAST_STATIONS {
+        return Err(FitError::TooFewStations {
+            session,
+            stations: own.len(),
+            needed: LEAST_STATIONS,
+        });
+    }
+    let measured: Vec<Point3<f64>> = own.iter().map(|o| o.position).collect();
+    let flanges: Vec<Isometry3<f64>> = own.iter().map(|o| arm.chain().nominal(&o.axes)).collect();
+    let origins: Vec<Point3<f64>> = flanges
+        .iter()
+        .map(|f| Point3::from(f.translation.vector))
+        .collect();
+    let spread_mm = spread(&measured).min(spread(&origins));
+    if spread_mm < LEAST_SPREAD_MM {
+        return Err(FitError::Degenerate { session, spread_mm });
+    }
+    let base = align(&measured, &origins, &vec![1.0; own.len()])
+        .ok_or(FitError::Degenerate { session, spread_mm })?;
+    let turns = own
+        .iter()
+        .zip(&flanges)
+        .filter_map(|(observation, flange)| {
+            Some((base.rotation * flange.rotation).inverse() * observation.orientation?.0)
+        });
+    let turn = mean_rotation(turns).unwrap_or_else(UnitQuaternion::identity);
+    Ok(Frames {
+        tracker_from_base: Transform::claim(base),
+        flange_from_target: Transform::claim(Isometry3::from_parts(Translation3::identity(), turn)),
+    })
+}
+
+/// Root mean square distance from the line through the points' barycentre along their longest direction, mm.
+fn spread(points: &[Point3<f64>]) -> f64 {
+    let n = points.len() as f64;
+    let centre = points
+        .iter()
+        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
+        / n;
+    let scatter = points.iter().fold(Matrix3::zeros(), |sum, p| {
+        sum + (p.coords - centre) * (p.coords - centre).transpose()
+    });
+    let eigenvalues = scatter.symmetric_eigenvalues();
+    ((eigenvalues.sum() - eigenvalues.max()).max(0.0) / n).sqrt()
+}
+
+/// The rotation whose quaternion has the largest summed squared projection on all (Markley et al. 2007).
+pub fn mean_rotation(
+    rotations: impl Iterator<Item = UnitQuaternion<f64>>,
+) -> Option<UnitQuaternion<f64>> {
+    let mut count = 0;
+    let sum = rotations.fold(nalgebra::Matrix4::zeros(), |sum, rotation| {
+        count += 1;
+        sum + rotation.coords * rotation.coords.transpose()
+    });
+    let eigen = sum.symmetric_eigen();
+    let largest = eigen.eigenvalues.imax();
+    let coords = eigen.eigenvectors.column(largest).into_owned();
+    (count > 0).then(|| UnitQuaternion::from_quaternion(Quaternion::from_vector(coords)))
+}

@@ -1,0 +1,127 @@
+//! A rigid placement as a pipeline file states it: translation in mm and a rotation whose convention is named.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A placement of one frame in another.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    /// Where the placed frame's origin lies, mm.
+    pub xyz_mm: [f64; 3],
+    /// Rotation as a quaternion x y z w.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quaternion_xyzw: Option<[f64; 4]>,
+    /// Rotation as three angles, degrees; `euler_order` says about what.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_deg: Option<[f64; 3]>,
+    /// The order of the three angles; it has no default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_order: Option<EulerOrder>,
+}
+
+/// Conventions of three angles in use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EulerOrder {
+    /// Roll, pitch, yaw about the fixed x, y, z axes (URDF, Fanuc W P R).
+    FixedXyz,
+    /// A, B, C about the moving z, y, x axes (KUKA).
+    MovingZyx,
+    /// About the moving z, y, z axes (Kawasaki O A T).
+    MovingZyz,
+}
+
+/// What is wrong with a placement.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PlacementError {
+    /// Angles without a convention.
+    #[error(
+        "euler_deg needs euler_order, which has no default: \"fixed-xyz\" (URDF roll pitch yaw, Fanuc), \
+         \"moving-zyx\" (KUKA A B C) or \"moving-zyz\" (Kawasaki O A T)"
+    )]
+    NoOrder,
+    /// Both ways to state a rotation at once, or neither.
+    #[error(
+        "a placement states its rotation once: either quaternion_xyzw, or euler_deg with euler_order"
+    )]
+    OneRotation,
+    /// A quaternion far from unit norm.
+    #[error("quaternion_xyzw has norm {norm}; a rotation has norm 1")]
+    NotUnit {
+        /// The norm found.
+        norm: f64,
+    },
+}
+
+impl Placement {
+    /// The placement as an isometry, mm.
+    pub fn isometry(&self) -> Result<Isometry3<f64>, PlacementError> {
+        Ok(Isometry3::from_parts(
+            Translation3::from(self.xyz_mm),
+            self.rotation()?,
+        ))
+    }
+
+    fn rotation(&self) -> Result<UnitQuaternion<f64>, PlacementError> {
+        match (self.quaternion_xyzw, self.euler_deg, self.euler_order) {
+            (Some([x, y, z, w]), None, None) => {
+                let quaternion = Quaternion::new(w, x, y, z);
+                let norm = quaternion.norm();
+                let is_unit = (norm - 1.0).abs() < 1e-3;
+                is_unit
+                    .then(|| UnitQuaternion::from_quaternion(quaternion))
+                    .ok_or(PlacementError::NotUnit { norm })
+            }
+            (None, Some(degrees), Some(order)) => Ok(order.rotation(degrees.map(f64::to_radians))),
+            (None, Some(_), None) => Err(PlacementError::NoOrder),
+            _ => Err(PlacementError::OneRotation),
+        }
+    }
+}
+
+impl EulerOrder {
+    fn rotation(self, [a, b, c]: [f64; 3]) -> UnitQuaternion<f64> {
+        let about = |axis: nalgebra::Unit<Vector3<f64>>, angle| {
+            UnitQuaternion::from_axis_angle(&axis, angle)
+        };
+        let (x, y, z) = (Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis());
+        match self {
+            Self::FixedXyz => about(z, c) * about(y, b) * about(x, a),
+            Self::MovingZyx => about(z, a) * about(y, b) * about(x, c),
+            Self::MovingZyz => about(z, a) * about(y, b) * about(z, c),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turned(euler_deg: [f64; 3], euler_order: Option<EulerOrder>) -> Placement {
+        Placement {
+            xyz_mm: [1.0, 2.0, 3.0],
+            quaternion_xyzw: None,
+            euler_deg: Some(euler_deg),
+            euler_order,
+        }
+    }
+
+    #[test]
+    fn kuka_and_urdf_angles_name_the_same_turn_in_reverse() {
+        let kuka = turned([30.0, 20.0, 10.0], Some(EulerOrder::MovingZyx))
+            .isometry()
+            .expect("complete");
+        let urdf = turned([10.0, 20.0, 30.0], Some(EulerOrder::FixedXyz))
+            .isometry()
+            .expect("complete");
+        assert!(kuka.rotation.angle_to(&urdf.rotation) < 1e-12);
+    }
+
+    #[test]
+    fn angles_without_an_order_are_refused_with_the_choices() {
+        let error = turned([0.0; 3], None).isometry().expect_err("no order");
+        assert!(error.to_string().contains("moving-zyx"));
+    }
+}

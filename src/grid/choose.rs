@@ -1,0 +1,182 @@
+//! The tolerance, the verdict of a step, and the choice among steps.
+
+use serde::{Deserialize, Serialize};
+
+use super::{GridError, Interpolation, Judged, Judgement, Source, Verdict};
+use crate::figures::{Coverage, least_count};
+
+/// The `[tolerance]` section of a pipeline file.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tolerance {
+    /// What a position error may be, mm.
+    pub mm: f64,
+    /// Share of positions that have to be within it.
+    pub share: f64,
+    /// How sure one has to be of that.
+    pub confidence: f64,
+}
+
+impl Tolerance {
+    /// The coverage that bounds are asked for.
+    pub const fn coverage(&self) -> Coverage {
+        Coverage {
+            share: self.share,
+            confidence: self.confidence,
+        }
+    }
+
+    /// The verdict of a bound on `n` stations: `bound + guard ≤ tolerance`.
+    pub fn verdict(&self, bound: Option<f64>, n: usize, guard_mm: f64) -> Verdict {
+        match bound {
+            Some(bound) if bound + guard_mm <= self.mm => Verdict::Meets,
+            Some(_) => Verdict::DoesNotMeet,
+            None => Verdict::NotShown(format!(
+                "{n} held-out stations; {:.0} are needed for {} % with {} % confidence",
+                least_count(self.coverage()),
+                100.0 * self.share,
+                100.0 * self.confidence
+            )),
+        }
+    }
+}
+
+/// Which row was chosen, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Choice {
+    /// Place among the judged rows.
+    pub row: usize,
+    /// Whether the tolerance is met, and shown to be.
+    pub verdict: Verdict,
+    /// The choice in words.
+    pub words: String,
+}
+
+/// The largest step whose bound, and that of all smaller steps of its source and interpolation, is within the tolerance;
+/// where none is, the row with the least bound; where none has a bound, the one with the least local-cell error.
+pub fn choose(judged: &[Judged]) -> Result<Choice, GridError> {
+    if let Some(row) = largest_that_holds(judged) {
+        let words = format!(
+            "{}: the largest step that holds, with all smaller ones",
+            named(&judged[row])
+        );
+        return Ok(Choice {
+            row,
+            verdict: Verdict::Meets,
+            words,
+        });
+    }
+    let tables = || {
+        judged
+            .iter()
+            .enumerate()
+            .filter(|(_, row)| row.judgement == Judgement::Table)
+    };
+    let least = tables().filter_map(|(place, row)| Some((place, row.bound?)));
+    if let Some((row, bound)) = least.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        let words = format!(
+            "no step meets the tolerance; {} comes nearest with a bound of {bound:.3} mm",
+            named(&judged[row])
+        );
+        return Ok(Choice {
+            row,
+            verdict: Verdict::DoesNotMeet,
+            words,
+        });
+    }
+    let row = best_by_local_cell(judged).ok_or_else(|| GridError::NoTable {
+        reason: reasons(judged),
+    })?;
+    let verdict = judged[row].verdict.clone();
+    let words = format!(
+        "no step could be shown to meet the tolerance; {} has the least error in local cells",
+        named(&judged[row])
+    );
+    Ok(Choice {
+        row,
+        verdict,
+        words,
+    })
+}
+
+fn named(row: &Judged) -> String {
+    format!(
+        "{} mm, nodes {}, {}",
+        row.step_mm,
+        row.source.name(),
+        row.interpolation.name()
+    )
+}
+
+/// The largest holding step over all families (source × interpolation); the smaller bound where two are as large.
+fn largest_that_holds(judged: &[Judged]) -> Option<usize> {
+    let families = families(judged);
+    let best_of = |family: &(Source, Interpolation)| {
+        let mut rows: Vec<usize> = tables_of(judged, *family);
+        rows.sort_by(|&a, &b| judged[a].step_mm.total_cmp(&judged[b].step_mm));
+        // A step that is no multiple of a measured pitch is no step of this family; others have to hold without gap.
+        let rows = rows.into_iter().filter(|&row| judged[row].nodes > 0);
+        rows.take_while(|&row| judged[row].verdict == Verdict::Meets)
+            .last()
+    };
+    let order = |&a: &usize, &b: &usize| {
+        let step = judged[a].step_mm.total_cmp(&judged[b].step_mm);
+        step.then_with(|| {
+            judged[b]
+                .bound
+                .unwrap_or(f64::INFINITY)
+                .total_cmp(&judged[a].bound.unwrap_or(f64::INFINITY))
+        })
+    };
+    families.iter().filter_map(best_of).max_by(order)
+}
+
+fn families(judged: &[Judged]) -> Vec<(Source, Interpolation)> {
+    let mut families: Vec<_> = judged
+        .iter()
+        .map(|row| (row.source, row.interpolation))
+        .collect();
+    families.sort_unstable();
+    families.dedup();
+    families
+}
+
+fn tables_of(judged: &[Judged], family: (Source, Interpolation)) -> Vec<usize> {
+    let of_family = |row: &Judged| {
+        row.judgement == Judgement::Table && (row.source, row.interpolation) == family
+    };
+    (0..judged.len())
+        .filter(|&place| of_family(&judged[place]))
+        .collect()
+}
+
+/// The table row of the model whose local cells leave the least error.
+fn best_by_local_cell(judged: &[Judged]) -> Option<usize> {
+    let local = judged
+        .iter()
+        .filter(|row| row.judgement == Judgement::LocalCell);
+    let best = local
+        .filter_map(|row| Some((row, row.figures?.p95)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))?
+        .0;
+    judged.iter().position(|row| {
+        row.judgement == Judgement::Table
+            && row.source == Source::Model
+            && row.interpolation == best.interpolation
+            && row.step_mm.total_cmp(&best.step_mm).is_eq()
+            && row.nodes > row.refused_nodes.values().sum::<usize>()
+    })
+}
+
+fn reasons(judged: &[Judged]) -> String {
+    let mut reasons: Vec<&str> = judged
+        .iter()
+        .filter_map(|row| match &row.verdict {
+            Verdict::NotShown(reason) => Some(reason.as_str()),
+            Verdict::Meets | Verdict::DoesNotMeet => None,
+        })
+        .collect();
+    reasons.sort_unstable();
+    reasons.dedup();
+    reasons.join("; ")
+}

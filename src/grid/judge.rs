@@ -1,0 +1,186 @@
+//! How a step is judged: always on stations that took no part.
+//!
+//! *Local cell*: a cell of the step around each held-out station, at that station's own orientation and configuration,
+//! the station at a quasi-random place of it (a table's targets lie anywhere in their cells). *Table*: the very nodes
+//! that would be published, for held-out stations in the box, of the same configuration and within the orientation
+//! tolerance. Only *table* gives the verdict (METHOD.md 5).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::interpolation::Interpolation;
+use super::node::{GridStation, PlacedGrid, Reach, Refusal, count, on_one_branch};
+use crate::fit::ErrorModel;
+
+/// Errors that are left on held-out stations, and the stations that could not be judged.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct HeldOut {
+    /// Norm of measured minus interpolated error, in station order, mm.
+    pub norms: Vec<f64>,
+    /// How many stations the norms are of: fewer than norms where a station is judged by several decimated grids.
+    pub stations: usize,
+    /// Stations in a refused cell, by reason.
+    pub refused: BTreeMap<Refusal, usize>,
+    /// Stations outside the box.
+    pub outside: usize,
+    /// Stations of another configuration or beyond the orientation tolerance.
+    pub unlike: usize,
+}
+
+/// The eight joint vectors of a local cell around one station.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LocalCell {
+    fraction: Vector3<f64>,
+    vertices: Result<Vec<Vec<f64>>, Refusal>,
+}
+
+/// Places a cell of step `step` around each station, at the station's own orientation and configuration.
+pub fn local_cells(reach: &Reach<'_>, stations: &[GridStation], step: [f64; 3]) -> Vec<LocalCell> {
+    let place = |station: &GridStation| {
+        let fraction = quasi_random(station.number);
+        let least = station.position - fraction.component_mul(&Vector3::from(step));
+        let vertices = (0..8).map(|vertex: usize| {
+            let offset = Vector3::from_fn(|axis, _| {
+                if vertex >> axis & 1 == 1 {
+                    step[axis]
+                } else {
+                    0.0
+                }
+            });
+            reach.joints(
+                &Point3::from(least.coords + offset),
+                &station.orientation,
+                &station.joints,
+            )
+        });
+        let vertices = vertices
+            .collect::<Result<Vec<_>, _>>()
+            .and_then(|vertices| {
+                let slices: Vec<&[f64]> = vertices.iter().map(Vec::as_slice).collect();
+                if on_one_branch(&slices) {
+                    Ok(vertices)
+                } else {
+                    Err(Refusal::Branches)
+                }
+            });
+        LocalCell { fraction, vertices }
+    };
+    stations.par_iter().map(place).collect()
+}
+
+/// Judges `stations` by their local cells, each with the model of its fold.
+pub fn by_local_cell(
+    stations: &[GridStation],
+    cells: &[LocalCell],
+    folds: &[&dyn ErrorModel],
+    step: &[f64; 3],
+    interpolation: Interpolation,
+    power: f64,
+) -> HeldOut {
+    let left = |(station, cell): (&GridStation, &LocalCell)| {
+        let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
+        let weights = interpolation.weights(&cell.fraction, step, power);
+        let errors = vertices
+            .iter()
+            .map(|joints| folds[station.fold].error(joints));
+        let interpolated: Vector3<f64> = errors
+            .zip(weights)
+            .map(|(error, weight)| error * weight)
+            .sum();
+        Ok((station.error - interpolated).norm())
+    };
+    let found: Vec<Result<f64, Refusal>> = stations.par_iter().zip(cells).map(left).collect();
+    let norms: Vec<f64> = found.iter().filter_map(|left| left.ok()).collect();
+    HeldOut {
+        stations: norms.len(),
+        norms,
+        refused: count(found.iter().filter_map(|left| left.err())),
+        ..HeldOut::default()
+    }
+}
+
+/// Judges `stations` by the nodes that would be published, the node values by the model of each station's fold.
+pub fn by_table(
+    stations: &[GridStation],
+    grid: &PlacedGrid,
+    like: impl Fn(&GridStation) -> bool,
+    folds: &[&dyn ErrorModel],
+    interpolation: Interpolation,
+    power: f64,
+) -> HeldOut {
+    let used: Vec<usize> = {
+        let mut used: Vec<usize> = stations.iter().map(|station| station.fold).collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    };
+    let tables: BTreeMap<usize, Vec<Vector3<f64>>> = used
+        .into_iter()
+        .map(|fold| (fold, node_errors(grid, folds[fold])))
+        .collect();
+    let mut held_out = HeldOut::default();
+    for station in stations {
+        if !like(station) {
+            held_out.unlike += 1;
+            continue;
+        }
+        match grid.cell(&station.position) {
+            None => held_out.outside += 1,
+            Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
+            Some(Ok(cell)) => {
+                let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
+                let errors = &tables[&station.fold];
+                let interpolated: Vector3<f64> = cell
+                    .vertices
+                    .iter()
+                    .zip(weights)
+                    .map(|(&vertex, weight)| errors[vertex] * weight)
+                    .sum();
+                held_out.norms.push((station.error - interpolated).norm());
+                held_out.stations += 1;
+            }
+        }
+    }
+    held_out
+}
+
+/// The model's error at every node; zero where the node was refused, which no usable cell touches.
+fn node_errors(grid: &PlacedGrid, model: &dyn ErrorModel) -> Vec<Vector3<f64>> {
+    let value = |joints: &Result<Vec<f64>, Refusal>| {
+        joints
+            .as_ref()
+            .map_or_else(|_| Vector3::zeros(), |q| model.error(q))
+    };
+    grid.nodes
+        .par_iter()
+        .map(|node| value(&node.joints))
+        .collect()
+}
+
+/// A place in the unit cell, different for each station and evenly spread over all (Halton 1960, bases 2, 3, 5).
+fn quasi_random(number: usize) -> Vector3<f64> {
+    let radical_inverse = |base: usize| {
+        let (mut rest, mut digit, mut value) = (number + 1, 1.0, 0.0);
+        while rest > 0 {
+            digit /= base as f64;
+            value += digit * (rest % base) as f64;
+            rest /= base;
+        }
+        value
+    };
+    Vector3::new(radical_inverse(2), radical_inverse(3), radical_inverse(5))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_fill_the_cell_evenly() {
+        assert_eq!(quasi_random(0), Vector3::new(0.5, 1.0 / 3.0, 0.2));
+        let mean = (0..1000).map(quasi_random).sum::<Vector3<f64>>() / 1000.0;
+        assert!((mean - Vector3::repeat(0.5)).norm() < 0.01);
+    }
+}

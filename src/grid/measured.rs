@@ -1,0 +1,269 @@
+//! Grids whose node values are the stations measured at the nodes: the seed paper's own way.
+//!
+//! Only a session measured on a grid has them. Coarser steps come by decimation: every phase of every multiple of the
+//! pitch is a grid of its own, judged on all stations inside that are not its nodes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Point3, Vector3};
+
+use super::interpolation::Interpolation;
+use super::judge::HeldOut;
+use super::lattice::Lattice;
+use super::node::{GridStation, Refusal, on_one_branch};
+
+/// A session's own grid: which station stands at which node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredGrid {
+    /// The lattice of the session's pitch.
+    pub lattice: Lattice,
+    /// Place in the list of stations for each node that was measured.
+    pub stations: BTreeMap<[usize; 3], usize>,
+}
+
+/// Why a session is not on a grid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotOnGrid {
+    /// Commanded positions do not repeat along an axis.
+    #[error("the commanded positions do not lie on planes of equal pitch along {axis}")]
+    NoPitch {
+        /// Which axis.
+        axis: char,
+    },
+    /// More than half of the nodes were not visited.
+    #[error("only {measured} of the {nodes} nodes of its pitch were measured")]
+    Sparse {
+        /// Measured nodes.
+        measured: usize,
+        /// Nodes of the lattice.
+        nodes: usize,
+    },
+    /// Tool orientations or arm configurations differ.
+    #[error("its stations have more than one tool orientation or arm configuration")]
+    Mixed,
+}
+
+/// Coordinates nearer to each other than this are one plane, mm: commands carry rounding, and no grid is this fine.
+const PLANE_MM: f64 = 1.0;
+/// Tool orientations of one grid differ by less than this, rad.
+const ONE_ORIENTATION_RAD: f64 = 0.02;
+
+impl MeasuredGrid {
+    /// The grid that `stations` were measured on.
+    pub fn of(stations: &[GridStation]) -> Result<Self, NotOnGrid> {
+        let axes: Vec<_> = (0..3)
+            .map(|axis| planes(stations, axis))
+            .collect::<Result<_, _>>()?;
+        let lattice = Lattice {
+            origin: Point3::new(axes[0].first, axes[1].first, axes[2].first),
+            step: std::array::from_fn(|axis| axes[axis].pitch),
+            counts: std::array::from_fn(|axis| axes[axis].count),
+        };
+        let first = stations.first().ok_or(NotOnGrid::Sparse {
+            measured: 0,
+            nodes: 0,
+        })?;
+        let like = |station: &GridStation| {
+            station.configuration == first.configuration
+                && station.orientation.angle_to(&first.orientation) < ONE_ORIENTATION_RAD
+        };
+        if !stations.iter().all(like) {
+            return Err(NotOnGrid::Mixed);
+        }
+        // A node visited twice keeps its first visit; the second is a held-out station at no distance.
+        let mut places = BTreeMap::new();
+        for (place, station) in stations.iter().enumerate() {
+            places
+                .entry(std::array::from_fn(|axis| {
+                    axes[axis].index(station.position[axis])
+                }))
+                .or_insert(place);
+        }
+        if 2 * places.len() < lattice.node_count() {
+            return Err(NotOnGrid::Sparse {
+                measured: places.len(),
+                nodes: lattice.node_count(),
+            });
+        }
+        Ok(Self {
+            lattice,
+            stations: places,
+        })
+    }
+
+    /// How many pitches a step is along each axis; `None` where it is no whole multiple or leaves no cell.
+    pub fn multiples(&self, step_mm: f64) -> Option<[usize; 3]> {
+        let multiple = |axis: usize| {
+            let exact = step_mm / self.lattice.step[axis];
+            (1..self.lattice.counts[axis]).find(|&whole| (whole as f64 - exact).abs() < 1e-3)
+        };
+        Some([multiple(0)?, multiple(1)?, multiple(2)?])
+    }
+
+    /// Judges every phase of the decimation by `multiples` on the stations that are no nodes of it.
+    pub fn judge(
+        &self,
+        stations: &[GridStation],
+        multiples: [usize; 3],
+        interpolation: Interpolation,
+        power: f64,
+    ) -> HeldOut {
+        let mut held_out = HeldOut::default();
+        let mut judged = BTreeSet::new();
+        let [mx, my, mz] = multiples;
+        for phase in
+            (0..mz).flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
+        {
+            let Some(decimated) = self.decimated(multiples, phase) else {
+                continue;
+            };
+            for place in 0..stations.len() {
+                if decimated.add(&mut held_out, stations, place, interpolation, power) {
+                    judged.insert(place);
+                }
+            }
+        }
+        held_out.stations = judged.len();
+        held_out
+    }
+
+    /// The grid of every `multiples`-th node from `phase`; `None` where it has no cell.
+    pub fn decimated(&self, multiples: [usize; 3], phase: [usize; 3]) -> Option<Decimated> {
+        let counts: [usize; 3] = std::array::from_fn(|axis| {
+            (self.lattice.counts[axis].saturating_sub(1 + phase[axis])) / multiples[axis] + 1
+        });
+        if counts.iter().any(|&count| count < 2) {
+            return None;
+        }
+        let at =
+            |axis: usize| self.lattice.origin[axis] + phase[axis] as f64 * self.lattice.step[axis];
+        let step = std::array::from_fn(|axis| multiples[axis] as f64 * self.lattice.step[axis]);
+        let lattice = Lattice {
+            origin: Point3::new(at(0), at(1), at(2)),
+            step,
+            counts,
+        };
+        let fine = |number: usize| {
+            let [nx, ny, _] = counts;
+            let index = [number % nx, number / nx % ny, number / (nx * ny)];
+            std::array::from_fn::<_, 3, _>(|axis| phase[axis] + multiples[axis] * index[axis])
+        };
+        let nodes = (0..lattice.node_count())
+            .map(|number| self.stations.get(&fine(number)).copied())
+            .collect();
+        Some(Decimated { lattice, nodes })
+    }
+}
+
+/// One decimated grid: the station at each of its nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Decimated {
+    /// Where the nodes are.
+    pub lattice: Lattice,
+    /// Place in the list of stations, where the node was measured.
+    pub nodes: Vec<Option<usize>>,
+}
+
+impl Decimated {
+    /// Judges the station at `place` and says whether it could be.
+    fn add(
+        &self,
+        held_out: &mut HeldOut,
+        stations: &[GridStation],
+        place: usize,
+        interpolation: Interpolation,
+        power: f64,
+    ) -> bool {
+        if self.nodes.contains(&Some(place)) {
+            return false;
+        }
+        let station = &stations[place];
+        let Some(cell) = self.lattice.locate(&station.position) else {
+            held_out.outside += 1;
+            return false;
+        };
+        let vertices: Option<Vec<&GridStation>> = cell
+            .vertices
+            .iter()
+            .map(|&vertex| self.nodes[vertex].map(|place| &stations[place]))
+            .collect();
+        let Some(vertices) = vertices else {
+            *held_out.refused.entry(Refusal::Unmeasured).or_default() += 1;
+            return false;
+        };
+        let joints: Vec<&[f64]> = vertices
+            .iter()
+            .map(|vertex| vertex.joints.as_slice())
+            .collect();
+        if !on_one_branch(&joints) {
+            *held_out.refused.entry(Refusal::Branches).or_default() += 1;
+            return false;
+        }
+        let weights = interpolation.weights(&cell.fraction, &self.lattice.step, power);
+        let interpolated: Vector3<f64> = vertices
+            .iter()
+            .zip(weights)
+            .map(|(vertex, w)| vertex.error * w)
+            .sum();
+        held_out.norms.push((station.error - interpolated).norm());
+        true
+    }
+}
+
+/// Equally spaced planes along one axis.
+struct Planes {
+    first: f64,
+    pitch: f64,
+    count: usize,
+}
+
+impl Planes {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the planes there are"
+    )]
+    fn index(&self, value: f64) -> usize {
+        ((value - self.first) / self.pitch)
+            .round()
+            .clamp(0.0, (self.count - 1) as f64) as usize
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a count of planes that was just checked"
+)]
+fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
+    let none = NotOnGrid::NoPitch {
+        axis: ['x', 'y', 'z'][axis],
+    };
+    let mut values: Vec<f64> = stations
+        .iter()
+        .map(|station| station.position[axis])
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let mut starts: Vec<f64> = Vec::new();
+    let mut last = f64::NEG_INFINITY;
+    for value in values {
+        if value - last > PLANE_MM {
+            starts.push(value);
+        }
+        last = value;
+    }
+    let gaps: Vec<f64> = starts.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let pitch = gaps.iter().copied().reduce(f64::min).ok_or(none)?;
+    let whole = |gap: f64| (gap / pitch - (gap / pitch).round()).abs() * pitch <= PLANE_MM;
+    if pitch <= 4.0 * PLANE_MM || !gaps.iter().all(|&gap| whole(gap)) {
+        return Err(none);
+    }
+    let (first, last) = (starts[0], starts[starts.len() - 1]);
+    let count = ((last - first) / pitch).round() as usize + 1;
+    // The smallest gap carries the rounding of two commands; the whole extent shares it among all.
+    Ok(Planes {
+        first,
+        pitch: (last - first) / (count - 1) as f64,
+        count,
+    })
+}

@@ -1,0 +1,238 @@
+//! Nodes of a grid: where the arm stands at each, and the error there.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+use super::lattice::{InCell, Lattice};
+use crate::kinematics::{
+    Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
+};
+
+/// A station as grids see it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GridStation {
+    /// Its number in the session.
+    pub number: usize,
+    /// Commanded position of the tool point in the base frame, mm.
+    pub position: Point3<f64>,
+    /// Orientation of the tool in the base frame.
+    pub orientation: UnitQuaternion<f64>,
+    /// Reported joint angles, rad.
+    pub joints: Vec<f64>,
+    /// The arm configuration, for six-axis arms.
+    pub configuration: Option<Configuration>,
+    /// Attained minus commanded position of the tool point in the base frame, mm.
+    pub error: Vector3<f64>,
+    /// The fold that holds it out.
+    pub fold: usize,
+}
+
+/// Why a node or a cell has no value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Refusal {
+    /// The arm does not reach it, or only beyond a joint limit.
+    OutOfReach,
+    /// It lies at a singularity or across one.
+    Singularity,
+    /// The arm would reach it in another configuration only.
+    OtherConfiguration,
+    /// No station was measured at it.
+    Unmeasured,
+    /// Its vertices are on different branches of the joint angles.
+    Branches,
+}
+
+impl Refusal {
+    /// The word for tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OutOfReach => "out_of_reach",
+            Self::Singularity => "singularity",
+            Self::OtherConfiguration => "other_configuration",
+            Self::Unmeasured => "unmeasured",
+            Self::Branches => "branches",
+        }
+    }
+}
+
+/// Nodes nearer to a singularity than this factor (0 at it, about 1 far away) are refused: joint angles and with them
+/// the error change there within less than any step.
+const LEAST_SINGULARITY_FACTOR: f64 = 0.02;
+/// Joint angles of a cell's vertices that differ by more than this are on different branches, rad.
+const BRANCH_RAD: f64 = 1.5;
+
+/// Finds joint angles for tool poses near measured stations.
+#[derive(Debug)]
+pub struct Reach<'a> {
+    arm: &'a Arm,
+    flange_from_tool: Isometry3<f64>,
+    nominal: Vec<f64>,
+    settings: InverseSettings,
+}
+
+impl<'a> Reach<'a> {
+    /// For tool poses of the nominal `arm`.
+    pub fn new(arm: &'a Arm, flange_from_tool: Isometry3<f64>) -> Self {
+        let settings = InverseSettings {
+            least_singularity_factor: LEAST_SINGULARITY_FACTOR,
+            ..InverseSettings::default()
+        };
+        Self {
+            arm,
+            flange_from_tool,
+            nominal: vec![0.0; arm.chain().parameters().len()],
+            settings,
+        }
+    }
+
+    /// Joint angles for a tool pose, in the arm configuration of `seed`.
+    pub fn joints(
+        &self,
+        position: &Point3<f64>,
+        orientation: &UnitQuaternion<f64>,
+        seed: &[f64],
+    ) -> Result<Vec<f64>, Refusal> {
+        let pose = Isometry3::from_parts(Translation3::from(position.coords), *orientation);
+        inverse(
+            self.arm,
+            &self.nominal,
+            &pose,
+            &self.flange_from_tool,
+            seed,
+            &self.settings,
+        )
+        .map_err(|error| match error {
+            InverseError::NotReachable { .. } | InverseError::LimitReached { .. } => {
+                Refusal::OutOfReach
+            }
+            InverseError::ConfigurationChanged { .. } => Refusal::OtherConfiguration,
+            InverseError::NearSingularity { .. } => Refusal::Singularity,
+        })
+    }
+
+    /// The arm configuration at reported joint angles; `None` for arms that are not six-axis ones.
+    pub fn configuration(&self, joints: &[f64]) -> Option<Configuration> {
+        SingularityFactors::of(self.arm, &self.nominal, joints)
+            .map(|factors| factors.configuration())
+    }
+}
+
+/// A node of a lattice: where the arm stands there, or why nowhere.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Joint angles, rad.
+    pub joints: Result<Vec<f64>, Refusal>,
+    /// Distance to the nearest station of the same arm configuration, mm.
+    pub nearest_mm: f64,
+}
+
+/// The nodes of a grid with the joint angles at which each is evaluated, and its usable cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedGrid {
+    /// Where the nodes are.
+    pub lattice: Lattice,
+    /// The tool's orientation at every node.
+    pub orientation: UnitQuaternion<f64>,
+    /// The nodes in the lattice's order.
+    pub nodes: Vec<Placed>,
+}
+
+impl PlacedGrid {
+    /// Places every node by inverse kinematics seeded at the nearest of `stations` (all of one arm configuration).
+    pub fn new(
+        reach: &Reach<'_>,
+        lattice: Lattice,
+        orientation: UnitQuaternion<f64>,
+        stations: &[&GridStation],
+    ) -> Self {
+        let place = |number: usize| {
+            let position = lattice.position(number);
+            let distance = |station: &GridStation| (station.position - position).norm();
+            let nearest = stations
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            nearest.map_or(
+                Placed {
+                    joints: Err(Refusal::OutOfReach),
+                    nearest_mm: f64::INFINITY,
+                },
+                |station| Placed {
+                    joints: reach.joints(&position, &orientation, &station.joints),
+                    nearest_mm: distance(station),
+                },
+            )
+        };
+        let nodes = (0..lattice.node_count())
+            .into_par_iter()
+            .map(place)
+            .collect();
+        Self {
+            lattice,
+            orientation,
+            nodes,
+        }
+    }
+
+    /// The cell of a point, if the grid has it and all its vertices can serve; otherwise why not.
+    pub fn cell(&self, point: &Point3<f64>) -> Option<Result<InCell, Refusal>> {
+        let cell = self.lattice.locate(point)?;
+        Some(self.usable(&cell.vertices).map(|()| cell))
+    }
+
+    /// Refused nodes by reason.
+    pub fn refused_nodes(&self) -> BTreeMap<Refusal, usize> {
+        count(
+            self.nodes
+                .iter()
+                .filter_map(|node| node.joints.as_ref().err().copied()),
+        )
+    }
+
+    /// Refused cells by reason.
+    pub fn refused_cells(&self) -> BTreeMap<Refusal, usize> {
+        let [nx, ny, nz] = self.lattice.counts.map(|count| count - 1);
+        let cells =
+            (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+        count(cells.filter_map(|index| self.usable(&self.lattice.vertices(index)).err()))
+    }
+
+    fn usable(&self, vertices: &[usize; 8]) -> Result<(), Refusal> {
+        let mut joints = Vec::with_capacity(8);
+        for &vertex in vertices {
+            joints.push(
+                self.nodes[vertex]
+                    .joints
+                    .as_deref()
+                    .map_err(|refusal| *refusal)?,
+            );
+        }
+        if on_one_branch(&joints) {
+            Ok(())
+        } else {
+            Err(Refusal::Branches)
+        }
+    }
+}
+
+/// Whether no joint differs by more than [`BRANCH_RAD`] between any two of the joint vectors.
+pub fn on_one_branch(vectors: &[&[f64]]) -> bool {
+    let Some(first) = vectors.first() else {
+        return true;
+    };
+    (0..first.len()).all(|joint| {
+        let angles = vectors.iter().map(|vector| vector[joint]);
+        let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| {
+            (l.min(q), h.max(q))
+        });
+        high - low <= BRANCH_RAD
+    })
+}
+
+/// How often each refusal occurs.
+pub fn count(refusals: impl Iterator<Item = Refusal>) -> BTreeMap<Refusal, usize> {
+    let mut counts = BTreeMap::new();
+    refusals.for_each(|refusal| *counts.entry(refusal).or_default() += 1);
+    counts
+}

@@ -1,0 +1,326 @@
+//! Log writer: a recording as the two MCAP logs a cell would have written, in ROS 2 CDR.
+//!
+//! Inputs: a [`Recording`] in the crate's units and the joints' names. Outputs: `controller.mcap` with `/joint_states`
+//! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose` or `/tracker/point` and `/tracker/temperature`; metres,
+//! radians, header stamps in each instrument's own clock. The same recording gives the same bytes.
+
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
+
+use mcap::WriteOptions;
+use mcap::records::{MessageHeader, Metadata};
+use thiserror::Error;
+
+use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
+use crate::units::MM_PER_M;
+
+mod cdr;
+mod topic;
+
+use cdr::Cdr;
+use topic::{Topic, joint_topic, point_topic, pose_topic, temperature_topic};
+
+/// A message is logged this long after the moment it is stamped with, ns.
+const LATENCY_NS: u64 = 200_000;
+/// Uncompressed size of a chunk, bytes.
+const CHUNK_BYTES: u64 = 1 << 20;
+
+/// Why a log cannot be written.
+#[derive(Debug, Error)]
+pub enum LogWriteError {
+    /// The writer or the disk refused.
+    #[error(
+        "the log was not written: {0}; check the space and the permissions of the output folder"
+    )]
+    Mcap(#[from] mcap::McapError),
+    /// A stamp that the format cannot hold.
+    #[error(
+        "{topic}: stamp {ns} ns does not fit a ROS 2 time (1970 to 2038); choose another clock origin or offset"
+    )]
+    Stamp {
+        /// The topic.
+        topic: &'static str,
+        /// The stamp, ns.
+        ns: i64,
+    },
+    /// More values than the format can count.
+    #[error("{topic}: a message has {found} values, the format counts at most 4294967295")]
+    TooLong {
+        /// The topic.
+        topic: &'static str,
+        /// How many.
+        found: usize,
+    },
+}
+
+/// Writes the controller's log: joint states by `joint_names`, and commands.
+///
+/// # Panics
+/// When the recording's columns are not of equal length.
+pub fn write_controller_log<W: Write + Seek>(
+    sink: W,
+    recording: &Recording,
+    joint_names: &[&str],
+    session: &BTreeMap<String, String>,
+) -> Result<(), LogWriteError> {
+    let mut log = Log::create(sink, session)?;
+    let joints = joint_messages(&recording.joints, joint_names)?;
+    let commands = command_messages(&recording.commands)?;
+    log.write_in_time_order(&[
+        (&joint_topic(), joints),
+        (&pose_topic("/commanded_pose"), commands),
+    ])
+}
+
+/// Writes the tracker's log: poses of a 6-DoF target or points of a reflector, and temperatures.
+///
+/// # Panics
+/// When the recording's columns are not of equal length.
+pub fn write_tracker_log<W: Write + Seek>(
+    sink: W,
+    recording: &Recording,
+    session: &BTreeMap<String, String>,
+) -> Result<(), LogWriteError> {
+    let mut log = Log::create(sink, session)?;
+    let topic = if recording.readings.orientations.is_some() {
+        pose_topic("/tracker/pose")
+    } else {
+        point_topic()
+    };
+    let readings = reading_messages(topic.name, &recording.readings)?;
+    let temperatures = temperature_messages(&recording.temperatures)?;
+    log.write_in_time_order(&[(&topic, readings), (&temperature_topic(), temperatures)])
+}
+
+/// An encoded message and its stamp, ns.
+struct Encoded {
+    ns: u64,
+    body: Vec<u8>,
+}
+
+/// Starts a message with its header and hands it over to be filled.
+fn encoded(
+    topic: &'static str,
+    ns: i64,
+    frame: &str,
+    fill: impl FnOnce(&mut Cdr) -> Result<(), LogWriteError>,
+) -> Result<Encoded, LogWriteError> {
+    let unfit = LogWriteError::Stamp { topic, ns };
+    let Ok(unsigned) = u64::try_from(ns) else {
+        return Err(unfit);
+    };
+    let (seconds, rest) = (unsigned / 1_000_000_000, unsigned % 1_000_000_000);
+    let (Ok(seconds), Ok(rest)) = (i32::try_from(seconds), u32::try_from(rest)) else {
+        return Err(unfit);
+    };
+    let mut cdr = Cdr::new();
+    cdr.i32(seconds);
+    cdr.u32(rest);
+    cdr.string(topic, frame)?;
+    fill(&mut cdr)?;
+    Ok(Encoded {
+        ns: unsigned,
+        body: cdr.into_bytes(),
+    })
+}
+
+fn joint_messages(
+    joints: &JointSamples,
+    joint_names: &[&str],
+) -> Result<Vec<Encoded>, LogWriteError> {
+    let topic = "/joint_states";
+    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
+        encoded(topic, stamp.ns(), "base", |cdr| {
+            cdr.length(topic, joint_names.len())?;
+            for name in joint_names {
+                cdr.string(topic, name)?;
+            }
+            cdr.length(topic, joints.angles.len())?;
+            for column in &joints.angles {
+                cdr.f64(column[row]);
+            }
+            // Velocity and effort are not recorded.
+            cdr.length(topic, 0)?;
+            cdr.length(topic, 0)
+        })
+    };
+    joints.stamps.iter().enumerate().map(message).collect()
+}
+
+fn command_messages(commands: &CommandSamples) -> Result<Vec<Encoded>, LogWriteError> {
+    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
+        encoded("/commanded_pose", stamp.ns(), "base", |cdr| {
+            push_point(cdr, &commands.positions[row]);
+            let upright = [0.0, 0.0, 0.0, 1.0];
+            push_quaternion(
+                cdr,
+                commands
+                    .orientations
+                    .as_ref()
+                    .map_or(&upright, |all| &all[row]),
+            );
+            Ok(())
+        })
+    };
+    commands.stamps.iter().enumerate().map(message).collect()
+}
+
+fn reading_messages(
+    topic: &'static str,
+    readings: &TargetReadings,
+) -> Result<Vec<Encoded>, LogWriteError> {
+    let message = |(row, stamp): (usize, &crate::units::Stamp<_>)| {
+        encoded(topic, stamp.ns(), "tracker", |cdr| {
+            push_point(cdr, &readings.positions[row]);
+            if let Some(orientations) = &readings.orientations {
+                push_quaternion(cdr, &orientations[row]);
+            }
+            Ok(())
+        })
+    };
+    readings.stamps.iter().enumerate().map(message).collect()
+}
+
+fn temperature_messages(temperatures: &TemperatureSamples) -> Result<Vec<Encoded>, LogWriteError> {
+    let message = |(stamp, &celsius): (&crate::units::Stamp<_>, &f64)| {
+        encoded("/tracker/temperature", stamp.ns(), "tracker", |cdr| {
+            cdr.f64(celsius);
+            cdr.f64(0.0);
+            Ok(())
+        })
+    };
+    let samples = temperatures.stamps.iter().zip(&temperatures.celsius);
+    samples.map(message).collect()
+}
+
+fn push_point(cdr: &mut Cdr, position_mm: &[f64; 3]) {
+    for x in position_mm {
+        cdr.f64(x / MM_PER_M);
+    }
+}
+
+fn push_quaternion(cdr: &mut Cdr, quaternion: &[f64; 4]) {
+    for q in quaternion {
+        cdr.f64(*q);
+    }
+}
+
+struct Log<W: Write + Seek> {
+    writer: mcap::Writer<W>,
+}
+
+impl<W: Write + Seek> Log<W> {
+    fn create(sink: W, session: &BTreeMap<String, String>) -> Result<Self, LogWriteError> {
+        let mut writer = WriteOptions::new()
+            .profile("ros2")
+            .library("posegrid")
+            .chunk_size(Some(CHUNK_BYTES))
+            // Bytes must not depend on how many cores the machine has.
+            .compression_threads(0)
+            .compression_level(9)
+            .create(sink)?;
+        writer.write_metadata(&Metadata {
+            name: "session".to_owned(),
+            metadata: session.clone(),
+        })?;
+        Ok(Self { writer })
+    }
+
+    /// Writes the messages of all topics by their stamps, those of an earlier topic first where stamps are equal.
+    fn write_in_time_order(
+        &mut self,
+        topics: &[(&Topic, Vec<Encoded>)],
+    ) -> Result<(), LogWriteError> {
+        let mut messages = Vec::new();
+        for (topic, encoded) in topics {
+            let definition = topic.definition.as_bytes();
+            let schema = self
+                .writer
+                .add_schema(topic.schema, "ros2msg", definition)?;
+            let channel = self
+                .writer
+                .add_channel(schema, topic.name, "cdr", &BTreeMap::new())?;
+            messages.extend(encoded.iter().map(|message| (message, channel)));
+        }
+        // A stable sort keeps the order of the topics.
+        messages.sort_by_key(|(message, _)| message.ns);
+        for (message, channel_id) in messages {
+            let header = MessageHeader {
+                channel_id,
+                sequence: 0,
+                log_time: message.ns.saturating_add(LATENCY_NS),
+                publish_time: message.ns,
+            };
+            self.writer.write_to_known_channel(&header, &message.body)?;
+        }
+        self.writer.finish()?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+    use crate::units::Stamp;
+
+    fn recording() -> Recording {
+        Recording {
+            joints: JointSamples {
+                stamps: vec![Stamp::from_ns(1_700_000_000_000_000_007)],
+                angles: vec![vec![0.5], vec![-0.25]],
+            },
+            commands: CommandSamples {
+                stamps: vec![Stamp::from_ns(1_700_000_000_000_000_000)],
+                positions: vec![[1500.0, 0.0, 800.0]],
+                orientations: None,
+            },
+            ..Recording::default()
+        }
+    }
+
+    fn controller_log(recording: &Recording) -> Result<Vec<u8>, LogWriteError> {
+        let mut sink = Cursor::new(Vec::new());
+        let session = BTreeMap::from([("robot".to_owned(), "r1".to_owned())]);
+        write_controller_log(&mut sink, recording, &["a", "bc"], &session)?;
+        Ok(sink.into_inner())
+    }
+
+    #[test]
+    fn messages_are_in_time_order_and_laid_out_as_cdr() {
+        let log = controller_log(&recording()).expect("written to memory");
+        let messages: Vec<_> = mcap::MessageStream::new(&log)
+            .expect("an MCAP file")
+            .map(|message| message.expect("a message"))
+            .collect();
+        // The command is stamped 7 ns before the joint state.
+        let topics: Vec<_> = messages.iter().map(|m| m.channel.topic.clone()).collect();
+        assert_eq!(topics, ["/commanded_pose", "/joint_states"]);
+        assert_eq!(messages[1].publish_time, 1_700_000_000_000_000_007);
+        let body = &messages[1].data;
+        // Encapsulation (4 bytes), seconds, nanoseconds, then "base" with its length 5 (NUL counts).
+        assert_eq!(body[..4], [0, 1, 0, 0]);
+        assert_eq!(body[4..8], 1_700_000_000_i32.to_le_bytes());
+        assert_eq!(body[8..12], 7_u32.to_le_bytes());
+        assert_eq!(body[12..21], *b"\x05\0\0\0base\0");
+        // Padding to 20 + 4; two names of 2 and 3 bytes, each padded to 4; two doubles aligned to 8 after their count.
+        assert_eq!(body[24..28], 2_u32.to_le_bytes());
+        assert_eq!(body[28..34], *b"\x02\0\0\0a\0");
+        assert_eq!(body[36..43], *b"\x03\0\0\0bc\0");
+        assert_eq!(body[44..48], 2_u32.to_le_bytes());
+        // Offset 44 after the encapsulation is padded to 48.
+        assert_eq!(body[52..60], 0.5_f64.to_le_bytes());
+        assert_eq!(body[60..68], (-0.25_f64).to_le_bytes());
+    }
+
+    #[test]
+    fn a_stamp_before_1970_or_after_2038_is_refused() {
+        for ns in [-1, 3_000_000_000_000_000_000] {
+            let mut recording = recording();
+            recording.commands.stamps = vec![Stamp::from_ns(ns)];
+            let error = controller_log(&recording).expect_err("does not fit");
+            assert!(error.to_string().contains(&ns.to_string()), "{error}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The topics of the logs and their message definitions, as ROS 2 embeds them.
+
+const HEADER: &str = "\
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+";
+const POINT: &str = "\
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+";
+const POSE: &str = "\
+================================================================================
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+";
+
+/// A channel with its schema.
+pub(super) struct Topic {
+    pub(super) name: &'static str,
+    pub(super) schema: &'static str,
+    pub(super) definition: String,
+}
+
+pub(super) fn joint_topic() -> Topic {
+    let fields = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+    Topic {
+        name: "/joint_states",
+        schema: "sensor_msgs/msg/JointState",
+        definition: format!("{fields}{HEADER}"),
+    }
+}
+
+pub(super) fn pose_topic(name: &'static str) -> Topic {
+    Topic {
+        name,
+        schema: "geometry_msgs/msg/PoseStamped",
+        definition: format!(
+            "std_msgs/Header header\ngeometry_msgs/Pose pose\n{HEADER}{POSE}{POINT}"
+        ),
+    }
+}
+
+pub(super) fn point_topic() -> Topic {
+    Topic {
+        name: "/tracker/point",
+        schema: "geometry_msgs/msg/PointStamped",
+        definition: format!("std_msgs/Header header\ngeometry_msgs/Point point\n{HEADER}{POINT}"),
+    }
+}
+
+pub(super) fn temperature_topic() -> Topic {
+    Topic {
+        name: "/tracker/temperature",
+        schema: "sensor_msgs/msg/Temperature",
+        definition: format!(
+            "std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n{HEADER}"
+        ),
+    }
+}

@@ -1,0 +1,312 @@
+//! Which of its eight ways a six-axis arm reaches a pose, and how far it is from changing to another.
+//!
+//! Inputs: an arm, parameter offsets, reported joint angles. Outputs: three signs, and three factors whose zeros are
+//! the arm's singularities. With `z_i` the unit vector of axis i and `o_i` a point of it:
+//!
+//! 1. wrist: `(z4 × z5) · z6`, zero where axes 4 and 6 align.
+//! 2. elbow: `z2 · ((o3 − o2) × (o5 − o3))`, zero where the arm is stretched or folded.
+//! 3. shoulder: `det J / (elbow · wrist)`, the distance of the wrist from the shoulder's plane or axis. The determinant
+//!    of the geometric Jacobian factors so for arms with a spherical wrist behind two parallel axes (KUKA, ABB) and for
+//!    arms with three parallel axes (UR); it does not depend on the tool.
+
+use std::fmt;
+
+use nalgebra::{DMatrix, Matrix6, Vector3};
+
+use super::arm::Arm;
+use super::chain::Twist;
+
+/// The arm configuration of a six-axis arm: which side of each of its three singularities it is on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Configuration {
+    /// In front of the shoulder's singularity or behind it.
+    pub shoulder: Side,
+    /// Elbow up or down.
+    pub elbow: Side,
+    /// Wrist flipped or not.
+    pub wrist: Side,
+}
+
+/// One side of a singularity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Side {
+    /// The factor is negative.
+    Minus,
+    /// The factor is zero or positive.
+    Plus,
+}
+
+/// The three factors of a six-axis arm's Jacobian determinant, each made dimensionless: 0 at its singularity, of order
+/// 1 far from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SingularityFactors {
+    /// Distance of the wrist from the shoulder's singularity over the length of the stretched arm.
+    pub shoulder: f64,
+    /// Sine of the angle between upper arm and forearm.
+    pub elbow: f64,
+    /// Volume that the last three axes span; the sine of joint 5 where its neighbours are perpendicular to it.
+    pub wrist: f64,
+}
+
+impl Side {
+    fn of(factor: f64) -> Self {
+        if factor < 0.0 {
+            Self::Minus
+        } else {
+            Self::Plus
+        }
+    }
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Minus => "-",
+            Self::Plus => "+",
+        })
+    }
+}
+
+impl fmt::Display for Configuration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "shoulder{} elbow{} wrist{}",
+            self.shoulder, self.elbow, self.wrist
+        )
+    }
+}
+
+impl SingularityFactors {
+    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes, or whose
+    /// first three axes leave no upper arm or forearm to speak of.
+    ///
+    /// # Panics
+    /// When the number of angles or offsets does not fit the arm.
+    pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
+        if arm.joints().len() != 6 {
+            return None;
+        }
+        let q = arm.axes(joints);
+        let axes = arm.chain().joint_axes(&q, offsets);
+        let z = |axis: usize| axes[axis - 1].1;
+        let upper_arm = axes[2].0 - axes[1].0;
+        let forearm = axes[4].0 - axes[2].0;
+        // Only what is perpendicular to axis 2 bends at the elbow: a shift of the wrist along it does not.
+        let across = |v: Vector3<f64>| v - z(2) * v.dot(&z(2));
+        let (upper, fore) = (across(upper_arm).norm(), across(forearm).norm());
+        if upper * fore < f64::EPSILON {
+            return None;
+        }
+        let wrist = z(4).cross(&z(5)).dot(&z(6));
+        let elbow_mm2 = z(2).dot(&upper_arm.cross(&forearm));
+        let determinant = determinant(&arm.chain().differential(&q, offsets).joints);
+        let elbow = elbow_mm2 / (upper * fore);
+        // On a singularity of elbow or wrist the quotient says nothing, and the pose is singular anyway.
+        let shoulder = if (elbow * wrist).abs() < 1e-12 {
+            0.0
+        } else {
+            determinant / (elbow_mm2 * wrist) / (upper + fore)
+        };
+        Some(Self {
+            shoulder,
+            elbow,
+            wrist,
+        })
+    }
+
+    /// The smallest factor: how near the nearest singularity is.
+    pub fn smallest(&self) -> f64 {
+        self.shoulder
+            .abs()
+            .min(self.elbow.abs())
+            .min(self.wrist.abs())
+    }
+
+    /// The signs of the factors.
+    pub fn configuration(&self) -> Configuration {
+        Configuration {
+            shoulder: Side::of(self.shoulder),
+            elbow: Side::of(self.elbow),
+            wrist: Side::of(self.wrist),
+        }
+    }
+}
+
+impl Configuration {
+    /// The arm configuration at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes.
+    ///
+    /// # Panics
+    /// When the number of angles or offsets does not fit the arm.
+    pub fn of(arm: &Arm, offsets: &[f64], joints: &[f64]) -> Option<Self> {
+        SingularityFactors::of(arm, offsets, joints).map(|factors| factors.configuration())
+    }
+}
+
+/// The smallest singular value of the Jacobian per axis, its angular rows multiplied by `lever_mm`: mm that the end moves
+/// at least per rad, in the direction where it moves least. For any arm; of as many directions as it has axes, at most six.
+///
+/// # Panics
+/// When the number of angles or offsets does not fit the arm.
+pub fn smallest_singular_value(arm: &Arm, offsets: &[f64], joints: &[f64], lever_mm: f64) -> f64 {
+    let twists = arm.chain().differential(&arm.axes(joints), offsets).joints;
+    DMatrix::from_fn(6, twists.len(), |row, column| {
+        if row < 3 {
+            twists[column].linear[row]
+        } else {
+            twists[column].angular[row - 3] * lever_mm
+        }
+    })
+    .singular_values()
+    .min()
+}
+
+fn determinant(twists: &[Twist]) -> f64 {
+    Matrix6::from_fn(|row, column| {
+        if row < 3 {
+            twists[column].linear[row]
+        } else {
+            twists[column].angular[row - 3]
+        }
+    })
+    .determinant()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::RobotFile;
+
+    fn arm(file: &str) -> Arm {
+        let file: RobotFile = toml::from_str(file).expect("a robot file of this repository");
+        file.arm().expect("a valid arm")
+    }
+
+    fn kr210() -> Arm {
+        arm(include_str!(
+            "../../pipelines/robots/kr210-r2700-extra.toml"
+        ))
+    }
+
+    fn ur10() -> Arm {
+        arm(include_str!("../../pipelines/robots/ur10.toml"))
+    }
+
+    fn factors(arm: &Arm, degrees: [f64; 6]) -> SingularityFactors {
+        let offsets = vec![0.0; arm.chain().parameters().len()];
+        SingularityFactors::of(arm, &offsets, &degrees.map(f64::to_radians)).expect("six axes")
+    }
+
+    #[test]
+    fn factors_of_the_kr210_are_what_its_drawing_says() {
+        // Arm 90° up, forearm level: wrist 1200 mm ahead of axis 2 and 41 mm above axis 3. q5 = 30° gives sin 30°.
+        let found = factors(&kr210(), [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]);
+        let forearm = 1200.0_f64.hypot(41.0);
+        assert!((found.wrist.abs() - 0.5).abs() < 1e-12);
+        assert!((found.elbow.abs() - 1200.0 / forearm).abs() < 1e-12);
+        // The wrist centre is 350 + 1200 mm from axis 1; upper arm and forearm are 1150 mm and √(1200² + 41²) mm.
+        assert!((found.shoulder.abs() - 1550.0 / (1150.0 + forearm)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn factors_of_the_ur10_are_those_of_its_closed_form_determinant() {
+        // det J of the UR arms: a2 a3 sin θ3 sin θ5 (a2 cos θ2 + a3 cos θ23 + d5 sin θ234), up to its sign.
+        let degrees = [10.0, -70.0, 100.0, -50.0, 60.0, 20.0_f64];
+        let [_, t2, t3, t4, t5, _] = degrees.map(f64::to_radians);
+        let found = factors(&ur10(), degrees);
+        assert!((found.wrist.abs() - t5.sin()).abs() < 1e-12);
+        assert!((found.elbow.abs() - t3.sin()).abs() < 1e-12);
+        let shoulder = -612.0 * t2.cos() - 572.3 * (t2 + t3).cos() + 115.7 * (t2 + t3 + t4).sin();
+        assert!((found.shoulder.abs() - shoulder.abs() / (612.0 + 572.3)).abs() < 1e-12);
+    }
+
+    /// Walks each joint through its whole range from many poses: wherever the smallest singular value says the arm is
+    /// well away from every singularity, no factor may be near zero, and wherever it touches one, a factor must be.
+    fn factors_vanish_exactly_at_singularities(arm: &Arm) {
+        let offsets = vec![0.0; arm.chain().parameters().len()];
+        let mut seen = [0_usize; 2];
+        for step in 0..4000_u32 {
+            // An irrational rotation per joint covers the ranges evenly without randomness.
+            let joints: Vec<f64> = (0..6)
+                .map(|joint| {
+                    let turn = f64::from(step) * (2.0_f64.sqrt() * f64::from(joint + 2)).fract();
+                    turn.fract() * std::f64::consts::TAU
+                })
+                .collect();
+            let factors = SingularityFactors::of(arm, &offsets, &joints).expect("six axes");
+            let least = smallest_singular_value(arm, &offsets, &joints, 500.0);
+            // The determinant is the product of the factors: each side bounds the other.
+            if factors.smallest() < 0.003 {
+                assert!(least < 6.0, "{joints:?}: {factors:?}, {least}");
+                seen[0] += 1;
+            }
+            if least < 0.1 {
+                assert!(
+                    factors.smallest() < 0.01,
+                    "{joints:?}: {factors:?}, {least}"
+                );
+                seen[1] += 1;
+            }
+        }
+        assert!(
+            seen.iter().all(|&n| n > 0),
+            "the walk met singularities: {seen:?}"
+        );
+    }
+
+    #[test]
+    fn every_zero_is_a_singularity_and_every_singularity_a_zero() {
+        factors_vanish_exactly_at_singularities(&ur10());
+        factors_vanish_exactly_at_singularities(&kr210());
+    }
+
+    #[test]
+    fn each_sign_flips_at_its_own_singularity_only() {
+        let both = |arm: &Arm, before: [f64; 6], after: [f64; 6]| {
+            (
+                factors(arm, before).configuration(),
+                factors(arm, after).configuration(),
+            )
+        };
+        let base = [20.0, -60.0, 80.0, 35.0, 25.0, -40.0];
+        // The same pose with the wrist flipped: q4 + 180°, −q5, q6 + 180°.
+        let flipped = [20.0, -60.0, 80.0, 215.0, -25.0, 140.0];
+        let (before, after) = both(&kr210(), base, flipped);
+        assert_eq!(
+            (before.shoulder, before.elbow),
+            (after.shoulder, after.elbow)
+        );
+        assert_ne!(before.wrist, after.wrist);
+        // The elbow is stretched where the wrist centre lies on the line through axes 2 and 3; at q3 = 0 it
+        // is 41 mm below that line.
+        let stretched = -(41.0_f64 / 1200.0).atan().to_degrees();
+        let (before, after) = both(
+            &kr210(),
+            [0.0, -45.0, stretched + 1.0, 0.0, 40.0, 0.0],
+            [0.0, -45.0, stretched - 1.0, 0.0, 40.0, 0.0],
+        );
+        assert_eq!(
+            (before.shoulder, before.wrist),
+            (after.shoulder, after.wrist)
+        );
+        assert_ne!(before.elbow, after.elbow);
+        // Upright the wrist is 350 + 1200 cos 85° mm before axis 1; leaning back, 350 − 855 − 739 mm behind it.
+        let (before, after) = both(
+            &kr210(),
+            [0.0, -90.0, 5.0, 0.0, 40.0, 0.0],
+            [0.0, -138.0, 10.0, 0.0, 40.0, 0.0],
+        );
+        assert_eq!((before.elbow, before.wrist), (after.elbow, after.wrist));
+        assert_ne!(before.shoulder, after.shoulder);
+    }
+
+    #[test]
+    fn displays_by_name() {
+        let configuration = Configuration {
+            shoulder: Side::Plus,
+            elbow: Side::Minus,
+            wrist: Side::Plus,
+        };
+        assert_eq!(configuration.to_string(), "shoulder+ elbow- wrist+");
+    }
+}

@@ -1,0 +1,154 @@
+//! Similarity: how alike errors are at a separation, in joint space and in space (METHOD.md 4).
+//!
+//! Inputs are error vectors with the joint angles and positions they belong to; output is one [`Semivariogram`] per
+//! space and quantity. Steps:
+//! 1. the empirical semivariogram `γ(h) = 1/(2N(h)) Σ (e_i − e_j)²` in bins up to half of the largest separation
+//!    ([`empirical`]);
+//! 2. spherical, exponential and Gaussian models of it ([`variogram`]), by least squares weighted with the pair counts;
+//! 3. a verdict: a rising curve is similarity, a flat one says that there is nothing to interpolate.
+
+pub mod empirical;
+pub mod variogram;
+
+use nalgebra::{Point3, Vector3};
+use serde::{Deserialize, Serialize};
+
+pub use empirical::Bin;
+pub use variogram::{Shape, VariogramModel};
+
+/// The `[similarity]` section of a pipeline file.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimilaritySettings {
+    /// Bins up to half of the largest separation.
+    pub bins: usize,
+    /// Weight of each joint's chord `2 sin(Δq/2)` in the joint-space separation. Absent: 1 for every joint.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_weights: Option<Vec<f64>>,
+}
+
+impl Default for SimilaritySettings {
+    fn default() -> Self {
+        Self {
+            bins: 15,
+            joint_weights: None,
+        }
+    }
+}
+
+/// One error with the place it was found at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorSample {
+    /// Joint angles, rad.
+    pub joints: Vec<f64>,
+    /// Position in the base frame, mm.
+    pub position: Point3<f64>,
+    /// Error in the base frame, mm.
+    pub error: Vector3<f64>,
+}
+
+/// The space in which a separation is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Space {
+    /// Weighted joint angles; separations are chords, rad.
+    Joint,
+    /// Cartesian; separations in mm.
+    Cartesian,
+}
+
+/// The quantity whose differences are squared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Error along x of the base frame.
+    X,
+    /// Along y.
+    Y,
+    /// Along z.
+    Z,
+    /// The whole vector: `½ |e_i − e_j|²`.
+    Norm,
+}
+
+impl Quantity {
+    /// All quantities, in the order of [`empirical::Sums`].
+    pub const ALL: [Self; 4] = [Self::X, Self::Y, Self::Z, Self::Norm];
+}
+
+/// What a semivariogram says about interpolation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alikeness {
+    /// Near errors are more alike than far ones: there is something to interpolate.
+    Rising,
+    /// The curve is flat: neighbours tell nothing.
+    Flat,
+    /// Too few pairs to say.
+    TooFewPairs,
+}
+
+/// The semivariogram of one quantity in one space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Semivariogram {
+    /// How separations are measured.
+    pub space: Space,
+    /// What is compared.
+    pub quantity: Quantity,
+    /// Bins in order of separation; empty ones are left out.
+    pub bins: Vec<Bin>,
+    /// The fitted models, best first; empty with fewer than four bins.
+    pub models: Vec<VariogramModel>,
+    /// What it says.
+    pub alikeness: Alikeness,
+}
+
+/// Semivariograms of `samples`, per axis and norm, in joint space and in space.
+pub fn semivariograms(
+    samples: &[ErrorSample],
+    settings: &SimilaritySettings,
+) -> Vec<Semivariogram> {
+    let joint_count = samples.first().map_or(0, |sample| sample.joints.len());
+    let weights = settings
+        .joint_weights
+        .clone()
+        .unwrap_or_else(|| vec![1.0; joint_count]);
+    let joint = |a: &ErrorSample, b: &ErrorSample| joint_separation(&a.joints, &b.joints, &weights);
+    let cartesian = |a: &ErrorSample, b: &ErrorSample| (a.position - b.position).norm();
+    let mut found = in_space(
+        Space::Joint,
+        &empirical::bins(samples, joint, settings.bins),
+    );
+    found.extend(in_space(
+        Space::Cartesian,
+        &empirical::bins(samples, cartesian, settings.bins),
+    ));
+    found
+}
+
+/// `√Σ (w_j 2 sin(Δq_j/2))²`: the chord repeats after a full turn, as the error does.
+fn joint_separation(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
+    let chords = a
+        .iter()
+        .zip(b)
+        .zip(weights)
+        .map(|((a, b), weight)| weight * 2.0 * (0.5 * (a - b)).sin());
+    chords.map(|chord| chord * chord).sum::<f64>().sqrt()
+}
+
+fn in_space(space: Space, sums: &[empirical::Sums]) -> Vec<Semivariogram> {
+    let of_quantity = |(index, quantity): (usize, Quantity)| {
+        let bins: Vec<Bin> = sums.iter().filter_map(|sums| sums.bin(index)).collect();
+        let models = variogram::fit_all(&bins);
+        let alikeness = variogram::alikeness(&bins, &models);
+        Semivariogram {
+            space,
+            quantity,
+            bins,
+            models,
+            alikeness,
+        }
+    };
+    Quantity::ALL
+        .into_iter()
+        .enumerate()
+        .map(of_quantity)
+        .collect()
+}

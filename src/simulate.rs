@@ -1,0 +1,312 @@
+//! Simulate: a synthetic session with known truth, so that every number the pipeline gives can be checked.
+//!
+//! Inputs: a nominal arm and [`SimulateSettings`]. Output: the recording that ingest would read from the session's logs,
+//! and the [`Truth`] behind it. Pure: the seed is a setting, nothing is read or written.
+//!
+//! 1. Draw the arm as it really is ([`ArmErrors`]).
+//! 2. Command the target to poses; the controller solves them on the nominal arm.
+//! 3. Move (minimum jerk) and dwell; the controller stops a little short and reports where it thinks it is.
+//! 4. Observe the target by a tracker with its own clock, its noise across and along the beam, lost beams and outliers.
+
+pub mod settings;
+pub mod truth;
+
+mod curve;
+mod poses;
+mod random;
+mod stations;
+mod timeline;
+mod tracker;
+mod true_arm;
+
+use thiserror::Error;
+
+use crate::ingest::{CommandSamples, JointSamples, Recording};
+use crate::kinematics::{Arm, InverseError};
+use crate::units::{Controller, Stamp};
+
+pub use curve::{GearLine, JointCurve};
+pub use settings::{Poses, SimulateSettings};
+pub use true_arm::ArmErrors;
+pub use truth::{TrueStation, Truth};
+
+use timeline::Timeline;
+
+/// Angles are logged to this, rad: encoders are no finer, and rounding keeps the bytes of a log alike across machines.
+const ANGLE_RESOLUTION: f64 = 1e-7;
+/// Positions are logged to this, mm.
+const POSITION_RESOLUTION_MM: f64 = 1e-4;
+/// Quaternions are logged to this.
+const QUATERNION_RESOLUTION: f64 = 1e-9;
+/// Temperatures are logged to this, °C.
+const TEMPERATURE_RESOLUTION: f64 = 1e-2;
+
+/// The most samples of one kind: three weeks at 20 Hz, and what fits into memory.
+const MOST_SAMPLES: u32 = 40_000_000;
+
+/// A synthetic session.
+#[derive(Debug, Clone)]
+pub struct Simulated {
+    /// What the two logs hold.
+    pub recording: Recording,
+    /// What is behind them.
+    pub truth: Truth,
+}
+
+/// What is wrong with the settings of a simulation.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SimulateError {
+    /// A list of angles for another arm.
+    #[error("{what}: {found} angles, but the arm has {joints} joints; give one for each joint")]
+    Length {
+        /// Which list.
+        what: &'static str,
+        /// Joints of the arm.
+        joints: usize,
+        /// Angles given.
+        found: usize,
+    },
+    /// A setting outside its range.
+    #[error("{name} = {found}: it has to be {wanted}")]
+    Setting {
+        /// Which setting.
+        name: &'static str,
+        /// What it is.
+        found: f64,
+        /// What it may be, in words.
+        wanted: &'static str,
+    },
+    /// A box with no node in it.
+    #[error(
+        "the box from {lower:?} to {upper:?} mm has no node at a step of {step} mm; \
+         the lower corner comes first, and the step is positive"
+    )]
+    EmptyBox {
+        /// Lower corner, mm.
+        lower: [f64; 3],
+        /// Upper corner, mm.
+        upper: [f64; 3],
+        /// Step, mm.
+        step: f64,
+    },
+    /// More poses than a session can have.
+    #[error(
+        "{asked} poses; a session has at most {most}: widen the step, shrink the box or lower the count"
+    )]
+    TooManyPoses {
+        /// How many were asked for.
+        asked: f64,
+        /// The most there may be.
+        most: usize,
+    },
+    /// More samples than a session can have.
+    #[error(
+        "{asked:.0} samples of {what}; a session has at most {most}: lower the rate, the dwell or the number of poses"
+    )]
+    TooManySamples {
+        /// Of what.
+        what: &'static str,
+        /// How many were asked for.
+        asked: f64,
+        /// The most there may be.
+        most: u32,
+    },
+    /// A grid node out of reach.
+    #[error(
+        "grid node {node:?} mm: {source}; move or shrink the box, turn the tool, or start from another home"
+    )]
+    Node {
+        /// The node in the base frame, mm.
+        node: [f64; 3],
+        /// Why.
+        source: InverseError,
+    },
+    /// No random pose in reach.
+    #[error(
+        "random pose {number} was redrawn {redraws} times and never reached, last because: {source}; \
+         move or shrink the box or the cone, or start from another home"
+    )]
+    Unreachable {
+        /// Its number, from 0.
+        number: usize,
+        /// How often it was drawn.
+        redraws: usize,
+        /// Why the last one was refused.
+        source: InverseError,
+    },
+}
+
+/// Simulates one session of `arm`.
+pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, SimulateError> {
+    check(arm, settings)?;
+    let errors = ArmErrors::draw(arm, settings);
+    let commanded = poses::commanded(arm, settings)?;
+    let timeline = Timeline::plan(arm, settings, &errors, &commanded);
+    check_samples(settings, timeline.end_s())?;
+    let view = tracker::View::new(arm, settings, &errors, &timeline);
+    let (readings, counts) = view.readings();
+    let recording = Recording {
+        joints: joint_samples(settings, &timeline),
+        commands: command_samples(settings, &timeline),
+        readings,
+        temperatures: view.temperatures(),
+        ..Recording::default()
+    };
+    let truth = Truth::of(arm, settings, &errors, &view, counts);
+    Ok(Simulated { recording, truth })
+}
+
+fn joint_samples(settings: &SimulateSettings, timeline: &Timeline) -> JointSamples {
+    let stamps = samples(settings.motion.joint_rate_hz, timeline.end_s());
+    let mut angles = vec![Vec::with_capacity(stamps.len()); settings.home.len()];
+    for &t in &stamps {
+        for (column, angle) in angles.iter_mut().zip(timeline.state(t).reported) {
+            column.push(rounded(angle, ANGLE_RESOLUTION));
+        }
+    }
+    JointSamples {
+        stamps: stamps.iter().map(|&t| stamp(settings, t)).collect(),
+        angles,
+    }
+}
+
+fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandSamples {
+    let stops = &timeline.stops;
+    let pose = |stop: &timeline::Stop| stop.base_from_target;
+    CommandSamples {
+        stamps: stops
+            .iter()
+            .map(|stop| stamp(settings, stop.start_s))
+            .collect(),
+        positions: stops
+            .iter()
+            .map(|stop| tracker::logged_position(&pose(stop).translation.vector))
+            .collect(),
+        orientations: Some(
+            stops
+                .iter()
+                .map(|stop| tracker::logged_quaternion(&pose(stop).rotation))
+                .collect(),
+        ),
+    }
+}
+
+/// Moments of a regular rate from 0 to `end_s`, s.
+fn samples(rate_hz: f64, end_s: f64) -> Vec<f64> {
+    let mut times = Vec::new();
+    let mut next = 0.0;
+    while next <= end_s {
+        times.push(next);
+        next = times.len() as f64 / rate_hz;
+    }
+    times
+}
+
+fn stamp(settings: &SimulateSettings, t_s: f64) -> Stamp<Controller> {
+    Stamp::from_ns(settings.clocks.origin_ns).plus_ns(timeline::ns(t_s))
+}
+
+/// `value` to the nearest multiple of `resolution`, a power of ten.
+fn rounded(value: f64, resolution: f64) -> f64 {
+    // Dividing by the whole number 1/resolution gives the double nearest to the decimal, and no −0.
+    let per_unit = (1.0 / resolution).round();
+    (value * per_unit).round() / per_unit + 0.0
+}
+
+fn check_samples(settings: &SimulateSettings, end_s: f64) -> Result<(), SimulateError> {
+    let rates = [
+        ("joints", settings.motion.joint_rate_hz),
+        ("the tracker", settings.motion.reading_rate_hz),
+    ];
+    match rates
+        .into_iter()
+        .map(|(what, rate_hz)| (what, rate_hz * end_s))
+        .find(|(_, asked)| *asked > f64::from(MOST_SAMPLES))
+    {
+        Some((what, asked)) => Err(SimulateError::TooManySamples {
+            what,
+            asked,
+            most: MOST_SAMPLES,
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_length(what: &'static str, joints: usize, found: usize) -> Result<(), SimulateError> {
+    if joints == found {
+        Ok(())
+    } else {
+        Err(SimulateError::Length {
+            what,
+            joints,
+            found,
+        })
+    }
+}
+
+fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
+    check_length("home", arm.joints().len(), settings.home.len())?;
+    let motion = &settings.motion;
+    let rates = [
+        ("joint_rate_hz", motion.joint_rate_hz),
+        ("reading_rate_hz", motion.reading_rate_hz),
+    ];
+    let positive = [
+        ("move_s", motion.move_s),
+        ("speed_rad_s", motion.speed_rad_s),
+        ("dwell_s", motion.dwell_s),
+        ("divisor", settings.tracker.divisor),
+    ];
+    let shares = [
+        ("lost_share", settings.tracker.lost_share),
+        ("outlier_share", settings.tracker.outlier_share),
+    ];
+    within(&rates, 0.01, 10_000.0, "between 0.01 and 10000 Hz")?;
+    within(&positive, 1e-3, 1e6, "between 0.001 and a million")?;
+    within(&shares, 0.0, 1.0, "between 0 and 1")?;
+    within(
+        &[("dwell_spread_s", motion.dwell_spread_s)],
+        0.0,
+        1e6,
+        "between 0 and a million",
+    )?;
+    // Times stay far from the ends of 64 bits.
+    let clocks = [
+        ("offset_s", settings.clocks.offset_s),
+        ("origin_ns", settings.clocks.origin_ns as f64 / 1e9),
+    ];
+    within(
+        &clocks,
+        -4e9,
+        4e9,
+        "within 4000000000 s of 1970 or of each other",
+    )?;
+    within(
+        &[("drift_ppm", settings.clocks.drift_ppm)],
+        -1e5,
+        1e5,
+        "between -100000 and 100000",
+    )
+}
+
+fn within(
+    settings: &[(&'static str, f64)],
+    lower: f64,
+    upper: f64,
+    wanted: &'static str,
+) -> Result<(), SimulateError> {
+    match settings
+        .iter()
+        .find(|(_, value)| !(lower..=upper).contains(value))
+    {
+        Some(&(name, found)) => Err(SimulateError::Setting {
+            name,
+            found,
+            wanted,
+        }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,313 @@
+//! What is simulated. Every ingredient is switched off by 0; [`SimulateSettings::exact`] has them all off.
+
+use serde::Serialize;
+
+/// A synthetic session: poses, errors of the arm, the cell, the instrument, the clocks.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SimulateSettings {
+    /// Key of all random streams.
+    pub seed: u64,
+    /// Reported angles (rad) at the start; the arm configuration of the whole session is theirs.
+    pub home: Vec<f64>,
+    /// Where to measure.
+    pub poses: Poses,
+    /// Wrong link lengths and angles.
+    pub geometry: GeometryErrors,
+    /// Errors of the joints.
+    pub joints: JointErrors,
+    /// Weight.
+    pub gravity: Gravity,
+    /// Base, target and where the tracker stands.
+    pub cell: Cell,
+    /// The laser tracker.
+    pub tracker: TrackerErrors,
+    /// The tracker's clock against the controller's.
+    pub clocks: Clocks,
+    /// Moves, dwells and sampling.
+    pub motion: MotionTimes,
+}
+
+/// Which poses the target is sent to.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Poses {
+    /// A uniform grid, visited in serpentines, x fastest.
+    Grid {
+        /// Lower corner in the base frame, mm.
+        lower_mm: [f64; 3],
+        /// Upper corner, mm; the box is cut to whole steps.
+        upper_mm: [f64; 3],
+        /// Step, mm.
+        step_mm: f64,
+        /// The target's orientation: fixed-axis roll, pitch, yaw, rad.
+        orientation_rpy: [f64; 3],
+    },
+    /// Random places in a box, random orientations about one.
+    Box {
+        /// How many.
+        count: usize,
+        /// Lower corner in the base frame, mm.
+        lower_mm: [f64; 3],
+        /// Upper corner, mm.
+        upper_mm: [f64; 3],
+        /// The middle orientation: fixed-axis roll, pitch, yaw, rad.
+        orientation_rpy: [f64; 3],
+        /// Largest turn away from it, rad.
+        cone_rad: f64,
+    },
+    /// Random joint angles, uniform between bounds.
+    Joints {
+        /// How many.
+        count: usize,
+        /// Lower bounds, rad.
+        lower: Vec<f64>,
+        /// Upper bounds, rad.
+        upper: Vec<f64>,
+    },
+}
+
+/// Standard deviations of the parameter offsets.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GeometryErrors {
+    /// Lengths a, d, mm.
+    pub length_sd_mm: f64,
+    /// Angles θ, α, β, rad.
+    pub angle_sd_rad: f64,
+}
+
+/// Errors of each joint beyond its constant offset.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct JointErrors {
+    /// Root mean square of the slow part of each joint's error curve (correlated over 50°), rad.
+    pub slow_curve_rad: f64,
+    /// Root mean square of its fast part (correlated over 6°), rad.
+    pub fast_curve_rad: f64,
+    /// Amplitude of a sine at the gear's cycles per turn, rad.
+    pub gear_line_rad: f64,
+    /// Backlash: the joint stands half of it off, against the direction of its last move, rad.
+    pub backlash_rad: f64,
+    /// How far the controller stops short of its command, typically, rad.
+    pub stops_short_rad: f64,
+    /// Share of the way from reported to commanded angle at which the arm stands (METHOD.md's β).
+    pub nearer_command: f64,
+    /// Standard deviation from visit to visit, rad.
+    pub repeatability_rad: f64,
+}
+
+/// Weight of links and payload, and what the joints give way.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Gravity {
+    /// What a typical joint gives way when the whole arm is stretched out level before it, rad.
+    pub sag_rad: f64,
+    /// Up, in the base frame.
+    pub up: [f64; 3],
+}
+
+/// Frames of the cell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cell {
+    /// Where the base stands in the tracker's frame, mm.
+    pub tracker_from_base_mm: [f64; 3],
+    /// How it is turned there: fixed-axis roll, pitch, yaw, rad.
+    pub tracker_from_base_rpy: [f64; 3],
+    /// The target on the flange as the controller knows it, mm.
+    pub flange_from_target_mm: [f64; 3],
+    /// How it is turned there: fixed-axis roll, pitch, yaw, rad.
+    pub flange_from_target_rpy: [f64; 3],
+    /// Standard deviation per axis of where the target really is, mm.
+    pub target_sd_mm: f64,
+    /// Slow drift of the base over the session, typically, mm.
+    pub base_drift_mm: f64,
+    /// Whether the target gives its orientation (6-DoF) or only its position.
+    pub six_dof: bool,
+}
+
+/// Uncertainty of the instrument: maximum permissible errors over a divisor (METHOD.md 7).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TrackerErrors {
+    /// Along the beam: constant part, mm.
+    pub radial_mm: f64,
+    /// Along the beam: part per distance, mm/mm.
+    pub radial_per_mm: f64,
+    /// Across the beam: constant part, mm.
+    pub transverse_mm: f64,
+    /// Across the beam: part per distance, mm/mm.
+    pub transverse_per_mm: f64,
+    /// What the permissible errors are divided by to give standard deviations.
+    pub divisor: f64,
+    /// Standard deviation of an orientation, rad per axis.
+    pub orientation_rad: f64,
+    /// Share of stations that the beam misses.
+    pub lost_share: f64,
+    /// Whether a lost beam writes 0 0 0 or nothing.
+    pub lost_as_zeros: bool,
+    /// Share of readings that are 2 to 20 mm off.
+    pub outlier_share: f64,
+}
+
+/// `tracker − t₀ = (1 + drift)(controller − t₀) + offset`, t₀ the first joint sample.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Clocks {
+    /// t₀, ns.
+    pub origin_ns: i64,
+    /// Offset at t₀, s.
+    pub offset_s: f64,
+    /// Drift, parts per million.
+    pub drift_ppm: f64,
+}
+
+/// Times of moves, dwells and samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MotionTimes {
+    /// Time of every move, s, to which comes what the speed asks for.
+    pub move_s: f64,
+    /// Mean speed of the fastest joint, rad/s.
+    pub speed_rad_s: f64,
+    /// Shortest dwell, s.
+    pub dwell_s: f64,
+    /// Dwells are longer by a random time up to this, s.
+    pub dwell_spread_s: f64,
+    /// Joint states per second.
+    pub joint_rate_hz: f64,
+    /// Tracker readings per second.
+    pub reading_rate_hz: f64,
+}
+
+impl SimulateSettings {
+    /// An arm that is exactly nominal, measured without error by clocks that agree: the base to switch ingredients on.
+    pub fn exact(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
+        Self {
+            seed,
+            home,
+            poses,
+            geometry: GeometryErrors {
+                length_sd_mm: 0.0,
+                angle_sd_rad: 0.0,
+            },
+            joints: JointErrors::none(),
+            gravity: Gravity {
+                sag_rad: 0.0,
+                up: [0.0, 0.0, 1.0],
+            },
+            cell: Cell::default(),
+            tracker: TrackerErrors::none(),
+            clocks: Clocks {
+                origin_ns: 1_700_000_000_000_000_000,
+                offset_s: 0.0,
+                drift_ppm: 0.0,
+            },
+            motion: MotionTimes::default(),
+        }
+    }
+
+    /// Errors as a good industrial arm has them: about a millimetre before, most of it geometry.
+    pub fn realistic(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
+        Self {
+            geometry: GeometryErrors {
+                length_sd_mm: 0.4,
+                angle_sd_rad: 3e-4,
+            },
+            joints: JointErrors {
+                slow_curve_rad: 1e-4,
+                fast_curve_rad: 2e-5,
+                gear_line_rad: 1e-5,
+                backlash_rad: 2e-5,
+                stops_short_rad: 5e-5,
+                nearer_command: 0.5,
+                repeatability_rad: 5e-6,
+            },
+            gravity: Gravity {
+                sag_rad: 4e-4,
+                up: [0.0, 0.0, 1.0],
+            },
+            cell: Cell {
+                target_sd_mm: 0.1,
+                base_drift_mm: 0.02,
+                ..Cell::default()
+            },
+            tracker: TrackerErrors {
+                lost_share: 0.005,
+                outlier_share: 0.001,
+                ..TrackerErrors::adm()
+            },
+            clocks: Clocks {
+                origin_ns: 1_700_000_000_000_000_000,
+                offset_s: 21.703,
+                drift_ppm: 18.0,
+            },
+            ..Self::exact(seed, home, poses)
+        }
+    }
+}
+
+impl JointErrors {
+    /// No errors at all.
+    pub const fn none() -> Self {
+        Self {
+            slow_curve_rad: 0.0,
+            fast_curve_rad: 0.0,
+            gear_line_rad: 0.0,
+            backlash_rad: 0.0,
+            stops_short_rad: 0.0,
+            nearer_command: 0.0,
+            repeatability_rad: 0.0,
+        }
+    }
+}
+
+impl Default for Cell {
+    /// The tracker 4 m before the arm and turned towards it, a reflector 100 mm before the flange and a little off its axis.
+    fn default() -> Self {
+        Self {
+            tracker_from_base_mm: [4200.0, -900.0, -650.0],
+            tracker_from_base_rpy: [0.004, -0.007, 2.6],
+            flange_from_target_mm: [25.0, -40.0, 100.0],
+            flange_from_target_rpy: [0.0; 3],
+            target_sd_mm: 0.0,
+            base_drift_mm: 0.0,
+            six_dof: false,
+        }
+    }
+}
+
+impl TrackerErrors {
+    /// An instrument without error.
+    pub const fn none() -> Self {
+        Self {
+            radial_mm: 0.0,
+            radial_per_mm: 0.0,
+            transverse_mm: 0.0,
+            transverse_per_mm: 0.0,
+            divisor: 2.0,
+            orientation_rad: 0.0,
+            lost_share: 0.0,
+            lost_as_zeros: false,
+            outlier_share: 0.0,
+        }
+    }
+
+    /// METHOD.md 7's example: 10 µm + 0.3 µm/m along the beam, 15 µm + 6 µm/m across, divisor 2.
+    pub const fn adm() -> Self {
+        Self {
+            radial_mm: 0.010,
+            radial_per_mm: 0.3e-6,
+            transverse_mm: 0.015,
+            transverse_per_mm: 6e-6,
+            orientation_rad: 130e-6,
+            ..Self::none()
+        }
+    }
+}
+
+impl Default for MotionTimes {
+    fn default() -> Self {
+        Self {
+            move_s: 0.5,
+            speed_rad_s: 0.6,
+            dwell_s: 1.0,
+            dwell_spread_s: 0.4,
+            joint_rate_hz: 20.0,
+            reading_rate_hz: 20.0,
+        }
+    }
+}

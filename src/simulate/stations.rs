@@ -1,0 +1,123 @@
+//! The stations that a perfect join would find in a synthetic session: for tests of what follows the join.
+
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
+
+use super::Simulated;
+use super::truth::TrueStation;
+use crate::ingest::TargetReadings;
+use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
+use crate::units::{ClockModel, Stamp, Tracker};
+
+/// Readings before this are still settling, ns.
+const SETTLING_NS: i64 = 100_000_000;
+
+impl Simulated {
+    /// The stations that a perfect join would find: every dwell with the mean of its readings, none of them rejected but
+    /// those of the first tenth of a second and outliers more than 1 mm from the truth.
+    pub fn stations(&self) -> Vec<Station> {
+        let clock = self.truth.clock_model();
+        self.truth
+            .stations
+            .iter()
+            .map(|truth| self.station(truth, &clock))
+            .collect()
+    }
+
+    fn station(&self, truth: &TrueStation, clock: &ClockModel) -> Station {
+        let stamps = &self.recording.joints.stamps;
+        let first = stamps.partition_point(|stamp| *stamp < truth.start);
+        let last = stamps.partition_point(|stamp| *stamp <= truth.end);
+        let attained = self.attained(truth, clock);
+        Station {
+            number: truth.number,
+            start: truth.start,
+            end: truth.end,
+            joints: truth.reported.clone(),
+            joint_samples: last - first,
+            command: Some(Command {
+                position: Point3::from(truth.command.translation.vector),
+                orientation: Some(truth.command.rotation),
+            }),
+            pairing: if attained.is_some() {
+                Pairing::Paired
+            } else {
+                Pairing::Unmeasured(Unmeasured::NoReadings)
+            },
+            attained,
+        }
+    }
+
+    fn attained(&self, truth: &TrueStation, clock: &ClockModel) -> Option<Attained> {
+        let readings = &self.recording.readings;
+        let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
+        let from = readings.stamps.partition_point(|stamp| *stamp < start);
+        let to = readings.stamps.partition_point(|stamp| *stamp <= end);
+        let place = Point3::from(truth.tracker_from_target.translation.vector);
+        let kept: Vec<usize> = (from..to)
+            .filter(|&i| readings.stamps[i].since_ns(start) >= SETTLING_NS)
+            .filter(|&i| (Point3::from(readings.positions[i]) - place).norm() < 1.0)
+            .collect();
+        let (&first, &last) = (kept.first()?, kept.last()?);
+        let mean = mean(readings, &kept);
+        let turned = turned(readings, &kept, &truth.tracker_from_target.rotation);
+        Some(Attained {
+            position: Point3::from(mean),
+            orientation: turned.as_ref().map(|(orientation, _)| *orientation),
+            scatter_mm: scatter(readings, &kept, &mean),
+            orientation_scatter_rad: turned.map(|(_, scatter_rad)| scatter_rad),
+            stated_covariance: None,
+            kept: kept.len(),
+            readings: to - from,
+            first: readings.stamps[first],
+            last: readings.stamps[last],
+            temperature_c: self.temperature(readings.stamps[last]),
+        })
+    }
+
+    fn temperature(&self, stamp: Stamp<Tracker>) -> Option<f64> {
+        let temperatures = &self.recording.temperatures;
+        let next = temperatures.stamps.partition_point(|other| *other < stamp);
+        temperatures.celsius.get(next).copied()
+    }
+}
+
+fn mean(readings: &TargetReadings, kept: &[usize]) -> Vector3<f64> {
+    let sum: Vector3<f64> = kept
+        .iter()
+        .map(|&i| Vector3::from(readings.positions[i]))
+        .sum();
+    sum / kept.len() as f64
+}
+
+/// Standard deviation of one reading per axis (n − 1); 0 of a single one.
+fn scatter(readings: &TargetReadings, kept: &[usize], mean: &Vector3<f64>) -> [f64; 3] {
+    let squares: Vector3<f64> = kept
+        .iter()
+        .map(|&i| (Vector3::from(readings.positions[i]) - mean).map(|d| d * d))
+        .sum();
+    let degrees = kept.len().saturating_sub(1).max(1) as f64;
+    squares.map(|sum| (sum / degrees).sqrt()).into()
+}
+
+/// Mean orientation, and the root mean square over the axes of a reading's turn away from it, both in the tangent space at
+/// the truth: the readings are milliradians from it.
+fn turned(
+    readings: &TargetReadings,
+    kept: &[usize],
+    truth: &UnitQuaternion<f64>,
+) -> Option<(UnitQuaternion<f64>, f64)> {
+    let orientations = readings.orientations.as_ref()?;
+    let turns: Vec<Vector3<f64>> = kept
+        .iter()
+        .map(|&i| {
+            let [x, y, z, w] = orientations[i];
+            let read = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+            (read * truth.inverse()).scaled_axis()
+        })
+        .collect();
+    let mean = turns.iter().sum::<Vector3<f64>>() / turns.len() as f64;
+    let squares: f64 = turns.iter().map(|turn| (turn - mean).norm_squared()).sum();
+    let degrees = 3.0 * turns.len().saturating_sub(1).max(1) as f64;
+    let orientation = UnitQuaternion::from_scaled_axis(mean) * truth;
+    Some((orientation, (squares / degrees).sqrt()))
+}

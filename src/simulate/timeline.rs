@@ -1,0 +1,214 @@
+//! When the arm is where: minimum-jerk moves between stops, and what differs from visit to visit.
+
+use nalgebra::Isometry3;
+
+use super::poses::Commanded;
+use super::random::{Ingredient, Stream};
+use super::settings::SimulateSettings;
+use super::true_arm::ArmErrors;
+use super::{ANGLE_RESOLUTION, rounded};
+use crate::kinematics::Arm;
+use crate::units::{NS_PER_S, round_ns};
+
+/// A joint that moves less than this has not moved: its backlash stays where it was, rad.
+const STANDS: f64 = 1e-6;
+/// Times are whole multiples of this, s.
+const TICK_S: f64 = 1e-3;
+
+/// One dwell, and the move that leads to it.
+#[derive(Debug, Clone)]
+pub(super) struct Stop {
+    /// The command: target in the base frame of the nominal arm.
+    pub(super) base_from_target: Isometry3<f64>,
+    /// The angles that the controller computed for it.
+    pub(super) commanded: Vec<f64>,
+    /// The angles it reports at rest.
+    pub(super) reported: Vec<f64>,
+    /// What the arm's angles are off on this visit beyond the arm's own errors.
+    pub(super) visit: Vec<f64>,
+    /// When the move begins, s.
+    pub(super) departs_s: f64,
+    /// When the dwell begins, s.
+    pub(super) start_s: f64,
+    /// When it ends, s.
+    pub(super) end_s: f64,
+}
+
+/// Reported angles at one moment, and what the true ones are off beyond the arm's own errors.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    pub(super) reported: Vec<f64>,
+    pub(super) visit: Vec<f64>,
+}
+
+/// All stops of a session in time order, from a start at home.
+#[derive(Debug, Clone)]
+pub(super) struct Timeline {
+    home: Vec<f64>,
+    pub(super) stops: Vec<Stop>,
+}
+
+impl Timeline {
+    pub(super) fn plan(
+        arm: &Arm,
+        settings: &SimulateSettings,
+        errors: &ArmErrors,
+        commanded: &[Commanded],
+    ) -> Self {
+        let mut visits = Visits::new(settings, arm.joints().len());
+        let mut pauses = Stream::new(settings.seed, Ingredient::Pauses);
+        let motion = &settings.motion;
+        let mut stops: Vec<Stop> = Vec::with_capacity(commanded.len());
+        for command in commanded {
+            let (from, departs_s) = match stops.last() {
+                Some(stop) => (&stop.reported, stop.end_s),
+                None => (&settings.home, 0.0),
+            };
+            let (reported, visit) = visits.next(from, &command.joints, errors);
+            let turn = largest_turn(from, &reported);
+            let start_s = departs_s + ticks(motion.move_s + turn / motion.speed_rad_s);
+            let pause = motion.dwell_s + pauses.between(0.0, motion.dwell_spread_s);
+            stops.push(Stop {
+                base_from_target: command.base_from_target,
+                commanded: command.joints.clone(),
+                reported,
+                visit,
+                departs_s,
+                start_s,
+                end_s: start_s + ticks(pause),
+            });
+        }
+        Self {
+            home: settings.home.clone(),
+            stops,
+        }
+    }
+
+    /// When the last dwell ends, s.
+    pub(super) fn end_s(&self) -> f64 {
+        self.stops.last().map_or(0.0, |stop| stop.end_s)
+    }
+
+    /// The stop that the arm is moving to or standing at, by number.
+    pub(super) fn stop_at(&self, t_s: f64) -> Option<usize> {
+        let next = self.stops.partition_point(|stop| stop.end_s < t_s);
+        let last = self.stops.len().checked_sub(1)?;
+        Some(next.min(last))
+    }
+
+    /// The arm at a moment: at rest, or on a minimum-jerk move.
+    pub(super) fn state(&self, t_s: f64) -> State {
+        let Some(number) = self.stop_at(t_s) else {
+            return State {
+                reported: self.home.clone(),
+                visit: vec![0.0; self.home.len()],
+            };
+        };
+        let stop = &self.stops[number];
+        let way = minimum_jerk((t_s - stop.departs_s) / (stop.start_s - stop.departs_s));
+        let blend = |from: &[f64], to: &[f64]| -> Vec<f64> {
+            from.iter()
+                .zip(to)
+                .map(|(a, b)| a + way * (b - a))
+                .collect()
+        };
+        match number.checked_sub(1).map(|before| &self.stops[before]) {
+            // At rest the reported angles are the very same numbers, not a blend that rounds to them.
+            _ if way >= 1.0 => State {
+                reported: stop.reported.clone(),
+                visit: stop.visit.clone(),
+            },
+            Some(before) => State {
+                reported: blend(&before.reported, &stop.reported),
+                visit: blend(&before.visit, &stop.visit),
+            },
+            None => State {
+                reported: blend(&self.home, &stop.reported),
+                visit: stop.visit.clone(),
+            },
+        }
+    }
+}
+
+/// What differs from visit to visit: where the controller stops, the backlash's side, repeatability.
+struct Visits<'a> {
+    settings: &'a SimulateSettings,
+    stops_short: Stream,
+    repeatability: Stream,
+    /// Direction of each joint's last move.
+    direction: Vec<f64>,
+}
+
+impl<'a> Visits<'a> {
+    fn new(settings: &'a SimulateSettings, joints: usize) -> Self {
+        Self {
+            settings,
+            stops_short: Stream::new(settings.seed, Ingredient::StopsShort),
+            repeatability: Stream::new(settings.seed, Ingredient::Repeatability),
+            direction: vec![0.0; joints],
+        }
+    }
+
+    /// Reported angles at the next stop, and how far the true ones are off on this visit.
+    fn next(
+        &mut self,
+        from: &[f64],
+        commanded: &[f64],
+        errors: &ArmErrors,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let settings = &self.settings.joints;
+        let repeated = self
+            .repeatability
+            .normals(commanded.len(), settings.repeatability_rad);
+        let mut reported = Vec::with_capacity(commanded.len());
+        let mut visit = Vec::with_capacity(commanded.len());
+        for (joint, &command) in commanded.iter().enumerate() {
+            let moved = command - from[joint];
+            if moved.abs() > STANDS {
+                self.direction[joint] = moved.signum();
+            }
+            let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5);
+            let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
+            let slack = -self.direction[joint] * errors.backlash_rad[joint] / 2.0;
+            reported.push(reports);
+            visit.push(settings.nearer_command * (command - reports) + slack + repeated[joint]);
+        }
+        (reported, visit)
+    }
+}
+
+/// Nanoseconds of a time in seconds.
+pub(super) fn ns(t_s: f64) -> i64 {
+    round_ns(t_s * NS_PER_S)
+}
+
+fn ticks(t_s: f64) -> f64 {
+    (t_s / TICK_S).round().max(1.0) * TICK_S
+}
+
+fn largest_turn(from: &[f64], to: &[f64]) -> f64 {
+    from.iter()
+        .zip(to)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
+}
+
+/// Share of the way at share `t` of the time, with velocity and acceleration zero at both ends (Flash and Hogan 1985).
+fn minimum_jerk(t: f64) -> f64 {
+    let t = t.clamp(0.0, 1.0);
+    t.powi(3) * (10.0 - 15.0 * t + 6.0 * t * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minimum_jerk_starts_and_ends_at_rest() {
+        assert!(minimum_jerk(0.0).abs() < f64::EPSILON);
+        assert!((minimum_jerk(0.5) - 0.5).abs() < 1e-15);
+        assert!((minimum_jerk(1.0) - 1.0).abs() < 1e-15);
+        // Cubic at the ends: a thousandth of the time moves less than 1e-8 of the way.
+        assert!(minimum_jerk(1e-3) < 1.1e-8);
+    }
+}

@@ -1,0 +1,262 @@
+//! What the tracker sees: the target in its frame, at its own times, with its noise, losses and outliers.
+//!
+//! Uncertainty (METHOD.md 7): standard deviations `(constant + per distance · distance) / divisor` along and across the
+//! beam. Half of that variance is the same for all readings of a station (refraction, the reflector's seat), the other
+//! half is new in every reading.
+
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use serde::Serialize;
+
+use super::random::{Ingredient, Stream};
+use super::settings::{SimulateSettings, TrackerErrors};
+use super::timeline::{Timeline, ns};
+use super::true_arm::ArmErrors;
+use super::{POSITION_RESOLUTION_MM, QUATERNION_RESOLUTION, TEMPERATURE_RESOLUTION, rounded};
+use crate::geometry::isometry_from_rpy;
+use crate::ingest::{TargetReadings, TemperatureSamples};
+use crate::kinematics::Arm;
+use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker};
+
+/// Temperature at the start, °C, and its rise over the session.
+const TEMPERATURE: (f64, f64) = (21.5, 1.8);
+
+/// How many readings there are, of which kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct TrueReadingCounts {
+    /// Readings of the target, outliers included.
+    pub seen: u64,
+    /// Of these, outliers.
+    pub outliers: u64,
+    /// Moments at which the beam was lost, whether zeros were written or nothing.
+    pub lost: u64,
+}
+
+/// What the tracker has of one moment.
+enum Reading {
+    Seen(Isometry3<f64>),
+    Outlier(Isometry3<f64>),
+    Lost,
+}
+
+impl Reading {
+    /// What stands in the log, if anything.
+    fn logged(self, lost_as_zeros: bool) -> Option<Isometry3<f64>> {
+        match self {
+            Self::Seen(pose) | Self::Outlier(pose) => Some(pose),
+            Self::Lost => lost_as_zeros.then(Isometry3::identity),
+        }
+    }
+}
+
+impl TrueReadingCounts {
+    fn count(&mut self, reading: &Reading) {
+        match reading {
+            Reading::Seen(_) => self.seen += 1,
+            Reading::Outlier(_) => {
+                self.seen += 1;
+                self.outliers += 1;
+            }
+            Reading::Lost => self.lost += 1,
+        }
+    }
+}
+
+/// The session as the tracker could see it.
+pub(super) struct View<'a> {
+    arm: &'a Arm,
+    settings: &'a SimulateSettings,
+    errors: &'a ArmErrors,
+    pub(super) timeline: &'a Timeline,
+    pub(super) tracker_from_base: Isometry3<f64>,
+    pub(super) clock: ClockModel,
+    drift: [[f64; 3]; 3],
+    /// Per stop: the part of the noise that all its readings share, in units of its standard deviation.
+    placement: Vec<[Vector3<f64>; 2]>,
+    pub(super) lost: Vec<bool>,
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(
+        arm: &'a Arm,
+        settings: &'a SimulateSettings,
+        errors: &'a ArmErrors,
+        timeline: &'a Timeline,
+    ) -> Self {
+        let cell = &settings.cell;
+        let clocks = &settings.clocks;
+        let stops = timeline.stops.len();
+        let mut drift = Stream::new(settings.seed, Ingredient::BaseDrift);
+        let mut placement = Stream::new(settings.seed, Ingredient::Placement);
+        let mut lost = Stream::new(settings.seed, Ingredient::LostBeam);
+        Self {
+            arm,
+            settings,
+            errors,
+            timeline,
+            tracker_from_base: isometry_from_rpy(
+                cell.tracker_from_base_mm,
+                cell.tracker_from_base_rpy,
+            ),
+            clock: ClockModel {
+                origin: Stamp::from_ns(clocks.origin_ns),
+                offset_ns: clocks.offset_s * NS_PER_S,
+                drift: clocks.drift_ppm * 1e-6,
+            },
+            drift: std::array::from_fn(|_| drift.normal3().into()),
+            placement: (0..stops)
+                .map(|_| [placement.normal3(), placement.normal3()])
+                .collect(),
+            lost: (0..stops)
+                .map(|_| lost.uniform() < settings.tracker.lost_share)
+                .collect(),
+        }
+    }
+
+    /// How far the base has moved in its own frame, mm: nothing at the start, three slow sines.
+    pub(super) fn base_drift(&self, t_s: f64) -> Vector3<f64> {
+        let way = t_s / self.timeline.end_s().max(1.0);
+        let typical = self.settings.cell.base_drift_mm;
+        self.drift
+            .iter()
+            .enumerate()
+            .map(|(k, direction)| {
+                let order = (k + 1) as f64;
+                Vector3::from(*direction) * (typical / order * (TAU * way * order / 2.5).sin())
+            })
+            .sum()
+    }
+
+    /// Where the target really is in the tracker's frame at a moment of the controller's time.
+    pub(super) fn tracker_from_target(&self, t_s: f64) -> Isometry3<f64> {
+        let state = self.timeline.state(t_s);
+        let base_from_target =
+            self.errors
+                .base_from_target(self.arm, &state.reported, &state.visit);
+        let drifted = Translation3::from(self.base_drift(t_s)) * base_from_target;
+        self.tracker_from_base * drifted
+    }
+
+    /// Readings at the tracker's own rate for as long as the controller runs.
+    pub(super) fn readings(&self) -> (TargetReadings, TrueReadingCounts) {
+        let mut noise = Stream::new(self.settings.seed, Ingredient::Reading);
+        let mut outliers = Stream::new(self.settings.seed, Ingredient::Outliers);
+        let mut readings = TargetReadings::default();
+        let mut orientations = Vec::new();
+        let mut counts = TrueReadingCounts::default();
+        for stamp in self.stamps(self.settings.motion.reading_rate_hz) {
+            let Some(reading) = self.reading(stamp, &mut noise, &mut outliers) else {
+                break;
+            };
+            counts.count(&reading);
+            if let Some(pose) = reading.logged(self.settings.tracker.lost_as_zeros) {
+                readings.stamps.push(stamp);
+                readings
+                    .positions
+                    .push(logged_position(&pose.translation.vector));
+                orientations.push(logged_quaternion(&pose.rotation));
+            }
+        }
+        readings.orientations = self.settings.cell.six_dof.then_some(orientations);
+        (readings, counts)
+    }
+
+    /// What becomes of one moment. Every moment draws the same numbers, so that a loss here changes nothing there.
+    fn reading(
+        &self,
+        stamp: Stamp<Tracker>,
+        noise: &mut Stream,
+        outliers: &mut Stream,
+    ) -> Option<Reading> {
+        let t_s = self.controller_s(stamp);
+        let stop = self.timeline.stop_at(t_s)?;
+        let is_outlier = outliers.uniform() < self.settings.tracker.outlier_share;
+        let jump = outliers.normal3().normalize() * outliers.between(2.0, 20.0);
+        let pose = self.observed(t_s, stop, noise);
+        Some(if self.lost[stop] {
+            Reading::Lost
+        } else if is_outlier {
+            Reading::Outlier(Translation3::from(jump) * pose)
+        } else {
+            Reading::Seen(pose)
+        })
+    }
+
+    /// One temperature for each stop, at the end of its dwell.
+    pub(super) fn temperatures(&self) -> TemperatureSamples {
+        let ends = self.timeline.stops.iter().map(|stop| stop.end_s);
+        let celsius = |t_s: f64| TEMPERATURE.0 + TEMPERATURE.1 * t_s / self.timeline.end_s();
+        TemperatureSamples {
+            stamps: ends.clone().map(|t_s| self.tracker_stamp(t_s)).collect(),
+            celsius: ends
+                .map(|t_s| rounded(celsius(t_s), TEMPERATURE_RESOLUTION))
+                .collect(),
+        }
+    }
+
+    fn tracker_stamp(&self, t_s: f64) -> Stamp<Tracker> {
+        self.clock.to_tracker(self.clock.origin.plus_ns(ns(t_s)))
+    }
+
+    /// The tracker's own regular times, out of step with the controller's, from its start to its end.
+    fn stamps(&self, rate_hz: f64) -> impl Iterator<Item = Stamp<Tracker>> {
+        let first = self.tracker_stamp(0.37 / rate_hz);
+        let last = self.tracker_stamp(self.timeline.end_s());
+        (0..)
+            .map(move |index: u32| first.plus_ns(ns(f64::from(index) / rate_hz)))
+            .take_while(move |stamp| *stamp <= last)
+    }
+
+    fn controller_s(&self, stamp: Stamp<Tracker>) -> f64 {
+        self.clock.to_controller(stamp).since_s(self.clock.origin)
+    }
+
+    /// The target's pose in the tracker frame with the noise of one reading.
+    fn observed(&self, t_s: f64, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
+        let pose = self.tracker_from_target(t_s);
+        let [placed, turned] = self.placement[stop];
+        let position = (placed + noise.normal3()) * FRAC_1_SQRT_2;
+        let rotation = (turned + noise.normal3()) * FRAC_1_SQRT_2;
+        let tracker = &self.settings.tracker;
+        let off = along_and_across(&pose.translation.vector, &position, tracker);
+        let turn = UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad);
+        Isometry3::from_parts(
+            Translation3::from(pose.translation.vector + off),
+            turn * pose.rotation,
+        )
+    }
+}
+
+/// Three standard normal numbers as noise along the beam (the first) and across it, mm.
+fn along_and_across(
+    beam: &Vector3<f64>,
+    normal: &Vector3<f64>,
+    tracker: &TrackerErrors,
+) -> Vector3<f64> {
+    let distance = beam.norm();
+    let along = beam / distance.max(f64::MIN_POSITIVE);
+    // Any direction that is not the beam's gives a frame across it.
+    let other = if along.z.abs() < 0.9 {
+        Vector3::z()
+    } else {
+        Vector3::x()
+    };
+    let right = along.cross(&other).normalize();
+    let up = right.cross(&along);
+    let radial = (tracker.radial_mm + tracker.radial_per_mm * distance) / tracker.divisor;
+    let transverse =
+        (tracker.transverse_mm + tracker.transverse_per_mm * distance) / tracker.divisor;
+    along * (radial * normal.x) + (right * normal.y + up * normal.z) * transverse
+}
+
+pub(super) fn logged_position(position: &Vector3<f64>) -> [f64; 3] {
+    [position.x, position.y, position.z].map(|x| rounded(x, POSITION_RESOLUTION_MM))
+}
+
+pub(super) fn logged_quaternion(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    // One sign for a rotation: a log has no jumps between q and −q.
+    let sign = if rotation.w < 0.0 { -1.0 } else { 1.0 };
+    [rotation.i, rotation.j, rotation.k, rotation.w]
+        .map(|x| rounded(sign * x, QUATERNION_RESOLUTION))
+}

@@ -1,0 +1,252 @@
+//! The arm as it really is: nominal chain plus parameter offsets, joint error curves, gear lines, backlash and sag.
+//!
+//! An actual joint angle is `q + curve(q) + line(q) + visit`, where `visit` is what differs from visit to visit (backlash,
+//! stopping short, repeatability). Then each axis gives way under gravity: `compliance · torque`, the torque that of point
+//! masses halfway between neighbouring joint origins, and of a payload at the target (METHOD.md 3).
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use serde::Serialize;
+
+use super::curve::{GearLine, JointCurve};
+use super::random::{Ingredient, Stream};
+use super::settings::{GeometryErrors, Gravity, SimulateSettings};
+use crate::geometry::isometry_from_rpy;
+use crate::kinematics::Arm;
+
+/// Each link weighs this share of the one before it.
+const LINK_SHARE: f64 = 0.6;
+/// The payload's share of the first link's weight.
+const PAYLOAD_SHARE: f64 = 0.2;
+
+/// Everything that is wrong with an arm, as drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ArmErrors {
+    /// Offsets of the free parameters (mm, rad), in the chain's order.
+    pub offsets: Vec<f64>,
+    /// One error curve for each joint.
+    pub curves: Vec<JointCurve>,
+    /// One gear line for each joint.
+    pub gear_lines: Vec<GearLine>,
+    /// Backlash of each joint, rad.
+    pub backlash_rad: Vec<f64>,
+    /// What each axis gives way, rad per (unit of mass · mm).
+    pub compliance: Vec<f64>,
+    /// Mass of each link and, last, of the payload; they sum to 1.
+    pub masses: Vec<f64>,
+    /// Up, in the base frame.
+    pub up: [f64; 3],
+    /// The target as it really sits on the flange: position, mm.
+    pub flange_from_target_mm: [f64; 3],
+    /// The same: fixed-axis roll, pitch, yaw, rad.
+    pub flange_from_target_rpy: [f64; 3],
+}
+
+impl ArmErrors {
+    pub(super) fn draw(arm: &Arm, settings: &SimulateSettings) -> Self {
+        let joints = arm.joints().len();
+        let stream = |ingredient| Stream::new(settings.seed, ingredient);
+        let errors = &settings.joints;
+        let mut curves = stream(Ingredient::JointCurves);
+        let mut lines = stream(Ingredient::GearLines);
+        let mut backlash = stream(Ingredient::Backlash);
+        let mut target = stream(Ingredient::Target);
+        let cell = &settings.cell;
+        let moved = target.normal3() * cell.target_sd_mm;
+        let masses = masses(joints);
+        Self {
+            offsets: offsets(arm, &settings.geometry, &mut stream(Ingredient::Geometry)),
+            curves: (0..joints)
+                .map(|_| {
+                    JointCurve::draw(&mut curves, errors.slow_curve_rad, errors.fast_curve_rad)
+                })
+                .collect(),
+            gear_lines: (0..joints)
+                .map(|_| GearLine::draw(&mut lines, errors.gear_line_rad))
+                .collect(),
+            backlash_rad: (0..joints)
+                .map(|_| errors.backlash_rad * backlash.between(0.5, 1.5))
+                .collect(),
+            compliance: compliance(arm, settings, &masses, &mut stream(Ingredient::Gravity)),
+            masses,
+            up: settings.gravity.up,
+            flange_from_target_mm: std::array::from_fn(|i| {
+                cell.flange_from_target_mm[i] + moved[i]
+            }),
+            flange_from_target_rpy: cell.flange_from_target_rpy,
+        }
+    }
+
+    /// Where the target really is in the base frame when the controller reports `joints` (rad), `visit` (rad) being what
+    /// differs from visit to visit.
+    pub fn base_from_target(&self, arm: &Arm, joints: &[f64], visit: &[f64]) -> Isometry3<f64> {
+        let actual: Vec<f64> = (0..joints.len())
+            .map(|j| {
+                let q = joints[j];
+                q + self.curves[j].at(q) + self.gear_lines[j].at(q) + visit[j]
+            })
+            .collect();
+        let mut axes = arm.axes(&actual);
+        let flange_from_target =
+            isometry_from_rpy(self.flange_from_target_mm, self.flange_from_target_rpy);
+        if self.compliance.iter().any(|&c| c != 0.0) {
+            let torques = self.torques(arm, &axes, &flange_from_target);
+            for ((axis, torque), compliance) in axes.iter_mut().zip(torques).zip(&self.compliance) {
+                *axis += compliance * torque;
+            }
+        }
+        arm.chain().forward(&axes, &self.offsets) * flange_from_target
+    }
+
+    /// Torque of gravity on each axis, in the sense of its reported angle (unit of mass · mm).
+    fn torques(&self, arm: &Arm, axes: &[f64], flange_from_target: &Isometry3<f64>) -> Vec<f64> {
+        let chain = arm.chain();
+        let differential = chain.differential(axes, &self.offsets);
+        let target = differential.end * flange_from_target;
+        let mut origins: Vec<Point3<f64>> = chain
+            .joint_axes(axes, &self.offsets)
+            .into_iter()
+            .map(|(origin, _)| origin)
+            .collect();
+        origins.push(target.translation.vector.into());
+        let down = -Vector3::from(self.up);
+        let moment = |about: &Point3<f64>, point: &Point3<f64>| (point - about).cross(&down);
+        (0..axes.len())
+            .map(|joint| {
+                let links: Vector3<f64> = (joint..axes.len())
+                    .map(|link| {
+                        let centre = nalgebra::center(&origins[link], &origins[link + 1]);
+                        moment(&origins[joint], &centre) * self.masses[link]
+                    })
+                    .sum();
+                let payload =
+                    moment(&origins[joint], &origins[axes.len()]) * self.masses[axes.len()];
+                differential.joints[joint].angular.dot(&(links + payload))
+            })
+            .collect()
+    }
+}
+
+fn offsets(arm: &Arm, errors: &GeometryErrors, stream: &mut Stream) -> Vec<f64> {
+    arm.chain()
+        .parameters()
+        .iter()
+        .map(|parameter| {
+            let drawn = stream.normal();
+            if parameter.is_angle() {
+                errors.angle_sd_rad * drawn
+            } else {
+                errors.length_sd_mm * drawn
+            }
+        })
+        .collect()
+}
+
+fn masses(joints: usize) -> Vec<f64> {
+    let mut masses: Vec<f64> = (0..joints)
+        .map(|link| LINK_SHARE.powf(link as f64))
+        .collect();
+    masses.push(PAYLOAD_SHARE);
+    let total: f64 = masses.iter().sum();
+    masses.iter().map(|mass| mass / total).collect()
+}
+
+/// Every axis gives way by `sag_rad`, give or take a half, under the weight of all that follows it held out level.
+fn compliance(
+    arm: &Arm,
+    settings: &SimulateSettings,
+    masses: &[f64],
+    stream: &mut Stream,
+) -> Vec<f64> {
+    let Gravity { sag_rad, .. } = settings.gravity;
+    let zeros = vec![0.0; arm.joints().len()];
+    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let mut origins: Vec<Point3<f64>> = arm
+        .chain()
+        .joint_axes(&zeros, &nominal)
+        .into_iter()
+        .map(|(origin, _)| origin)
+        .collect();
+    let flange = Point3::from(arm.chain().nominal(&zeros).translation.vector);
+    let tip = flange + Vector3::from(settings.cell.flange_from_target_mm);
+    origins.push(tip);
+    (0..zeros.len())
+        .map(|joint| {
+            let mut reach = 0.0;
+            let mut torque = 0.0;
+            for link in joint..zeros.len() {
+                let length = (origins[link + 1] - origins[link]).norm();
+                torque += masses[link] * (reach + length / 2.0);
+                reach += length;
+            }
+            torque += masses[zeros.len()] * reach;
+            let drawn = sag_rad * stream.between(0.5, 1.5);
+            // The last joints of an arm without tool have nothing to hold: nothing to give way to either.
+            if torque > 1.0e-9 { drawn / torque } else { 0.0 }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Poses;
+    use super::*;
+    use crate::kinematics::RobotFile;
+
+    fn kr210() -> Arm {
+        let text = include_str!("../../pipelines/robots/kr210-r2700-extra.toml");
+        let file: RobotFile = toml::from_str(text).expect("a robot file");
+        file.arm().expect("a valid arm")
+    }
+
+    fn settings() -> SimulateSettings {
+        let poses = Poses::Joints {
+            count: 0,
+            lower: vec![],
+            upper: vec![],
+        };
+        SimulateSettings::exact(3, vec![], poses)
+    }
+
+    #[test]
+    fn without_errors_it_is_the_nominal_arm() {
+        let arm = kr210();
+        let settings = settings();
+        let joints = [0.1, -1.2, 1.5, 0.3, 0.8, -0.4];
+        let found = ArmErrors::draw(&arm, &settings).base_from_target(&arm, &joints, &[0.0; 6]);
+        let cell = settings.cell;
+        let nominal = arm.chain().nominal(&joints)
+            * isometry_from_rpy(cell.flange_from_target_mm, cell.flange_from_target_rpy);
+        assert!((found.translation.vector - nominal.translation.vector).norm() < 1e-9);
+    }
+
+    #[test]
+    fn gravity_pulls_down_and_most_when_stretched() {
+        let arm = kr210();
+        let mut settings = settings();
+        settings.gravity.sag_rad = 3e-4;
+        let errors = ArmErrors::draw(&arm, &settings);
+        let exact = ArmErrors {
+            compliance: vec![0.0; 6],
+            ..errors.clone()
+        };
+        let sag = |joints: [f64; 6]| {
+            let drop = errors
+                .base_from_target(&arm, &joints, &[0.0; 6])
+                .translation
+                .z
+                - exact
+                    .base_from_target(&arm, &joints, &[0.0; 6])
+                    .translation
+                    .z;
+            -drop
+        };
+        // Stretched level 2.9 m before the arm: joint 2 alone gives 1.5e-4 to 4.5e-4 rad times 2.6 m.
+        let stretched = sag([0.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
+        let upright = sag([0.0, -1.5, 1.5, 0.0, 0.5, 0.0]);
+        assert!(stretched > 0.39 && stretched < 4.0, "{stretched}");
+        assert!(
+            upright > 0.0 && upright < stretched,
+            "{upright} {stretched}"
+        );
+    }
+}

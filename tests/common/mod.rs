@@ -1,0 +1,92 @@
+//! What integration tests share: the real recordings and their truth.
+
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use std::path::PathBuf;
+
+use nalgebra::{Point3, Quaternion, UnitQuaternion};
+use posegrid::join::{Attained, Command, Pairing, Station};
+use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::units::Stamp;
+
+/// A file of the recordings that stand beside the project; `None`, said loudly, where they are absent.
+///
+/// On a CI machine their absence is a failure.
+pub fn recording(path: &str) -> Option<PathBuf> {
+    let file = PathBuf::from("../shared/recordings").join(path);
+    if file.exists() {
+        return Some(file);
+    }
+    assert!(
+        std::env::var_os("CI").is_none(),
+        "{} is absent: CI must have the recordings",
+        file.display()
+    );
+    eprintln!(
+        "SKIPPED: {} is absent, so this test has shown nothing",
+        file.display()
+    );
+    None
+}
+
+/// The nominal arm of a robot file.
+pub fn arm(name: &str) -> Arm {
+    let path = format!("pipelines/robots/{name}.toml");
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
+    toml::from_str::<RobotFile>(&text)
+        .unwrap_or_else(|e| panic!("{path}: {e}"))
+        .arm()
+        .expect("a valid arm")
+}
+
+/// The measured values that a recording was made from, as stations: the truth of its join.
+pub fn truth_stations(session: &str) -> Option<Vec<Station>> {
+    let path = recording(&format!("{session}/stations.csv"))?;
+    let mut reader = csv::Reader::from_path(path).expect("a readable CSV file");
+    let rows = reader.records().map(|row| row.expect("a row"));
+    Some(rows.map(|row| truth_station(&row)).collect())
+}
+
+fn truth_station(row: &csv::StringRecord) -> Station {
+    let number = |column: usize| {
+        row[column]
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.is_finite())
+    };
+    let need = |column: usize| number(column).expect("a number");
+    let attained = number(7).map(|x| Attained {
+        position: Point3::new(x, need(8), need(9)),
+        orientation: Some(UnitQuaternion::from_quaternion(Quaternion::new(
+            need(13),
+            need(10),
+            need(11),
+            need(12),
+        ))),
+        scatter_mm: [0.0; 3],
+        orientation_scatter_rad: None,
+        stated_covariance: None,
+        kept: 20,
+        readings: 20,
+        first: Stamp::from_ns(0),
+        last: Stamp::from_ns(0),
+        temperature_c: number(17),
+    });
+    Station {
+        number: row[0].parse().expect("a station number"),
+        start: Stamp::from_ns(0),
+        end: Stamp::from_ns(0),
+        joints: (1..7).map(need).collect(),
+        joint_samples: 50,
+        command: Some(Command {
+            position: Point3::new(need(14), need(15), need(16)),
+            orientation: None,
+        }),
+        pairing: if attained.is_some() {
+            Pairing::Paired
+        } else {
+            Pairing::Unmeasured(posegrid::join::Unmeasured::NoReadings)
+        },
+        attained,
+    }
+}
