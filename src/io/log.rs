@@ -27,7 +27,11 @@ use crate::ingest::{Decoded, IngestError, Mapping, Recording, ingest};
 use crate::io::message::SchemaError;
 use crate::progress::Progress;
 
-pub use scan::Account;
+pub use block::Extent;
+pub use record::MessageRecord;
+pub use registry::{Channel, Schema};
+pub use scan::{Account, Visitor, ns, scan};
+pub use streams::Layout;
 use streams::{Stream, Streams, Wanted};
 
 /// `[limits]`: what a log may ask for.
@@ -273,7 +277,7 @@ fn read_file(
         return Err(LogError::NamedTwice { file, topic });
     }
     let mut streams = Streams::new(&file, wanted.clone(), mapping);
-    let account = scan::scan(path, &file, limits, &mut streams, progress)?;
+    let account = scan(path, &file, limits, &mut streams, progress)?;
     if let Some(missing) = streams.missing_topic() {
         return Err(unknown_topic(&account, &missing.topic));
     }

@@ -37,10 +37,15 @@ pub struct Wanted {
 /// What a type of message is decoded as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
+    /// `sensor_msgs/JointState`.
     Joints,
+    /// `geometry_msgs/PoseStamped`.
     Pose,
+    /// `geometry_msgs/PointStamped`.
     Point,
+    /// `geometry_msgs/PoseWithCovarianceStamped`.
     PoseWithCovariance,
+    /// `sensor_msgs/Temperature`.
     Temperature,
 }
 
