@@ -16,6 +16,7 @@ mod registry;
 mod scan;
 mod source;
 mod streams;
+mod summary;
 
 use std::io;
 use std::path::Path;

@@ -249,6 +249,26 @@ fn a_flipped_byte_outside_chunks_is_noticed_by_the_checksum_of_all() {
     );
 }
 
+#[test]
+fn channels_defined_in_a_lost_chunk_are_known_from_the_summary() {
+    let log = session_log(Some(Compression::Zstd), MESSAGES);
+    let (start, end, _) = *frames(&log)
+        .iter()
+        .find(|f| f.2 == mcap::records::op::CHUNK)
+        .expect("chunked");
+    let mut damaged = log.clone();
+    damaged[(start + end) / 2] ^= 1;
+    let recording = read(&damaged).expect("the summary repeats what the first chunk defines");
+    assert_eq!(recording.rejects.len(), 1);
+    let lost = homes(&log).values().filter(|home| home.0 == start).count();
+    assert_eq!(recording.joints.stamps.len(), MESSAGES as usize - lost);
+    // With a summary that is damaged as well, the channels stay unknown.
+    let summary = damaged.len() - 200;
+    damaged[summary] ^= 1;
+    let error = read(&damaged).expect_err("no channel is known").to_string();
+    assert!(error.contains("damaged in"), "{error}");
+}
+
 /// A fixed sequence of numbers that look random (splitmix64).
 struct Chance(u64);
 

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::frames::{Frames, Loss, Lost, Piece};
 use super::record::{ChunkRecord, FRAME_HEADER, HeaderRecord, MessageRecord, op};
-use super::registry::{Channel, Registry, Schema};
+use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
-use super::{FileError, Limits};
+use super::{FileError, Limits, summary};
 use crate::ingest::LogReject;
 use crate::progress::Progress;
 
@@ -116,6 +116,7 @@ where
         account,
         progress,
         told: 0,
+        summary: None,
     };
     scan.run()?;
     let channels = scan.registry.channels().cloned().collect();
@@ -172,6 +173,8 @@ struct Scan<'a, V: Visitor> {
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
+    /// The summary's records, once they were needed.
+    summary: Option<Vec<u8>>,
 }
 
 impl<V, E> Scan<'_, V>
@@ -339,17 +342,51 @@ where
         blocks
             .par_iter_mut()
             .for_each(|block| block.open(visitor, registry, limit));
-        for block in blocks {
+        for place in 0..self.filled {
+            // Taken out of the batch, to be worked on beside the rest of the scan.
+            let mut block = std::mem::take(&mut self.batch[place]);
             if block.outcome == Outcome::Defines {
-                block.define(self.visitor, &mut self.registry)?;
+                self.define(&mut block)?;
             }
-            settle(block, self.visitor, &mut self.account);
+            settle(&mut block, self.visitor, &mut self.account);
+            self.batch[place] = block;
         }
         self.progress.advance(self.frames.at() - self.told);
         self.told = self.frames.at();
         self.filled = 0;
         self.blocks_at_once = (self.blocks_at_once * 2).min(1024);
         Ok(())
+    }
+
+    /// Takes in what the block defines and, where that does not suffice because a definition was lost, what the
+    /// summary says of its channels.
+    fn define(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
+        block.define(self.visitor, &mut self.registry)?;
+        let unknown: Vec<_> = block.unknown_channels().collect();
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        if self.summary.is_none() {
+            let limit = self.limits.record_bytes;
+            let read =
+                summary::read(self.frames.source(), limit).map_err(|source| self.io(source))?;
+            self.summary = Some(read);
+        }
+        let summary = self.summary.as_deref().unwrap_or_default();
+        for (channel, schema) in unknown
+            .iter()
+            .filter_map(|&id| summary::definition(summary, id))
+        {
+            if schema.is_some_and(|schema| self.registry.add_schema(&schema).is_err()) {
+                continue;
+            }
+            // Refused only where there is no room; the messages are then counted as of an unknown channel.
+            let added = self.registry.add_channel(&channel, |channel, schema| {
+                self.visitor.channel(channel, schema)
+            })?;
+            debug_assert!(added != Err(Refused::Redefined), "unknown until now");
+        }
+        block.define(self.visitor, &mut self.registry)
     }
 
     fn lose(&mut self, lost: &Lost) {
