@@ -117,7 +117,7 @@ fn storage(found: &Inspection) -> String {
 
 fn describe_channel(channel: &ChannelSummary) -> String {
     let mut text = format!("\n  {}\n", escaped(&channel.topic));
-    let mut line = |line: String| text.push_str(&format!("    {line}\n"));
+    let mut line = |line: String| text.extend(["    ", line.as_str(), "\n"]);
     line(format!(
         "{} ({}, schema in {})",
         or_none(&channel.type_name),

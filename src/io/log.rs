@@ -106,24 +106,8 @@ pub enum LogError {
         damage: String,
     },
     /// Messages of a kind that this stream cannot be made of.
-    #[error(
-        "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; \
-         read here are {suitable}, in encoding \"cdr\" with a schema in \"ros2msg\""
-    )]
-    Unsuitable {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-        /// The type of its messages, empty without a schema.
-        type_name: String,
-        /// How messages are serialised.
-        encoding: String,
-        /// The language of the schema.
-        schema_encoding: String,
-        /// What could be read.
-        suitable: &'static str,
-    },
+    #[error(transparent)]
+    Unsuitable(Box<Unsuitable>),
     /// A schema that cannot be read or does not hold the fields.
     #[error("{file}: topic {topic:?}: {source}")]
     Schema {
@@ -155,6 +139,27 @@ pub enum LogError {
     /// What was decoded makes no recording.
     #[error(transparent)]
     Ingest(#[from] IngestError),
+}
+
+/// A topic whose messages the stream it is named for cannot be made of.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; read \
+     here are {suitable}, in encoding \"cdr\" with a schema in \"ros2msg\""
+)]
+pub struct Unsuitable {
+    /// The file.
+    pub file: String,
+    /// The topic.
+    pub topic: String,
+    /// The type of its messages, empty without a schema.
+    pub type_name: String,
+    /// How messages are serialised.
+    pub encoding: String,
+    /// The language of the schema.
+    pub schema_encoding: String,
+    /// What could be read.
+    pub suitable: &'static str,
 }
 
 /// Guesses what a file is that is no MCAP log.

@@ -102,8 +102,13 @@ fn all_accounted(log: &[u8], homes: &BTreeMap<u32, (usize, usize)>, length: usiz
     let recording = match read(log) {
         Ok(recording) => recording,
         // Nothing is decoded, and the error says so.
-        Err(LogError::File(_) | LogError::UnknownTopic { .. } | LogError::Ingest(_)) => return,
-        Err(LogError::Schema { .. } | LogError::Unsuitable { .. }) => return,
+        Err(
+            LogError::File(_)
+            | LogError::UnknownTopic { .. }
+            | LogError::Ingest(_)
+            | LogError::Schema { .. }
+            | LogError::Unsuitable(_),
+        ) => return,
         Err(error) => panic!("{case}: {error}"),
     };
     let decoded = decoded(&recording);
@@ -208,7 +213,7 @@ fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
         assert!(chunks.len() > 5, "{storage}: {} chunks", chunks.len());
         let (start, end, _) = chunks[3];
         let mut damaged = log.clone();
-        damaged[(start + end) / 2] ^= 0x10;
+        damaged[usize::midpoint(start, end)] ^= 0x10;
         let recording = read(&damaged).expect("the rest is sound");
         let [reject] = &recording.rejects[..] else {
             panic!("{storage}: one chunk is lost: {:?}", recording.rejects)
@@ -257,7 +262,7 @@ fn channels_defined_in_a_lost_chunk_are_known_from_the_summary() {
         .find(|f| f.2 == mcap::records::op::CHUNK)
         .expect("chunked");
     let mut damaged = log.clone();
-    damaged[(start + end) / 2] ^= 1;
+    damaged[usize::midpoint(start, end)] ^= 1;
     let recording = read(&damaged).expect("the summary repeats what the first chunk defines");
     assert_eq!(recording.rejects.len(), 1);
     let lost = homes(&log).values().filter(|home| home.0 == start).count();

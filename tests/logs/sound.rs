@@ -1,5 +1,10 @@
 //! Sound logs of every kind: what is decoded is what was written, and what is left out has a reason.
 
+#![expect(
+    clippy::float_cmp,
+    reason = "what was written must come back exactly, scaled by powers of ten that are exact here"
+)]
+
 use mcap::{Compression, WriteOptions};
 use posegrid::ingest::{IngestError, TimeSource};
 use posegrid::io::log::LogError;
@@ -278,13 +283,13 @@ fn header_stamps_that_nobody_sets_are_an_error() {
     let joints = log.channel("/joints", "JointState");
     log.channel("/command", "PoseStamped");
     log.channel("/reading", "PointStamped");
-    (0..3).for_each(|i| {
+    for i in 0..3 {
         log.write(
             joints,
             i,
             &Cdr::stamped(0).joints(&["a", "b"], &[0.0, 0.0]).done(),
-        )
-    });
+        );
+    }
     let error = read(&log.done()).expect_err("refused").to_string();
     assert!(
         error.contains("header stamp 0") && error.contains("time = \"log\""),

@@ -454,9 +454,9 @@ fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }
     account.metadata.append(&mut block.metadata);
-    rejects
-        .into_iter()
-        .for_each(|reject| account.reject(reject));
+    for reject in rejects {
+        account.reject(reject);
+    }
 }
 
 impl Account {

@@ -10,12 +10,12 @@ use super::block::{Extent, Tally};
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
-use super::{FileError, LogError};
+use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping, Origin, Origins,
     TimeSource,
 };
-use crate::io::message::{CdrPlan, MessageFault, SchemaError, Texts, Value, ros2msg};
+use crate::io::message::{CdrPlan, MessageFault, Texts, Value, ros2msg};
 
 /// A stream of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -233,13 +233,15 @@ impl<'m> Streams<'m> {
             topic: channel.topic.clone(),
             source,
         };
-        let unsuitable = |type_name: &str, schema_encoding: &str| LogError::Unsuitable {
-            file: self.file.clone(),
-            topic: channel.topic.clone(),
-            type_name: type_name.to_owned(),
-            encoding: channel.encoding.clone(),
-            schema_encoding: schema_encoding.to_owned(),
-            suitable: suitable_types(wanted.stream),
+        let unsuitable = |type_name: &str, schema_encoding: &str| {
+            LogError::Unsuitable(Box::new(Unsuitable {
+                file: self.file.clone(),
+                topic: channel.topic.clone(),
+                type_name: type_name.to_owned(),
+                encoding: channel.encoding.clone(),
+                schema_encoding: schema_encoding.to_owned(),
+                suitable: suitable_types(wanted.stream),
+            }))
         };
         let schema = schema.ok_or_else(|| unsuitable("", ""))?;
         let refused = || unsuitable(&schema.name, &schema.encoding);
@@ -513,15 +515,5 @@ fn note(origins: &mut Origins, rows: usize, extent: &Extent) {
 impl From<FileError> for LogError {
     fn from(error: FileError) -> Self {
         Self::File(error)
-    }
-}
-
-impl LogError {
-    /// Whether a schema, not a file, is at fault.
-    pub const fn schema(&self) -> Option<&SchemaError> {
-        match self {
-            Self::Schema { source, .. } => Some(source),
-            _ => None,
-        }
     }
 }
