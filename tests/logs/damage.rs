@@ -337,6 +337,30 @@ fn no_damaged_frame_loses_a_message_in_silence() {
 }
 
 #[test]
+fn a_definition_does_not_swallow_what_follows() {
+    use mcap::records::op;
+    for (storage, log) in storages() {
+        let homes = homes(&log);
+        let definitions = frames(&log)
+            .into_iter()
+            .filter(|f| matches!(f.2, op::HEADER | op::SCHEMA | op::CHANNEL));
+        for (start, _, _) in definitions {
+            // The length, 512 or 4096 or 16384 more.
+            for bit in [1, 4, 6] {
+                let mut damaged = log.clone();
+                damaged[start + 2] ^= 1 << bit;
+                all_accounted(
+                    &damaged,
+                    &homes,
+                    log.len(),
+                    &format!("{storage}, frame {start}, bit {bit}"),
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn every_cut_is_accounted_for() {
     let mut chance = Chance(2);
     for (storage, log) in storages() {
