@@ -8,6 +8,7 @@
 //! 3. Streams: the messages of the wanted topics decoded by a plan into columns ([`streams`]).
 //! 4. [`crate::ingest::ingest`] makes the recording.
 
+mod account;
 mod block;
 mod chunk;
 mod frames;
@@ -28,10 +29,11 @@ use crate::ingest::{Decoded, IngestError, Mapping, Recording, ingest};
 use crate::io::message::SchemaError;
 use crate::progress::Progress;
 
+pub use account::Account;
 pub use block::Extent;
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
-pub use scan::{Account, Visitor, ns, scan};
+pub use scan::{Visitor, ns, scan};
 pub use streams::Layout;
 use streams::{Stream, Streams, Wanted};
 

@@ -7,16 +7,16 @@
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
 use mcap::MAGIC;
 use rayon::prelude::*;
 
+use super::account::Account;
 use super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::frames::{Frames, Loss, Lost, Piece};
-use super::record::{ChunkRecord, FRAME_HEADER, HeaderRecord, MessageRecord, op};
+use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::{FileError, Limits, summary};
@@ -25,9 +25,6 @@ use crate::progress::Progress;
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
-/// Rejects of one log that are listed one by one; the rest is told together.
-const MOST_REJECTS: usize = 10_000;
-
 /// What wants a log's messages. `message` is called from many threads, everything else from one.
 pub trait Visitor: Sync {
     /// What it keeps for each channel.
@@ -49,33 +46,6 @@ pub trait Visitor: Sync {
     fn clear(&self, part: &mut Self::Part);
     /// Takes over what was made of a block, and adds what it left out of it.
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
-}
-
-/// What was found in a log besides its messages.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Account {
-    /// The file, as it was named.
-    pub file: String,
-    /// Its size.
-    pub bytes: u64,
-    /// Conventions of the log, such as `ros2`.
-    pub profile: String,
-    /// What wrote it.
-    pub library: String,
-    /// Sound chunks, by compression.
-    pub chunks: BTreeMap<String, u64>,
-    /// Sound chunks without a checksum.
-    pub chunks_unchecked: u64,
-    /// Messages outside chunks: no checksum covers them one by one.
-    pub messages_outside_chunks: u64,
-    /// Messages in sound blocks.
-    pub messages: u64,
-    /// Channels, by id.
-    pub channels: Vec<Channel>,
-    /// Metadata records: name, key, value.
-    pub metadata: Vec<(String, String, String)>,
-    /// What was left out.
-    pub rejects: Vec<LogReject>,
 }
 
 /// Reads a whole log.
@@ -456,41 +426,6 @@ fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut
     account.metadata.append(&mut block.metadata);
     for reject in rejects {
         account.reject(reject);
-    }
-}
-
-impl Account {
-    fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
-        self.messages += messages;
-        match chunk {
-            None => self.messages_outside_chunks += messages,
-            Some(chunk) => {
-                *self.chunks.entry(chunk.compression.clone()).or_default() += 1;
-                self.chunks_unchecked += u64::from(chunk.crc == 0);
-            }
-        }
-    }
-
-    /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
-    fn reject(&mut self, reject: LogReject) {
-        let full = self.rejects.len() >= MOST_REJECTS;
-        match self.rejects.last_mut() {
-            Some(last) if full => {
-                last.join(&reject);
-                "many more losses, told together; see the first ones".clone_into(&mut last.reason);
-            }
-            Some(last)
-                if last.byte_end == reject.byte_start
-                    && last.byte_start != last.byte_end
-                    && last.reason == reject.reason
-                    && last.topic == reject.topic
-                    && last.messages.is_none()
-                    && reject.messages.is_none() =>
-            {
-                last.join(&reject);
-            }
-            _ => self.rejects.push(reject),
-        }
     }
 }
 
