@@ -3,9 +3,9 @@
 //! The reader is our own because default readers panic, abort or drop messages in silence on damaged files. It works
 //! from the data section alone; a summary is never needed.
 //!
-//! 1. Frames: where each record lies ([`frames`]); damage becomes rejects with byte ranges.
-//! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory ([`scan`], [`block`]).
-//! 3. Streams: the messages of the wanted topics decoded by a plan into columns ([`streams`]).
+//! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
+//! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
+//! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
 //! 4. [`crate::ingest::ingest`] makes the recording.
 
 mod account;

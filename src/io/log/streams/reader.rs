@@ -9,7 +9,6 @@ use super::layout::Layout;
 use crate::ingest::{DecodedJoints, DecodedPoses, DecodedTemperatures, TimeSource};
 use crate::io::log::block::Tally;
 use crate::io::log::record::MessageRecord;
-use crate::io::log::scan::ns;
 use crate::io::message::{CdrPlan, MessageFault, Texts, Value};
 
 /// Why one message of a wanted topic is left out.
@@ -26,6 +25,8 @@ pub enum RowFault {
     UnequalArrays,
     #[error("the header stamp's nanoseconds are a second or more")]
     Stamp,
+    #[error("the message's time lies after the year 2262: it is damaged")]
+    Time,
 }
 
 /// How the messages of one channel are read: `None` where nobody wants them.
@@ -127,10 +128,14 @@ impl Reader {
                 }
                 Ok(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
             }
-            (TimeSource::Publish, _) => Ok(ns(message.publish_time)),
-            _ => Ok(ns(message.log_time)),
+            (TimeSource::Publish, _) => stamp_of(message.publish_time),
+            _ => stamp_of(message.log_time),
         }
     }
+}
+
+fn stamp_of(time: u64) -> Result<i64, RowFault> {
+    i64::try_from(time).map_err(|_| RowFault::Time)
 }
 
 /// A number that the plan lent; a schema that stores a text there is met as not finite.
