@@ -1,5 +1,6 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod inspect;
 pub mod lake;
 pub mod log;
 pub mod log_writer;
