@@ -42,6 +42,7 @@ pub struct FullModel {
     /// Frames of each session at the offsets.
     frames: Vec<Frames>,
     sizes: Components,
+    student_t: f64,
     mean: DVector<f64>,
     posterior: Posterior,
     span: f64,
@@ -135,6 +136,7 @@ impl FullModel {
             up,
             frames: problem.frames(&state.offsets),
             sizes: state.components,
+            student_t: settings.student_t,
             layout: state.layout,
             offsets: state.offsets,
             mean,
@@ -229,11 +231,20 @@ impl FullModel {
         &self.frames
     }
 
+    /// Covariance over scale of a Student t: 1 where stations are not weighed.
+    fn student_inflation(&self) -> f64 {
+        if self.student_t > 2.0 {
+            self.student_t / (self.student_t - 2.0)
+        } else {
+            1.0
+        }
+    }
+
     /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
         let view = self.problem.view(0, &observation.axes, &self.offsets);
         let covariance = self.repeatability.covariance(observation, &view.joints);
-        Matrix3::from_fn(|row, column| covariance[(row, column)])
+        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.

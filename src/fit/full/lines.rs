@@ -162,6 +162,9 @@ mod tests {
         assert!((found[0].gain - 300.0).abs() < 15.0, "{found:?}");
         // A line that is known already is not found again.
         let again = find(0, &stations, &[127.5], 8.0, 3);
-        assert!(again.iter().all(|line| (line.cycles - 127.5).abs() > SAME), "{again:?}");
+        assert!(
+            again.iter().all(|line| (line.cycles - 127.5).abs() > SAME),
+            "{again:?}"
+        );
     }
 }
