@@ -15,6 +15,7 @@ pub mod loss;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod saved;
 pub mod solve;
 pub mod start;
 
