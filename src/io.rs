@@ -7,3 +7,4 @@ pub mod log_writer;
 pub mod message;
 pub mod schema;
 pub mod table;
+pub mod tables;

@@ -9,11 +9,13 @@
 //! [`FullModel`], which predicts with a covariance.
 
 pub mod components;
+pub mod curves;
 pub mod design;
 pub mod layout;
 pub mod lines;
 pub mod noise;
 pub mod regression;
+pub mod saved;
 pub mod settings;
 pub mod spectrum;
 pub mod train;
