@@ -21,6 +21,7 @@ pub mod progress;
 pub mod units;
 
 // The stages, in data order: ingest, join, fit, similarity, grid, compensation, report.
+pub mod compensation;
 pub mod fit;
 pub mod grid;
 pub mod ingest;
