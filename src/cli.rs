@@ -1,5 +1,6 @@
 //! The command line: arguments, messages, exit codes; one file per command.
 
+pub mod compensate;
 pub mod inspect;
 pub mod schema;
 pub mod simulate;

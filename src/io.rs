@@ -1,5 +1,6 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod compensation_table;
 pub mod inspect;
 pub mod lake;
 pub mod log;
@@ -8,3 +9,5 @@ pub mod message;
 pub mod schema;
 pub mod table;
 pub mod tables;
+pub mod targets;
+pub mod whole_file;

@@ -397,7 +397,7 @@ fn leave_one_out(
             left_out.push(left_out_of(
                 row,
                 &mean,
-                &noise,
+                noise,
                 &explained,
                 state.weights[place],
             ));
