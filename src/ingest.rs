@@ -15,6 +15,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
+pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use settings::{
     AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
     TrackerSettings,
