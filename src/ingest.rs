@@ -15,11 +15,11 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
-pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 pub use settings::{
     AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
     TrackerSettings,
 };
+pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 
 use crate::units::{Controller, Stamp, Tracker};
 use rows::{RowFault, Rows};

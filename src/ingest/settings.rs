@@ -184,8 +184,12 @@ impl TryFrom<ControllerFile> for ControllerSettings {
     fn try_from(file: ControllerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("controller", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("controller", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
         })
     }
 }
@@ -195,8 +199,12 @@ impl TryFrom<CommandedFile> for CommandedSettings {
     fn try_from(file: CommandedFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("commanded", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("commanded", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
         })
     }
 }
@@ -206,8 +214,12 @@ impl TryFrom<TrackerFile> for TrackerSettings {
     fn try_from(file: TrackerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(MissingConvention::new("tracker", "time", TIMES))?,
-            unit: file.unit.ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("tracker", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
             temperature: file.temperature,
             ignore_orientation: file.ignore_orientation,
         })

@@ -283,9 +283,11 @@ impl TryFrom<TrackerKeys> for TrackerSection {
         };
         Ok(Self {
             mapping: mapping.try_into()?,
-            uncertainty: keys
-                .uncertainty
-                .ok_or(MissingConvention::new("tracker", "uncertainty", DATA_SHEET))?,
+            uncertainty: keys.uncertainty.ok_or(MissingConvention::new(
+                "tracker",
+                "uncertainty",
+                DATA_SHEET,
+            ))?,
             tracker_from_base: keys.tracker_from_base,
         })
     }

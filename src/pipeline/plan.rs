@@ -149,7 +149,9 @@ fn folder_of(path: &Path) -> Result<PathBuf, PlanError> {
 fn resolved(base: &Path, path: &Path) -> PathBuf {
     let mut whole = base.to_owned();
     let mut rest = path.components().peekable();
-    while let Some(part) = rest.next_if(|part| matches!(part, Component::ParentDir | Component::CurDir)) {
+    while let Some(part) =
+        rest.next_if(|part| matches!(part, Component::ParentDir | Component::CurDir))
+    {
         if part == Component::ParentDir {
             whole.pop();
         }
@@ -177,9 +179,16 @@ fn read_arm(path: &Path, robot: &Path) -> Result<Arm, PlanError> {
 fn mapping(file: &PipelineFile, arm: &Arm) -> Mapping {
     Mapping {
         controller: file.controller.clone(),
-        commanded: file.commanded.as_ref().map(|section| section.mapping.clone()),
+        commanded: file
+            .commanded
+            .as_ref()
+            .map(|section| section.mapping.clone()),
         tracker: file.tracker.mapping.clone(),
-        joints: arm.joints().iter().map(|joint| joint.name.clone()).collect(),
+        joints: arm
+            .joints()
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect(),
     }
 }
 
@@ -207,7 +216,10 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
 }
 
 fn remarks(file: &PipelineFile) -> Vec<&'static str> {
-    let one_point = file.commanded.as_ref().map(|section| section.target_is_tool);
+    let one_point = file
+        .commanded
+        .as_ref()
+        .map(|section| section.target_is_tool);
     let based = file.tracker.tracker_from_base.is_some();
     let remarks = [
         (
@@ -275,7 +287,10 @@ impl Placed {
             .map(|tool| isometry("[commanded] flange_from_tool", tool))
             .transpose()?;
         placed.command_frames = Some(CommandFrames {
-            base_from_command: isometry("[commanded] base_from_command", &section.base_from_command)?,
+            base_from_command: isometry(
+                "[commanded] base_from_command",
+                &section.base_from_command,
+            )?,
             flange_from_tool: tool,
         });
         if section.target_is_tool {

@@ -167,7 +167,9 @@ impl<'a> Found<'a> {
             return Err("a session is named by its folder's name, not by a path".to_owned());
         }
         if name == POOLED {
-            return Err(format!("{POOLED:?} is what pooled fits are named; rename the folder"));
+            return Err(format!(
+                "{POOLED:?} is what pooled fits are named; rename the folder"
+            ));
         }
         let own = self.folder.join(name);
         if !own.is_dir() {
