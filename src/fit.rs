@@ -12,20 +12,23 @@ pub mod full;
 pub mod gauge;
 pub mod holdout;
 pub mod loss;
+pub mod models;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod saved;
 pub mod solve;
 pub mod start;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use gauge::{ErrorModel, Gauge};
 pub use holdout::Blocks;
 pub use loss::Loss;
-pub use observation::{Noise, Observation, TrackerUncertainty, observations};
+pub use models::{Models, ToolErrors, TrainingSettings};
+pub use observation::{Noise, Observation, TrackerUncertainty, add_shortfalls, observations};
 pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
 pub use solve::{Convergence, Solution};
@@ -131,6 +134,8 @@ pub struct Calibration {
     pub structure: Structure,
     /// Poses the fit is of.
     pub poses: usize,
+    /// Root mean square of measured minus predicted, per axis, mm.
+    pub misfit_mm: f64,
     /// How the solution was reached.
     pub solution: Solution,
 }
@@ -180,6 +185,11 @@ impl Calibration {
         }
     }
 
+    /// Mean covariance of what the model leaves of a position, mm²: its root mean square misfit, the same along each axis.
+    pub fn misfit_covariance(&self) -> Matrix3<f64> {
+        Matrix3::identity() * self.misfit_mm.powi(2)
+    }
+
     /// Observability of the poses.
     pub fn observability(&self) -> Option<Observability> {
         self.structure.observability(self.poses)
@@ -220,8 +230,18 @@ pub fn identify(
         nominal_structure,
         structure,
         poses: observations.len(),
+        misfit_mm: misfit_mm(&problem, &solution.offsets),
         solution,
     })
+}
+
+/// Root mean square of measured minus predicted position over all observations, per axis, mm.
+fn misfit_mm(problem: &Problem<'_>, offsets: &DVector<f64>) -> f64 {
+    let observations = problem.observations();
+    let square = |o: &Observation| {
+        (o.position.coords - problem.predict(o, offsets).translation.vector).norm_squared()
+    };
+    (observations.iter().map(square).sum::<f64>() / (3 * observations.len().max(1)) as f64).sqrt()
 }
 
 /// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse, `rank` directions deep.

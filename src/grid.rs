@@ -148,6 +148,8 @@ pub struct Grids {
     pub table: Table,
     /// Why it was chosen and what it holds.
     pub choice: Choice,
+    /// Expanded uncertainty (k = 2) of the measurement that judged, mm.
+    pub guard_mm: f64,
 }
 
 /// Why there are no grids.
@@ -251,6 +253,7 @@ pub fn grids(
         judged,
         table,
         choice,
+        guard_mm: input.guard_mm,
     })
 }
 

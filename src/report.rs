@@ -3,6 +3,10 @@
 //! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
 //! (METHOD.md 7): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or *after*.
 
+pub mod accuracy;
+pub mod evaluate;
+pub mod refit;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::Figures;

@@ -9,20 +9,23 @@
 //! [`FullModel`], which predicts with a covariance.
 
 pub mod components;
+pub mod curves;
 pub mod design;
 pub mod layout;
 pub mod lines;
 pub mod noise;
 pub mod regression;
+pub mod saved;
 pub mod settings;
 pub mod spectrum;
 pub mod train;
 
-use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
 use crate::kinematics::{Arm, Parameter};
+use components::{Components, Part};
 use design::PoseView;
 use layout::{Block, Layout};
 use noise::Repeatability;
@@ -38,6 +41,10 @@ pub struct FullModel {
     up: Option<Vector3<f64>>,
     layout: Layout,
     offsets: DVector<f64>,
+    /// Frames of each session at the offsets.
+    frames: Vec<Frames>,
+    sizes: Components,
+    student_t: f64,
     mean: DVector<f64>,
     posterior: Posterior,
     span: f64,
@@ -74,6 +81,8 @@ pub struct Query<'q> {
 pub struct Predicted {
     /// The predicted point, mm.
     pub position: Point3<f64>,
+    /// From the flange's axes to the tracker's.
+    pub flange: UnitQuaternion<f64>,
     /// How it moves with every column.
     pub rows: DMatrix<f64>,
 }
@@ -127,6 +136,9 @@ impl FullModel {
                 turned,
             ),
             up,
+            frames: problem.frames(&state.offsets),
+            sizes: state.components,
+            student_t: settings.student_t,
             layout: state.layout,
             offsets: state.offsets,
             mean,
@@ -141,7 +153,7 @@ impl FullModel {
 
     /// Predicts a point at a pose.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
-        let frames = &self.problem.starts()[query.session];
+        let frames = &self.frames[query.session];
         let view = self.problem.view(query.session, query.axes, &self.offsets);
         let root = frames.tracker_from_base.isometry().rotation;
         let flange = view.end.rotation * frames.flange_from_target.isometry().rotation.inverse();
@@ -170,7 +182,11 @@ impl FullModel {
         let moved: DVector<f64> = &rows * &self.mean;
         let position =
             Point3::from(view.end.translation.vector + Vector3::new(moved[0], moved[1], moved[2]));
-        Predicted { position, rows }
+        Predicted {
+            position,
+            flange,
+            rows,
+        }
     }
 
     /// Covariance of predicted positions whose rows are stacked, three each, mm².
@@ -212,8 +228,30 @@ impl FullModel {
         self.posterior.log_evidence
     }
 
-    /// The frames the offsets are relative to.
-    pub fn starts(&self) -> &[Frames] {
-        self.problem.starts()
+    /// The frames of each session that rows are taken at; [`Query::own`] decides whether the posterior moves them.
+    pub fn frames(&self) -> &[Frames] {
+        &self.frames
+    }
+
+    /// Covariance over scale of a Student t: 1 where stations are not weighed.
+    fn student_inflation(&self) -> f64 {
+        if self.student_t > 2.0 {
+            self.student_t / (self.student_t - 2.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
+    pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
+        let view = self.problem.view(0, &observation.axes, &self.offsets);
+        let covariance = self.repeatability.covariance(observation, &view.joints);
+        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
+    }
+
+    /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.
+    pub fn drift_variance(&self) -> f64 {
+        // The basis has variance one half at a random time.
+        0.5 * self.sizes.size(Part::Drift).unwrap_or(0.0)
     }
 }

@@ -3,9 +3,12 @@
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it, METHOD.md 7),
 //! plus the arm's repeatability, plus what the scatter of the readings leaves in their mean: `scatter²/n`.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::commanded::Commanded;
 use crate::join::{Attained, Pairing, Station};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
@@ -100,6 +103,24 @@ pub fn observations(
             shortfall: None,
         })
         .collect()
+}
+
+/// Gives observations what their stations' commands fell short of.
+pub fn add_shortfalls(
+    observations: &mut [Observation],
+    stations: &[Station],
+    commanded: &Commanded,
+) {
+    let shortfalls: BTreeMap<usize, &Vec<f64>> = stations
+        .iter()
+        .zip(&commanded.shortfalls)
+        .filter_map(|(station, shortfall)| Some((station.number, shortfall.as_ref()?)))
+        .collect();
+    for observation in observations {
+        observation.shortfall = shortfalls
+            .get(&observation.station)
+            .map(|shortfall| (*shortfall).clone());
+    }
 }
 
 fn instrument(attained: &Attained, noise: &Noise) -> Matrix3<f64> {

@@ -22,6 +22,8 @@ pub enum Part {
     LongCurve(usize),
     /// Gravity.
     Gravity,
+    /// Stopping short of the command.
+    StopShort,
     /// Warming up, common to all sessions.
     WarmUp,
     /// Base drift of single sessions.
@@ -162,6 +164,13 @@ impl Components {
             Block::Gravity => self.join(
                 Part::Gravity,
                 settings.gravity_sd,
+                columns.clone(),
+                even(&columns),
+                2.0,
+            ),
+            Block::StopShort => self.join(
+                Part::StopShort,
+                settings.stop_short_sd_rad,
                 columns.clone(),
                 even(&columns),
                 2.0,

@@ -9,6 +9,10 @@ use super::layout::{Block, Layout};
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
+/// A joint that came to rest this far from its command stopped short by as much as it ever does, rad. Widths of 40 to
+/// 110 µrad fit the same.
+const SATURATION_RAD: f64 = 60e-6;
+
 /// One pose as the columns see it; all vectors in the frame that the rows are in.
 #[derive(Debug, Clone)]
 pub struct PoseView<'a> {
@@ -52,6 +56,7 @@ impl PoseView<'_> {
                 }
                 Block::Gravity => self.gravity(&mut rows, columns.start),
                 Block::Blend => self.blend(&mut rows, columns),
+                Block::StopShort => self.stop_short(&mut rows, columns),
                 Block::SessionBlend(session) if self.session == Some(session) => {
                     self.blend(&mut rows, columns);
                 }
@@ -98,6 +103,20 @@ impl PoseView<'_> {
         };
         for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
             put(rows, column, twist, *shortfall);
+        }
+    }
+
+    fn stop_short(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+        let Some(shortfall) = self.shortfall else {
+            return;
+        };
+        for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
+            put(
+                rows,
+                column,
+                twist,
+                (shortfall / SATURATION_RAD).clamp(-1.0, 1.0),
+            );
         }
     }
 

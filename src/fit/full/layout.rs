@@ -11,7 +11,9 @@ pub enum Block {
     Gravity,
     /// Share of the way from reported to commanded angle, one per joint.
     Blend,
-    /// The same, as one session differs from all.
+    /// Stopping short of the command on the side the joint came from, one per joint: it saturates at small shortfalls.
+    StopShort,
+    /// The blend as one session differs from all.
     SessionBlend(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,

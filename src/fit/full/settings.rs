@@ -33,7 +33,8 @@ pub struct FullSettings {
     pub gravity_sd: f64,
     /// Expected size of a gear line, rad.
     pub line_sd_rad: f64,
-    /// Evidence a gear line must bring, nats.
+    /// Evidence a gear line must bring, nats. Among the 10⁴ frequencies of an arm, noise alone
+    /// reaches 9.
     pub line_threshold: f64,
     /// Expected size of the base drift, mm.
     pub drift_sd_mm: f64,
@@ -41,6 +42,8 @@ pub struct FullSettings {
     pub drift_length_stations: f64,
     /// Expected size of the blend between reported and commanded angle.
     pub blend_sd: f64,
+    /// Expected size of stopping short of the command, rad.
+    pub stop_short_sd_rad: f64,
     /// Expected difference of the blend between sessions.
     pub session_blend_sd: f64,
     /// Expected change of a joint's curve between sessions, rad.
@@ -65,14 +68,15 @@ impl Default for FullSettings {
             blend: true,
             short_length_deg: 6.0,
             long_length_deg: 50.0,
-            harmonics: 60,
+            harmonics: 90,
             curve_sd_rad: 0.4e-3,
             gravity_sd: 0.4e-3,
             line_sd_rad: 15e-6,
-            line_threshold: 8.0,
+            line_threshold: 10.0,
             drift_sd_mm: 0.03,
             drift_length_stations: 180.0,
             blend_sd: 1.0,
+            stop_short_sd_rad: 30e-6,
             session_blend_sd: 0.1,
             session_curve_sd_rad: 30e-6,
             session_length_deg: 30.0,

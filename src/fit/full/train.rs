@@ -97,8 +97,7 @@ pub fn train(
         let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
         let (sums, covariances) = sums(problem, &state, &rows, &prior_mean);
-        let (posterior, noise_scale) = settle(&mut state, &sums, steps)?;
-        state.repeatability.scale(noise_scale);
+        let posterior = settle(&mut state.components, &sums, steps)?;
         let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
         if round + 1 == STEPS.len() {
             return Some(Settled {
@@ -184,6 +183,7 @@ fn layout(
     }
     if settings.blend && observations.iter().any(|o| o.shortfall.is_some()) {
         layout.push(Block::Blend, joints);
+        layout.push(Block::StopShort, joints);
         (0..sessions)
             .filter(|_| sessions > 1)
             .for_each(|session| layout.push(Block::SessionBlend(session), joints));
@@ -211,7 +211,7 @@ fn layout(
     layout
 }
 
-/// Full harmonics for joints that move the target, few for those that hardly do and whose orientation is not measured.
+/// Full harmonics for joints that move the target, fewer for those that hardly do.
 fn harmonics(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,
@@ -230,11 +230,18 @@ fn harmonics(
             .collect()
     });
     let longest = levers.iter().copied().fold(0.0, f64::max);
+    // An orientation shows what a position near the axis does not.
+    let turned = observations.iter().any(|o| o.orientation.is_some());
+    let few = if turned {
+        2 * settings.harmonics / 3
+    } else {
+        FEW_HARMONICS
+    };
     let count = |lever: &f64| {
         if *lever > LITTLE * longest {
             settings.harmonics
         } else {
-            FEW_HARMONICS
+            few
         }
     };
     levers.iter().map(count).collect()
@@ -269,9 +276,10 @@ fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
 }
 
 fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
+    let frames = problem.frames(&state.offsets);
     let row = |observation: &Observation| {
         let view = problem.view(observation.session, &observation.axes, &state.offsets);
-        let root = problem.starts()[observation.session]
+        let root = frames[observation.session]
             .tracker_from_base
             .isometry()
             .rotation;
@@ -351,23 +359,18 @@ fn sums(
     (Sums::new(&stacked, &values, ln_noise), covariances)
 }
 
-/// `steps` steps of sizes and noise scale on one Gram matrix, and the posterior where they end.
-fn settle(state: &mut State, sums: &Sums, steps: usize) -> Option<(Posterior, f64)> {
-    let mut noise_scale = 1.0;
+/// `steps` steps of the sizes on one Gram matrix, and the posterior where they end.
+fn settle(components: &mut Components, sums: &Sums, steps: usize) -> Option<Posterior> {
     for _ in 0..steps {
-        let variances = state.components.variances();
-        let posterior = sums.posterior(&variances, noise_scale)?;
-        let determined = posterior.determined();
-        state
-            .components
-            .update(&posterior.whitened.map(|u| u * u), &determined, &variances);
-        let freedom = sums.rows as f64 - determined.sum();
-        noise_scale *= (sums.misfit(&posterior) / noise_scale / freedom.max(1.0)).clamp(0.2, 5.0);
+        let variances = components.variances();
+        let posterior = sums.posterior(&variances)?;
+        components.update(
+            &posterior.whitened.map(|u| u * u),
+            &posterior.determined(),
+            &variances,
+        );
     }
-    Some((
-        sums.posterior(&state.components.variances(), noise_scale)?,
-        noise_scale,
-    ))
+    sums.posterior(&components.variances())
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
@@ -389,12 +392,12 @@ fn leave_one_out(
             let row = &rows[place];
             let own = half.columns(first, row.value.len());
             first += row.value.len();
-            let noise = &covariances[place] * posterior.noise_scale;
+            let noise = &covariances[place];
             let explained = own.tr_mul(&own);
             left_out.push(left_out_of(
                 row,
                 &mean,
-                &noise,
+                noise,
                 &explained,
                 state.weights[place],
             ));
@@ -519,7 +522,10 @@ type Optional = (&'static str, fn(Block) -> bool);
 const OPTIONAL: [Optional; 5] = [
     ("gravity", |block| block == Block::Gravity),
     ("blend", |block| {
-        matches!(block, Block::Blend | Block::SessionBlend(_))
+        matches!(
+            block,
+            Block::Blend | Block::StopShort | Block::SessionBlend(_)
+        )
     }),
     ("drift", |block| {
         matches!(block, Block::WarmUp | Block::Drift(_))
@@ -549,7 +555,7 @@ impl Settled {
             if columns == 0 {
                 continue;
             }
-            let Some(without) = self.sums.posterior(&variances, self.posterior.noise_scale) else {
+            let Some(without) = self.sums.posterior(&variances) else {
                 continue;
             };
             let gain = self.posterior.log_evidence - without.log_evidence;
@@ -569,7 +575,7 @@ impl Part {
         match self {
             Self::Gravity => name == "gravity",
             Self::WarmUp | Self::Drift => name == "drift",
-            Self::SessionBlend => name == "blend",
+            Self::SessionBlend | Self::StopShort => name == "blend",
             Self::SessionCurve => name == "session_changes",
             Self::Line { .. } => name == "gear_lines",
             Self::ShortCurve(_) | Self::LongCurve(_) => false,

@@ -1,0 +1,58 @@
+//! Figures of residual sets, with bounds, coverage and verdicts.
+
+use std::collections::BTreeSet;
+
+use super::evaluate::mahalanobis_squared;
+use super::{Accuracy, Calibrated, Model, Moment, ResidualSet, Split};
+use crate::figures::{Figures, upper_tolerance_bound};
+use crate::grid::{Tolerance, Verdict};
+
+/// The 95 % quantile of chi squared with three degrees of freedom.
+const CHI_SQUARED_3_95: f64 = 7.814_727_903;
+
+/// The figures of one set; `folds` says in which block a station lies, where blocks were held out.
+pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accuracy {
+    let judged: Vec<_> = set
+        .residuals
+        .iter()
+        .filter(|residual| !residual.used_for_refit)
+        .collect();
+    let norms: Vec<f64> = judged
+        .iter()
+        .map(|residual| residual.residual.norm())
+        .collect();
+    let bound = upper_tolerance_bound(&norms, tolerance.coverage());
+    let verdict = match set.subject.split {
+        Split::None => Verdict::NotShown("the stations took part in the fit".to_owned()),
+        Split::Blocks | Split::Session => tolerance.verdict(bound, norms.len(), guard_mm),
+    };
+    let before = matches!(set.subject.model, Model::RawCommand | Model::BaseTarget);
+    let blocks: BTreeSet<_> = judged.iter().filter_map(|residual| residual.fold).collect();
+    let distances: Vec<f64> = judged
+        .iter()
+        .filter_map(|residual| mahalanobis_squared(residual))
+        .collect();
+    Accuracy {
+        subject: set.subject.clone(),
+        moment: if before {
+            Moment::Before
+        } else {
+            Moment::After
+        },
+        figures: Figures::of(&norms),
+        bound,
+        blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
+        coverage: calibrated(&distances),
+        expanded_uncertainty_mm: guard_mm,
+        verdict,
+    }
+}
+
+fn calibrated(distances: &[f64]) -> Option<Calibrated> {
+    let n = distances.len() as f64;
+    let inside = distances.iter().filter(|&&d| d <= CHI_SQUARED_3_95).count() as f64;
+    (!distances.is_empty()).then(|| Calibrated {
+        inside: inside / n,
+        mean_squared_distance: distances.iter().sum::<f64>() / n,
+    })
+}

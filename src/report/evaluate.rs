@@ -1,0 +1,345 @@
+//! Residuals of every model on every set of stations that judges it.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+
+use super::refit::{self, Placed};
+use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
+use crate::fit::full::Query;
+use crate::fit::{Models, Observation};
+use crate::kinematics::Arm;
+
+/// A held-out session or the training session itself, as observations.
+#[derive(Debug, Clone, Copy)]
+pub struct Stations<'s> {
+    /// The session's name.
+    pub session: &'s str,
+    /// Its paired stations.
+    pub observations: &'s [Observation],
+}
+
+/// How an unseen session's frames are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RefitSettings {
+    /// How many first stations the verdict's base is found from.
+    pub first: usize,
+    /// Whether the session has a target mounting of its own.
+    pub with_target: bool,
+}
+
+/// One predicted target in the tracker's frame, with its rows where the model has a covariance.
+struct Prediction {
+    position: Point3<f64>,
+    flange: UnitQuaternion<f64>,
+    rows: Option<DMatrix<f64>>,
+}
+
+/// Models with the angles each is given.
+const COMPARED: [(Model, Angles); 4] = [
+    (Model::BaseTarget, Angles::Reported),
+    (Model::Geometric, Angles::Reported),
+    (Model::Full, Angles::Blended),
+    (Model::Full, Angles::Commanded),
+];
+
+/// Residuals of `models` on stations of a session they were trained on: all of them, or those a fold holds out.
+pub fn own_session(
+    arm: &Arm,
+    models: &Models,
+    stations: Stations<'_>,
+    split: Split,
+    fold: Option<usize>,
+) -> Vec<ResidualSet> {
+    let mut sets = Vec::new();
+    for (model, angles) in COMPARED {
+        let Some(predictions) =
+            predictions(arm, models, model, angles, stations.observations, true)
+        else {
+            continue;
+        };
+        let covariances = own_covariances(models, &predictions, stations.observations);
+        let base = frames_of(
+            models,
+            model,
+            stations.observations.first().map_or(0, |o| o.session),
+        );
+        let residual =
+            |(place, (observation, prediction)): (usize, (&Observation, &Prediction))| Residual {
+                station: observation.station,
+                fold,
+                used_for_refit: false,
+                predicted: base.inverse_transform_point(&prediction.position),
+                residual: base
+                    .inverse_transform_vector(&(observation.position - prediction.position)),
+                covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
+                weight: None,
+            };
+        let residuals = stations
+            .observations
+            .iter()
+            .zip(&predictions)
+            .enumerate()
+            .map(residual)
+            .collect();
+        let subject = Subject {
+            split,
+            of_session: stations.session.to_owned(),
+            model,
+            angles,
+            base_refit: BaseRefit::None,
+        };
+        sets.push(ResidualSet { subject, residuals });
+    }
+    sets
+}
+
+/// Residuals of `models` on a session they never saw, with each way to find its base.
+pub fn unseen_session(
+    arm: &Arm,
+    models: &Models,
+    stations: Stations<'_>,
+    settings: RefitSettings,
+) -> Vec<ResidualSet> {
+    let mut sets = Vec::new();
+    for (model, angles) in COMPARED {
+        let Some(predictions) =
+            predictions(arm, models, model, angles, stations.observations, false)
+        else {
+            continue;
+        };
+        let to_base = frames_of_arm(models, model);
+        let placed: Vec<Placed> = predictions.iter().map(|p| placed(p, &to_base)).collect();
+        for base_refit in [BaseRefit::None, BaseRefit::First, BaseRefit::All] {
+            let subject = Subject {
+                split: Split::Session,
+                of_session: stations.session.to_owned(),
+                model,
+                angles,
+                base_refit,
+            };
+            let used = match base_refit {
+                BaseRefit::None => 0,
+                BaseRefit::First => settings.first.min(stations.observations.len()),
+                BaseRefit::All => stations.observations.len(),
+            };
+            let unseen = Unseen {
+                models,
+                predictions: &predictions,
+                placed: &placed,
+                to_base: &to_base,
+                settings,
+                used,
+            };
+            if let Some(residuals) = unseen.residuals(stations.observations) {
+                sets.push(ResidualSet { subject, residuals });
+            }
+        }
+    }
+    sets
+}
+
+/// An unseen session's predictions by one model, and which first stations its base is found from.
+struct Unseen<'u> {
+    models: &'u Models,
+    predictions: &'u [Prediction],
+    placed: &'u [Placed],
+    to_base: &'u Isometry3<f64>,
+    settings: RefitSettings,
+    used: usize,
+}
+
+impl Unseen<'_> {
+    fn residuals(&self, observations: &[Observation]) -> Option<Vec<Residual>> {
+        let measured: Vec<Point3<f64>> = observations.iter().map(|o| o.position).collect();
+        let (base_from_tracker, shift) = if self.used == 0 {
+            (*self.to_base, Vector3::zeros())
+        } else {
+            let found = refit::refit(
+                &measured[..self.used],
+                &self.placed[..self.used],
+                self.settings.with_target,
+            )?;
+            (found.base_from_tracker, found.target_shift)
+        };
+        let covariances = self.covariances(observations);
+        let all = self.used == observations.len();
+        let residual = |(place, (measured, placed)): (usize, (&Point3<f64>, &Placed))| {
+            let predicted = placed.position + placed.flange * shift;
+            Residual {
+                station: observations[place].station,
+                fold: None,
+                used_for_refit: place < self.used && !all,
+                predicted,
+                residual: base_from_tracker * measured - predicted,
+                covariance: covariances.as_ref().map(|c| c[place]),
+                weight: None,
+            }
+        };
+        Some(
+            measured
+                .iter()
+                .zip(self.placed)
+                .enumerate()
+                .map(residual)
+                .collect(),
+        )
+    }
+
+    /// The model's covariance with the refitted frames projected out, plus noise and what drift the session may have.
+    fn covariances(&self, observations: &[Observation]) -> Option<Vec<Matrix3<f64>>> {
+        let full = self.models.full.as_ref()?;
+        let mut rows = stacked(self.predictions, self.to_base)?;
+        if self.used > 0 {
+            let positions: Vec<_> = self.placed.iter().map(|p| p.position).collect();
+            let flanges: Vec<_> = self.placed.iter().map(|p| p.flange).collect();
+            let q = refit::columns(&positions, &flanges, self.settings.with_target)
+                .qr()
+                .q();
+            rows -= &q * q.tr_mul(&rows);
+        }
+        let drift = Matrix3::identity() * full.drift_variance();
+        let models = full.covariances(&rows).into_iter().zip(observations);
+        Some(
+            models
+                .map(|(model, o)| model + turned(&full.noise(o), &self.to_base.inverse()) + drift)
+                .collect(),
+        )
+    }
+}
+
+fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>) -> Placed {
+    Placed {
+        position: base_from_tracker * prediction.position,
+        flange: base_from_tracker.rotation * prediction.flange,
+    }
+}
+
+/// Predictions in the tracker's frame: of the session itself, or with the frames of the first one where it is unseen.
+///
+/// `None` where the model has none at these angles.
+fn predictions(
+    arm: &Arm,
+    models: &Models,
+    model: Model,
+    angles: Angles,
+    observations: &[Observation],
+    own: bool,
+) -> Option<Vec<Prediction>> {
+    let commanded = |o: &Observation| -> Option<Vec<f64>> {
+        Some(
+            o.axes
+                .iter()
+                .zip(o.shortfall.as_ref()?)
+                .map(|(q, short)| q + short)
+                .collect(),
+        )
+    };
+    let of = |o: &Observation| {
+        let (axes, shortfall) = match angles {
+            Angles::Commanded => (commanded(o)?, None),
+            Angles::Reported => (o.axes.clone(), None),
+            Angles::Blended => (o.axes.clone(), o.shortfall.as_deref()),
+        };
+        let session = if own { o.session } else { 0 };
+        predict(
+            arm,
+            models,
+            model,
+            &Query {
+                axes: &axes,
+                shortfall,
+                lever: Vector3::zeros(),
+                session,
+                own,
+                station: Some(o.station),
+            },
+        )
+    };
+    observations.iter().map(of).collect()
+}
+
+fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Option<Prediction> {
+    let calibration = match model {
+        Model::Full => {
+            let predicted = models.full.as_ref()?.predict(query);
+            return Some(Prediction {
+                position: predicted.position,
+                flange: predicted.flange,
+                rows: Some(predicted.rows),
+            });
+        }
+        Model::BaseTarget => &models.base_target,
+        Model::Geometric => &models.geometric,
+        Model::RawCommand | Model::Table => return None,
+    };
+    let frames = &calibration.frames[query.session];
+    let flange = frames.tracker_from_base.isometry()
+        * arm.chain().forward(query.axes, &calibration.geometry);
+    let position = flange * frames.flange_from_target.origin().point();
+    Some(Prediction {
+        position,
+        flange: flange.rotation,
+        rows: None,
+    })
+}
+
+/// `tracker_from_base` as fitted for a session.
+fn frames_of(models: &Models, model: Model, session: usize) -> Isometry3<f64> {
+    let calibration = if model == Model::BaseTarget {
+        &models.base_target
+    } else {
+        &models.geometric
+    };
+    *calibration.frames[session].tracker_from_base.isometry()
+}
+
+/// `base_from_tracker` of the frames in which an unseen session is predicted.
+fn frames_of_arm(models: &Models, model: Model) -> Isometry3<f64> {
+    match (model, &models.full) {
+        (Model::Full, Some(full)) => full.frames()[0].tracker_from_base.isometry().inverse(),
+        _ => frames_of(models, model, 0).inverse(),
+    }
+}
+
+fn own_covariances(
+    models: &Models,
+    predictions: &[Prediction],
+    observations: &[Observation],
+) -> Option<Vec<Matrix3<f64>>> {
+    let full = models.full.as_ref()?;
+    let rows = stacked(predictions, &Isometry3::identity())?;
+    Some(
+        full.covariances(&rows)
+            .into_iter()
+            .zip(observations)
+            .map(|(model, o)| model + full.noise(o))
+            .collect(),
+    )
+}
+
+/// All rows below each other, turned into another frame; `None` where the model has no rows or there are no stations.
+fn stacked(predictions: &[Prediction], to: &Isometry3<f64>) -> Option<DMatrix<f64>> {
+    let columns = predictions.first()?.rows.as_ref()?.ncols();
+    let turn = to.rotation.to_rotation_matrix();
+    let mut stacked = DMatrix::zeros(3 * predictions.len(), columns);
+    for (place, prediction) in predictions.iter().enumerate() {
+        stacked
+            .rows_mut(3 * place, 3)
+            .copy_from(&(turn.matrix() * prediction.rows.as_ref()?));
+    }
+    Some(stacked)
+}
+
+/// A covariance of the frame `to_from`'s target stated in its source: `Rᵀ C R`.
+fn turned(covariance: &Matrix3<f64>, to_from: &Isometry3<f64>) -> Matrix3<f64> {
+    let turn = to_from.rotation.to_rotation_matrix();
+    turn.transpose() * covariance * turn
+}
+
+/// Squared Mahalanobis distance of a residual; `None` without a covariance.
+pub fn mahalanobis_squared(residual: &Residual) -> Option<f64> {
+    let solved = residual.covariance?.cholesky()?.solve(&residual.residual);
+    Some(
+        DVector::from_column_slice(residual.residual.as_slice())
+            .dot(&DVector::from_column_slice(solved.as_slice())),
+    )
+}
