@@ -14,6 +14,7 @@ use posegrid::io::table::{self, Columns, Table};
 use posegrid::manifest::RunKey;
 
 const COUNTS: [usize; 3] = [4, 3, 3];
+const NODES: usize = 36;
 const STEP_MM: f64 = 100.0;
 /// The node at (600, −100, 400) mm has no value.
 const REFUSED: usize = 0;
@@ -57,7 +58,7 @@ fn stretch([x, _, _]: [f64; 3]) -> [f64; 3] {
 }
 
 fn sample_table(sample: &Sample) -> Table {
-    let nodes = 0..COUNTS.iter().product::<usize>();
+    let nodes = 0..NODES;
     let on_lattice = |node: usize| {
         let [i, j, k] = index(node).map(|index| index as f64 * STEP_MM);
         [600.0 + i + (sample.shift_mm)(node), -100.0 + j, 400.0 + k]
@@ -65,13 +66,8 @@ fn sample_table(sample: &Sample) -> Table {
     let known = |node: usize| (node != REFUSED).then_some(node);
     let variance = [1.0, 0.0, 0.0, 1.0, 0.0, 1.0].map(|part| part * sample.variance_mm2);
     let indices = |axis: usize| nodes.clone().map(move |node| index(node)[axis]);
-    let interpolation = if sample.power.is_some() {
-        "idw"
-    } else {
-        "trilinear"
-    };
     let half = sample.turn_rad / 2.0;
-    Columns::new(schema::find("compensation").unwrap(), nodes.len())
+    let columns = Columns::new(schema::find("compensation").unwrap(), nodes.len())
         .key(&RunKey::new("ur10", "monday", "00ff"))
         .column("node", nodes.clone().map(sample.place))
         .same("orientation", 0_u64)
@@ -87,7 +83,7 @@ fn sample_table(sample: &Sample) -> Table {
             ["qx", "qy", "qz", "qw"],
             nodes.clone().map(|_| [0.0, 0.0, half.sin(), half.cos()]),
         )
-        .same("configuration", "shoulder+ elbow- wrist+")
+        .same("configuration", Some("shoulder+ elbow- wrist+"))
         .same("joint_names", &["a1", "a2", "a3", "a4", "a5", "a6"][..])
         .column(
             "joints_rad",
@@ -120,17 +116,38 @@ fn sample_table(sample: &Sample) -> Table {
             "refused",
             nodes
                 .clone()
-                .map(|node| (node == REFUSED).then_some("near_singularity")),
+                .map(|node| (node == REFUSED).then_some("singularity")),
+        );
+    support(terms(columns, sample), nodes.len())
+        .finish()
+        .unwrap()
+}
+
+/// What a table says of itself, the same in every row.
+fn terms(columns: Columns, sample: &Sample) -> Columns {
+    let half = sample.turn_rad / 2.0;
+    let interpolation = if sample.power.is_some() {
+        "idw"
+    } else {
+        "trilinear"
+    };
+    columns
+        .group(
+            [
+                "command_from_base_x_mm",
+                "command_from_base_y_mm",
+                "command_from_base_z_mm",
+            ],
+            vec![[0.0; 3]; NODES],
         )
-        .same("nearest_station_mm", 12.0)
-        .column(
-            "nearest_station_rad",
-            nodes.clone().map(|node| known(node).map(|_| 0.05)),
-        )
-        .same("stations_near", 3_u64)
-        .column(
-            "within_joint_ranges",
-            nodes.map(|node| known(node).map(|_| true)),
+        .group(
+            [
+                "command_from_base_qx",
+                "command_from_base_qy",
+                "command_from_base_qz",
+                "command_from_base_qw",
+            ],
+            vec![[0.0, 0.0, half.sin(), half.cos()]; NODES],
         )
         .same("step_x_mm", STEP_MM)
         .same("step_y_mm", STEP_MM)
@@ -151,8 +168,22 @@ fn sample_table(sample: &Sample) -> Table {
             "controller_model",
             "absolute_accuracy_option",
         ])
-        .finish()
-        .unwrap()
+}
+
+/// Columns that only people read.
+fn support(columns: Columns, nodes: usize) -> Columns {
+    let known = |node: usize| (node != REFUSED).then_some(node);
+    columns
+        .same("nearest_station_mm", Some(12.0))
+        .column(
+            "nearest_station_rad",
+            (0..nodes).map(|node| known(node).map(|_| 0.05)),
+        )
+        .same("stations_near", 3_u64)
+        .column(
+            "within_joint_ranges",
+            (0..nodes).map(|node| known(node).map(|_| true)),
+        )
 }
 
 fn save(folder: &Path, sample: &Sample) -> PathBuf {
@@ -185,7 +216,7 @@ impl Cell {
         &self,
         targets: &str,
         out: Option<&str>,
-    ) -> Result<(Compensated, String), CompensateCommandError> {
+    ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         let args = CompensateArgs {
             table: self.table.clone(),
             targets: self.path(targets),
@@ -196,7 +227,7 @@ impl Cell {
         Ok((compensated, String::from_utf8(stdout).unwrap()))
     }
 
-    fn csv(&self, rows: &str) -> Result<(Compensated, String), CompensateCommandError> {
+    fn csv(&self, rows: &str) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         fs::write(self.path("targets.csv"), rows).unwrap();
         self.compensate("targets.csv", None)
     }
@@ -426,7 +457,10 @@ fn a_published_table_comes_back_whole() {
     let table = &published.table;
     let terms = table.terms();
     assert_eq!((terms.table_id.as_str(), terms.idw_power), ("t-1", 2.0));
-    assert_eq!(terms.configuration, "shoulder+ elbow- wrist+");
+    assert_eq!(
+        terms.configuration.as_deref(),
+        Some("shoulder+ elbow- wrist+")
+    );
     assert_eq!(terms.validity.temperature_c, Some([19.25, 21.5]));
     assert_eq!(
         (table.lattice().counts, table.lattice().step),
@@ -481,7 +515,7 @@ fn a_table_with_a_wrong_value_is_refused_by_what_and_where() {
                 shift_mm: |node| -100.0 * (node % 4) as f64,
                 ..SAMPLE
             },
-            "node 0: the axes from it on are not perpendicular",
+            "node 1: it lies 100.000000 mm off the lattice",
         ),
         (
             Sample {
