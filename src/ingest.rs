@@ -19,6 +19,7 @@ pub use settings::{
     AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
     TrackerSettings,
 };
+pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 
 use crate::units::{Controller, Stamp, Tracker};
 use rows::{RowFault, Rows};

@@ -1,4 +1,7 @@
 //! The pipeline: a file becomes a checked plan, a plan becomes pieces of work, and each piece is one run.
 
+pub mod file;
 pub mod outcome;
+pub mod plan;
+pub mod run;
 pub mod stages;

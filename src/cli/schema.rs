@@ -6,8 +6,11 @@ use clap::{Args, ValueEnum};
 
 use crate::io::schema::{self, ColumnSchema, Role, SchemaError, TableSchema};
 
-/// Arguments of `posegrid schema`.
+/// Show the tables, or the contract of one.
 #[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  posegrid schema stations")]
 pub struct SchemaArgs {
     /// The table whose contract to show; all tables are listed without it
     pub table: Option<String>,

@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
 use crate::kinematics::{Arm, Parameter};
-use components::{Components, Part};
+use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
 use noise::Repeatability;
@@ -43,7 +43,8 @@ pub struct FullModel {
     offsets: DVector<f64>,
     /// Frames of each session at the offsets.
     frames: Vec<Frames>,
-    sizes: Components,
+    /// Variance per axis of a session's own drift, mm².
+    drift_variance: f64,
     student_t: f64,
     mean: DVector<f64>,
     posterior: Posterior,
@@ -137,7 +138,8 @@ impl FullModel {
             ),
             up,
             frames: problem.frames(&state.offsets),
-            sizes: state.components,
+            // The basis has variance one half at a random time.
+            drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
             student_t: settings.student_t,
             layout: state.layout,
             offsets: state.offsets,
@@ -228,6 +230,16 @@ impl FullModel {
         self.posterior.log_evidence
     }
 
+    /// The frames that offsets are relative to.
+    pub fn starts(&self) -> &[Frames] {
+        self.problem.starts()
+    }
+
+    /// The frames of each session as the posterior has them.
+    pub fn fitted_frames(&self) -> Vec<Frames> {
+        self.problem.frames(&self.offsets())
+    }
+
     /// The frames of each session that rows are taken at; [`Query::own`] decides whether the posterior moves them.
     pub fn frames(&self) -> &[Frames] {
         &self.frames
@@ -250,8 +262,7 @@ impl FullModel {
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.
-    pub fn drift_variance(&self) -> f64 {
-        // The basis has variance one half at a random time.
-        0.5 * self.sizes.size(Part::Drift).unwrap_or(0.0)
+    pub const fn drift_variance(&self) -> f64 {
+        self.drift_variance
     }
 }

@@ -127,22 +127,22 @@ struct ControllerFile {
 /// `[commanded]` as it stands in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CommandedFile {
-    topic: String,
-    time: Option<TimeSource>,
-    unit: Option<LengthUnit>,
+pub(crate) struct CommandedFile {
+    pub(crate) topic: String,
+    pub(crate) time: Option<TimeSource>,
+    pub(crate) unit: Option<LengthUnit>,
 }
 
 /// `[tracker]` as it stands in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TrackerFile {
-    topic: String,
-    time: Option<TimeSource>,
-    unit: Option<LengthUnit>,
-    temperature: Option<String>,
+pub(crate) struct TrackerFile {
+    pub(crate) topic: String,
+    pub(crate) time: Option<TimeSource>,
+    pub(crate) unit: Option<LengthUnit>,
+    pub(crate) temperature: Option<String>,
     #[serde(default)]
-    ignore_orientation: bool,
+    pub(crate) ignore_orientation: bool,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -156,15 +156,18 @@ pub struct MissingConvention {
     choices: &'static str,
 }
 
-const fn missing(
-    section: &'static str,
-    key: &'static str,
-    choices: &'static str,
-) -> MissingConvention {
-    MissingConvention {
-        section,
-        key,
-        choices,
+impl MissingConvention {
+    /// That `[section]` leaves out `key`.
+    pub(crate) const fn new(
+        section: &'static str,
+        key: &'static str,
+        choices: &'static str,
+    ) -> Self {
+        Self {
+            section,
+            key,
+            choices,
+        }
     }
 }
 
@@ -181,8 +184,12 @@ impl TryFrom<ControllerFile> for ControllerSettings {
     fn try_from(file: ControllerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(missing("controller", "time", TIMES))?,
-            unit: file.unit.ok_or(missing("controller", "unit", ANGLES))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("controller", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
         })
     }
 }
@@ -192,8 +199,12 @@ impl TryFrom<CommandedFile> for CommandedSettings {
     fn try_from(file: CommandedFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(missing("commanded", "time", TIMES))?,
-            unit: file.unit.ok_or(missing("commanded", "unit", LENGTHS))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("commanded", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
         })
     }
 }
@@ -203,8 +214,12 @@ impl TryFrom<TrackerFile> for TrackerSettings {
     fn try_from(file: TrackerFile) -> Result<Self, MissingConvention> {
         Ok(Self {
             topic: file.topic,
-            time: file.time.ok_or(missing("tracker", "time", TIMES))?,
-            unit: file.unit.ok_or(missing("tracker", "unit", LENGTHS))?,
+            time: file
+                .time
+                .ok_or(MissingConvention::new("tracker", "time", TIMES))?,
+            unit: file
+                .unit
+                .ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
             temperature: file.temperature,
             ignore_orientation: file.ignore_orientation,
         })

@@ -56,7 +56,7 @@ const FLOOR_MM: f64 = 1e-3;
 
 impl JoinSettings {
     /// Whether every number makes sense.
-    pub(super) fn check(&self) -> Result<(), JoinError> {
+    pub fn check(&self) -> Result<(), JoinError> {
         if let Some(settle_s) = self.settle_s {
             positive_or_zero("settle_s", settle_s)?;
         }

@@ -47,8 +47,10 @@ pub struct SavedFull {
     pub factor: String,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
-    /// The noise scale that the posterior was found at.
-    pub noise_scale: f64,
+    /// Degrees of freedom of the Student t that weighed stations; 0 for none.
+    pub student_t: f64,
+    /// Variance per axis of a session's own drift.
+    pub drift_variance_mm2: f64,
     /// Log marginal likelihood, nats.
     pub log_evidence: f64,
     /// What is left beside the model.
@@ -77,7 +79,9 @@ pub enum BlockName {
     Gravity,
     /// Share of the way from reported to commanded angle, one per joint.
     Blend,
-    /// How one session differs in that.
+    /// Stopping short of the command, one per joint.
+    StopShort,
+    /// How one session differs in the blend.
     SessionBlend {
         /// The session.
         session: usize,
@@ -157,7 +161,8 @@ impl FullModel {
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.factor.lower()),
             span_stations: self.span,
-            noise_scale: self.posterior.noise_scale,
+            student_t: self.student_t,
+            drift_variance_mm2: self.drift_variance,
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
             parts: self.parts.iter().map(part).collect(),
@@ -179,14 +184,18 @@ impl FullModel {
             scale,
             factor,
             log_evidence: saved.log_evidence,
-            noise_scale: saved.noise_scale,
         };
+        let problem = saved.problem()?;
+        let offsets = DVector::from_column_slice(&saved.offsets);
         Ok(Self {
-            problem: saved.problem()?,
+            frames: problem.frames(&offsets),
+            problem,
             up: saved.up.map(Vector3::from),
             layout,
-            offsets: DVector::from_column_slice(&saved.offsets),
+            offsets,
             mean,
+            student_t: saved.student_t,
+            drift_variance: saved.drift_variance_mm2,
             posterior,
             span: saved.span_stations,
             repeatability: saved.repeatability.repeatability(),
@@ -251,7 +260,7 @@ impl SavedFull {
         Ok(match block.block {
             BlockName::Unknowns => self.unknowns.len(),
             BlockName::Gravity => (1..=joints).sum(),
-            BlockName::Blend | BlockName::SessionBlend { .. } => joints,
+            BlockName::Blend | BlockName::StopShort | BlockName::SessionBlend { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
             BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
@@ -306,6 +315,7 @@ impl SavedBlock {
             Block::Unknowns => BlockName::Unknowns,
             Block::Gravity => BlockName::Gravity,
             Block::Blend => BlockName::Blend,
+            Block::StopShort => BlockName::StopShort,
             Block::SessionBlend(session) => BlockName::SessionBlend { session },
             Block::WarmUp => BlockName::WarmUp,
             Block::Drift(session) => BlockName::Drift { session },
@@ -326,6 +336,7 @@ impl BlockName {
             Self::Unknowns => Block::Unknowns,
             Self::Gravity => Block::Gravity,
             Self::Blend => Block::Blend,
+            Self::StopShort => Block::StopShort,
             Self::SessionBlend { session } => Block::SessionBlend(session),
             Self::WarmUp => Block::WarmUp,
             Self::Drift { session } => Block::Drift(session),
@@ -338,7 +349,9 @@ impl BlockName {
     /// The joint and the session that the block is of.
     const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
         match self {
-            Self::Unknowns | Self::Gravity | Self::Blend | Self::WarmUp => (None, None),
+            Self::Unknowns | Self::Gravity | Self::Blend | Self::StopShort | Self::WarmUp => {
+                (None, None)
+            }
             Self::SessionBlend { session } | Self::Drift { session } => (None, Some(session)),
             Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),

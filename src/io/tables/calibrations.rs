@@ -151,14 +151,14 @@ impl<'a> Row<'a> {
     }
 
     /// The frames where there is one session, and whether the target's orientation was fitted.
-    fn frames(&self) -> Option<(&'a Frames, bool)> {
+    fn frames(&self) -> Option<(Frames, bool)> {
         let (frames, unknowns) = match self.of {
-            Of::Calibration(calibration) => (&calibration.frames[..], &calibration.unknowns[..]),
-            Of::Full(full) => (full.starts(), full.unknowns()),
+            Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
+            Of::Full(full) => (full.fitted_frames(), full.unknowns()),
         };
         let turn = |parameter| matches!(parameter, Parameter::Target(Motion::Rotation(_)));
         let turned = unknowns.iter().any(|unknown| turn(unknown.parameter));
-        (frames.len() == 1).then(|| (&frames[0], turned))
+        (frames.len() == 1).then(|| (frames[0], turned))
     }
 
     fn parameters(&self) -> usize {

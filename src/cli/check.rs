@@ -1,0 +1,155 @@
+//! `posegrid check`: everything that can be known of a pipeline before a log is opened, in words.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::messages::Printable;
+use super::run::{near, work};
+use crate::kinematics::Arm;
+use crate::pipeline::plan::{Overrides, Plan, PlanError};
+use crate::pipeline::stages::RawCommandBase;
+
+/// Check a pipeline file and show what it would do, without opening a log.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Example:
+  posegrid check pipelines/quickstart.toml")]
+pub struct CheckArgs {
+    /// The pipeline file
+    pub pipeline: PathBuf,
+}
+
+/// The plan of a pipeline file, in words.
+pub fn check(args: &CheckArgs) -> Result<String, PlanError> {
+    Plan::load(&args.pipeline, &Overrides::default()).map(|plan| described(&plan))
+}
+
+fn described(plan: &Plan) -> String {
+    let mut text = arm(&plan.arm);
+    let mut line = |name: &str, value: &str| {
+        writeln!(text, "{name:<12} {value}").expect("a string");
+    };
+    let robot = plan.robot.as_deref().unwrap_or("as the logs name it");
+    line("robot", &Printable(robot).to_string());
+    for (name, value) in conventions(plan) {
+        line(name, &value);
+    }
+    let grid = &plan.stages.grid;
+    let joined = |steps: Vec<String>| steps.join(", ");
+    line(
+        "steps",
+        &format!(
+            "{} mm",
+            joined(grid.steps_mm.iter().map(f64::to_string).collect())
+        ),
+    );
+    line(
+        "nodes from",
+        &joined(grid.sources.iter().map(|s| s.name().to_owned()).collect()),
+    );
+    let ways = grid.interpolations.iter().map(|way| way.name().to_owned());
+    line("between them", &joined(ways.collect()));
+    line(
+        "box",
+        &grid.bounds.map_or_else(
+            || "around the stations that are like the table".to_owned(),
+            |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
+        ),
+    );
+    let tolerance = &plan.stages.tolerance;
+    line(
+        "tolerance",
+        &format!(
+            "{} mm for {} % of positions, with {} % confidence",
+            tolerance.mm,
+            100.0 * tolerance.share,
+            100.0 * tolerance.confidence
+        ),
+    );
+    line("tables", &near(&plan.lake).display().to_string());
+    text += "\n";
+    text += &work(plan);
+    for left in &plan.left_out {
+        writeln!(
+            text,
+            "left out: {}: {}",
+            Printable(&left.folder),
+            left.reason
+        )
+        .expect("a string");
+    }
+    for remark in &plan.remarks {
+        writeln!(text, "note: {remark}").expect("a string");
+    }
+    text
+}
+
+/// The arm with its joints, as they are named, how far they go, and which of them carry Hayati's β.
+fn arm(arm: &Arm) -> String {
+    let parameters = arm.chain().parameters();
+    let mut text = format!(
+        "{}: {} joints, {} link parameters\n",
+        Printable(arm.model()),
+        arm.joints().len(),
+        parameters.len()
+    );
+    for (place, joint) in arm.joints().iter().enumerate() {
+        let convention = if arm.parallel_joints().contains(&(place + 1)) {
+            "the next axis is parallel: Hayati's beta instead of d"
+        } else {
+            "standard DH"
+        };
+        let limits = [joint.lower, joint.upper].map(f64::to_degrees);
+        writeln!(
+            text,
+            "  {} {:<24} {:>7.1}° to {:>6.1}°  {convention}",
+            place + 1,
+            Printable(&joint.name).to_string(),
+            limits[0],
+            limits[1]
+        )
+        .expect("a string");
+    }
+    text
+}
+
+/// What no log states.
+fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
+    let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
+    let controller = &plan.mapping.controller;
+    let tracker = &plan.mapping.tracker;
+    let angle = format!("{:?}", controller.unit).to_lowercase();
+    let length = format!("{:?}", tracker.unit).to_lowercase();
+    let mut told = vec![
+        (
+            "controller",
+            topic(&controller.topic, controller.time, &angle),
+        ),
+        ("tracker", topic(&tracker.topic, tracker.time, &length)),
+    ];
+    if let Some(commanded) = &plan.mapping.commanded {
+        let unit = format!("{:?}", commanded.unit).to_lowercase();
+        told.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
+    }
+    told.push((
+        "raw command",
+        match plan.stages.raw_command {
+            None => "no errors against it",
+            Some(RawCommandBase::Fitted) => {
+                "errors against it, with the base as base + target fit it"
+            }
+            Some(RawCommandBase::Surveyed(_)) => "errors against it, with the surveyed base",
+        }
+        .to_owned(),
+    ));
+    told.push((
+        "up",
+        plan.stages.up.map_or_else(
+            || "not given".to_owned(),
+            |up| format!("[{}, {}, {}] in the base frame", up.x, up.y, up.z),
+        ),
+    ));
+    told
+}

@@ -1,0 +1,93 @@
+//! Progress bars on a terminal, nothing elsewhere.
+
+use std::sync::Mutex;
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::messages::LogFormat;
+use crate::progress::Progress;
+
+/// All bars of this process; messages are written aside of them.
+#[derive(Debug, Clone)]
+pub struct Bars(MultiProgress);
+
+/// Bars of one session: one for each task that is under way.
+#[derive(Debug)]
+pub struct TerminalProgress {
+    bars: Bars,
+    session: String,
+    /// Tasks under way, the innermost last.
+    tasks: Mutex<Vec<ProgressBar>>,
+}
+
+/// What was done, how fast, and how long it will take.
+const TEMPLATE: &str =
+    "{prefix} {msg:24} {bar:30} {human_pos}/{human_len} {per_sec} {eta} remaining";
+
+impl Bars {
+    /// Bars on stderr where it is a terminal and messages are for people.
+    pub fn new(format: LogFormat) -> Self {
+        let target = match format {
+            // Hides itself where stderr is no terminal.
+            LogFormat::Text => ProgressDrawTarget::stderr(),
+            LogFormat::Json => ProgressDrawTarget::hidden(),
+        };
+        Self(MultiProgress::with_draw_target(target))
+    }
+
+    /// Does something that writes to the terminal while no bar is drawn.
+    pub fn aside<T>(&self, write: impl FnOnce() -> T) -> T {
+        self.0.suspend(write)
+    }
+
+    /// Bars of a session.
+    pub fn of(&self, session: &str) -> TerminalProgress {
+        TerminalProgress {
+            bars: self.clone(),
+            session: session.to_owned(),
+            tasks: Mutex::new(Vec::new()),
+        }
+    }
+}
+
+impl TerminalProgress {
+    fn with_tasks<T>(&self, change: impl FnOnce(&mut Vec<ProgressBar>) -> T) -> T {
+        // A panic while drawing leaves the list as it was: it is still good.
+        let mut tasks = match self.tasks.lock() {
+            Ok(tasks) => tasks,
+            Err(poisoned) => poisoned.into_inner(),
+        };
+        change(&mut tasks)
+    }
+}
+
+impl Progress for TerminalProgress {
+    fn begin(&self, task: &str, total: u64) {
+        let style = ProgressStyle::with_template(TEMPLATE).expect("the template is ours");
+        let bar = self.bars.0.add(ProgressBar::new(total).with_style(style));
+        bar.set_prefix(self.session.clone());
+        bar.set_message(task.to_owned());
+        self.with_tasks(|tasks| tasks.push(bar));
+    }
+
+    fn advance(&self, steps: u64) {
+        self.with_tasks(|tasks| {
+            if let Some(bar) = tasks.last() {
+                bar.inc(steps);
+            }
+        });
+    }
+
+    fn end(&self) {
+        if let Some(bar) = self.with_tasks(Vec::pop) {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Drop for TerminalProgress {
+    /// A task that failed never ended: its bar goes all the same.
+    fn drop(&mut self) {
+        self.with_tasks(|tasks| tasks.drain(..).for_each(|bar| bar.finish_and_clear()));
+    }
+}

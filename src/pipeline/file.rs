@@ -1,0 +1,316 @@
+//! The pipeline file as it is written: sections, keys and their defaults.
+//!
+//! Unknown keys are refused, and what no log states (units, frames, time sources, the order of angles) has no default.
+//! What the file says is checked in [`super::plan`]; the settings that a run's name follows from are this file without
+//! its paths and names.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::fit::full::FullSettings;
+use crate::fit::{FitSettings, TrackerUncertainty};
+use crate::geometry::Placement;
+use crate::grid::{GridSettings, Tolerance};
+use crate::ingest::{
+    CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
+    TimeSource, TrackerFile, TrackerSettings,
+};
+use crate::io::log::Limits;
+use crate::join::JoinSettings;
+use crate::similarity::SimilaritySettings;
+
+/// A whole pipeline file.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PipelineFile {
+    /// `[robot]`: the arm, and what its results are valid for.
+    pub robot: RobotSection,
+    /// `[input]`: where sessions are, and what makes one.
+    pub input: InputSection,
+    /// `[controller]`: joint angles.
+    pub controller: ControllerSettings,
+    /// `[commanded]`, where the controller's log has commands.
+    pub commanded: Option<CommandedSection>,
+    /// `[tracker]`: readings of the target.
+    pub tracker: TrackerSection,
+    /// `[join]`.
+    #[serde(default)]
+    pub join: JoinSettings,
+    /// `[fit]` with `[fit.full]`.
+    #[serde(default)]
+    pub fit: FitSection,
+    /// `[similarity]`.
+    #[serde(default)]
+    pub similarity: SimilaritySettings,
+    /// `[grid]`.
+    pub grid: GridSettings,
+    /// `[tolerance]`.
+    pub tolerance: Tolerance,
+    /// `[report]`.
+    #[serde(default)]
+    pub report: ReportSection,
+    /// `[limits]`: what a log may ask for.
+    #[serde(default)]
+    pub limits: Limits,
+    /// `[output]`.
+    #[serde(skip_serializing)]
+    pub output: OutputSection,
+}
+
+/// `[robot]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotSection {
+    /// The robot file, relative to the pipeline file. A run's inputs hold its digest.
+    #[serde(skip_serializing)]
+    pub file: PathBuf,
+    /// The robot's name in the tables. Absent: `robot` of the logs' metadata record `session`.
+    #[serde(skip_serializing)]
+    pub name: Option<String>,
+    /// Against gravity, in the base frame: `[0, 0, 1]` for an arm on the floor. Absent: gravity is left out of the model.
+    pub up: Option<[f64; 3]>,
+    /// `[robot.valid_for]`: what the results are valid for.
+    #[serde(default)]
+    pub valid_for: Validity,
+}
+
+/// What tables are valid for, as the pipeline file says.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Validity {
+    /// The tool.
+    pub tool: Option<String>,
+    /// The payload, kg.
+    pub payload_kg: Option<f64>,
+    /// The mounting of the base: floor, wall, ceiling or an angle.
+    pub mounting: Option<String>,
+    /// The base frame.
+    pub base: Option<String>,
+    /// The controller.
+    pub controller_model: Option<String>,
+    /// Whether the controller's own absolute-accuracy option was on.
+    pub absolute_accuracy_option: Option<bool>,
+}
+
+/// `[input]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct InputSection {
+    /// The folder with one sub-folder per session, relative to the pipeline file.
+    #[serde(skip_serializing)]
+    pub folder: PathBuf,
+    /// Sessions to learn from. Absent: every sub-folder that has both logs.
+    #[serde(skip_serializing)]
+    pub sessions: Option<Vec<String>>,
+    /// Sessions that only judge.
+    #[serde(default, skip_serializing)]
+    pub test: Vec<String>,
+    /// The controller's log in a session's folder.
+    #[serde(default = "controller_log", skip_serializing)]
+    pub controller: PathBuf,
+    /// The tracker's log in a session's folder; it may be the same file.
+    #[serde(default = "tracker_log", skip_serializing)]
+    pub tracker: PathBuf,
+    /// Which sessions are learnt from together.
+    #[serde(default, skip_serializing)]
+    pub pool: Pool,
+    /// Share of a log's bytes that may be lost to damage before its session fails.
+    #[serde(default = "max_lost_share")]
+    pub max_lost_share: f64,
+}
+
+/// Which sessions are learnt from together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pool {
+    /// Each session by itself.
+    #[default]
+    Each,
+    /// All of them, in one fit named `pooled`.
+    All,
+    /// Each one with all before it, in the order listed (by name where they are found).
+    Until,
+}
+
+/// `[commanded]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "CommandedKeys")]
+pub struct CommandedSection {
+    /// Topic, time source and unit.
+    #[serde(flatten)]
+    pub mapping: CommandedSettings,
+    /// The frame commands are stated in, in the base frame of the robot file.
+    pub base_from_command: Placement,
+    /// The controller's tool at the flange.
+    pub flange_from_tool: Option<Placement>,
+    /// Whether the commanded point is the measured target.
+    pub target_is_tool: bool,
+}
+
+/// `[commanded]` as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CommandedKeys {
+    topic: String,
+    time: Option<TimeSource>,
+    unit: Option<LengthUnit>,
+    base_from_command: Option<Placement>,
+    flange_from_tool: Option<Placement>,
+    target_is_tool: Option<bool>,
+}
+
+/// `[tracker]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(try_from = "TrackerKeys")]
+pub struct TrackerSection {
+    /// Topic, time source and unit.
+    #[serde(flatten)]
+    pub mapping: TrackerSettings,
+    /// The instrument's uncertainty.
+    pub uncertainty: TrackerUncertainty,
+    /// Where the arm's base stands in the tracker's frame; errors against the raw command need it.
+    pub tracker_from_base: Option<TrackerFromBase>,
+}
+
+/// `[tracker]` as it stands in the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrackerKeys {
+    topic: String,
+    time: Option<TimeSource>,
+    unit: Option<LengthUnit>,
+    temperature: Option<String>,
+    #[serde(default)]
+    ignore_orientation: bool,
+    uncertainty: Option<TrackerUncertainty>,
+    tracker_from_base: Option<TrackerFromBase>,
+}
+
+/// Where the arm's base stands in the tracker's frame.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TrackerFromBase {
+    /// Found by the base + target fit: `"fitted"`.
+    Fitted,
+    /// Measured by other means: `{ surveyed = { xyz_mm = …, … } }`.
+    Surveyed(Placement),
+}
+
+/// `[fit]`: the geometric fit, and the whole error model under `full`.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(try_from = "BTreeMap<String, toml::Value>")]
+pub struct FitSection {
+    /// The geometric fit.
+    #[serde(flatten)]
+    pub geometric: FitSettings,
+    /// `[fit.full]`.
+    pub full: FullSettings,
+}
+
+/// `[report]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ReportSection {
+    /// First stations of a held-out session that its base is found from; the rest judge.
+    pub refit_first_stations: usize,
+    /// Whether a held-out session has a target mounting of its own.
+    pub refit_target: bool,
+}
+
+/// `[output]`.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSection {
+    /// The folder of the published tables, relative to the pipeline file.
+    pub lake: PathBuf,
+}
+
+impl Default for ReportSection {
+    fn default() -> Self {
+        Self {
+            refit_first_stations: 50,
+            refit_target: false,
+        }
+    }
+}
+
+fn controller_log() -> PathBuf {
+    PathBuf::from("controller.mcap")
+}
+
+fn tracker_log() -> PathBuf {
+    PathBuf::from("tracker.mcap")
+}
+
+/// A log that lost more than a hundredth of itself is no longer the session that was driven.
+const fn max_lost_share() -> f64 {
+    0.01
+}
+
+impl TryFrom<CommandedKeys> for CommandedSection {
+    type Error = MissingConvention;
+    fn try_from(keys: CommandedKeys) -> Result<Self, MissingConvention> {
+        let missing = |key, choices| MissingConvention::new("commanded", key, choices);
+        let mapping = CommandedFile {
+            topic: keys.topic,
+            time: keys.time,
+            unit: keys.unit,
+        };
+        Ok(Self {
+            mapping: mapping.try_into()?,
+            base_from_command: keys
+                .base_from_command
+                .ok_or(missing("base_from_command", PLACED))?,
+            flange_from_tool: keys.flange_from_tool,
+            target_is_tool: keys
+                .target_is_tool
+                .ok_or(missing("target_is_tool", SAME_POINT))?,
+        })
+    }
+}
+
+impl TryFrom<TrackerKeys> for TrackerSection {
+    type Error = MissingConvention;
+    fn try_from(keys: TrackerKeys) -> Result<Self, MissingConvention> {
+        let mapping = TrackerFile {
+            topic: keys.topic,
+            time: keys.time,
+            unit: keys.unit,
+            temperature: keys.temperature,
+            ignore_orientation: keys.ignore_orientation,
+        };
+        Ok(Self {
+            mapping: mapping.try_into()?,
+            uncertainty: keys.uncertainty.ok_or(MissingConvention::new(
+                "tracker",
+                "uncertainty",
+                DATA_SHEET,
+            ))?,
+            tracker_from_base: keys.tracker_from_base,
+        })
+    }
+}
+
+/// Choices for `base_from_command`.
+const PLACED: &str = "{ xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] } where commands are stated in the robot \
+     file's base frame, or where their frame lies in it";
+/// Choices for `target_is_tool`.
+const SAME_POINT: &str =
+    "true where the commanded point is the measured target, false where it is another";
+/// Choices for `uncertainty`.
+const DATA_SHEET: &str = "what the data sheet says, for example { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, \
+     transverse_um_per_m = 6, divisor = 2 }";
+
+impl TryFrom<BTreeMap<String, toml::Value>> for FitSection {
+    type Error = toml::de::Error;
+    fn try_from(mut keys: BTreeMap<String, toml::Value>) -> Result<Self, toml::de::Error> {
+        let full = keys.remove("full").map(toml::Value::try_into).transpose()?;
+        let geometric: toml::Table = keys.into_iter().collect();
+        Ok(Self {
+            geometric: geometric.try_into()?,
+            full: full.unwrap_or_default(),
+        })
+    }
+}

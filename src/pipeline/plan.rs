@@ -1,0 +1,330 @@
+//! The plan: a pipeline file with everything resolved and checked that can be known before a log is opened.
+//!
+//! Input is the path of a pipeline file and what the command line says besides; output is a [`Plan`]. Steps:
+//! 1. the file is parsed ([`super::file`]); paths in it are relative to it;
+//! 2. the robot file becomes an arm;
+//! 3. numbers are checked ([`checks`]);
+//! 4. placements and directions become transforms;
+//! 5. sessions are looked for and become pieces of work ([`sessions`]).
+
+mod checks;
+mod error;
+mod sessions;
+
+use std::fs;
+use std::path::{Component, Path, PathBuf};
+
+use nalgebra::{Isometry3, UnitVector3, Vector3};
+
+use super::file::{PipelineFile, TrackerFromBase, Validity};
+use super::stages::{RawCommandBase, StageSettings};
+use crate::fit::Noise;
+use crate::fit::commanded::CommandFrames;
+use crate::geometry::Placement;
+use crate::ingest::Mapping;
+use crate::io::log::Limits;
+use crate::join::JoinSettings;
+use crate::kinematics::{Arm, RobotFile};
+use crate::manifest;
+use crate::report::evaluate::RefitSettings;
+
+pub use error::PlanError;
+pub use sessions::{LeftOut, POOLED, SessionFiles, WorkPiece};
+
+/// A checked pipeline: what to do, on which files, with which settings.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The pipeline file's name without its ending.
+    pub pipeline: String,
+    /// The robot's name in the tables; absent where the logs' metadata has to say it.
+    pub robot: Option<String>,
+    /// The robot file, an input of every run.
+    pub robot_file: PathBuf,
+    /// The nominal arm.
+    pub arm: Arm,
+    /// What the results are valid for.
+    pub valid_for: Validity,
+    /// How the logs are read.
+    pub mapping: Mapping,
+    /// What a log may ask for.
+    pub limits: Limits,
+    /// Share of a log's bytes that may be lost to damage before its session fails.
+    pub max_lost_share: f64,
+    /// The join.
+    pub join: JoinSettings,
+    /// How commands are stated, where the logs have them.
+    pub command_frames: Option<CommandFrames>,
+    /// The stages after the join.
+    pub stages: StageSettings,
+    /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
+    pub settings: String,
+    /// What there is to do.
+    pub pieces: Vec<WorkPiece>,
+    /// Sub-folders that are no session.
+    pub left_out: Vec<LeftOut>,
+    /// What is legal and yet worth knowing.
+    pub remarks: Vec<&'static str>,
+    /// The folder of the published tables.
+    pub lake: PathBuf,
+}
+
+/// What the command line says besides the pipeline file.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Overrides {
+    /// Sessions to learn from, instead of `[input] sessions`; empty for none.
+    pub sessions: Vec<String>,
+    /// Sessions that only judge, instead of `[input] test`; empty for none.
+    pub test: Vec<String>,
+    /// The folder of the published tables, relative to the working folder, instead of `[output] lake`.
+    pub lake: Option<PathBuf>,
+}
+
+impl Plan {
+    /// Reads and checks the pipeline file at `path`.
+    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, PlanError> {
+        let file = read(path)?;
+        let base = folder_of(path)?;
+        let robot_file = resolved(&base, &file.robot.file);
+        let arm = read_arm(path, &robot_file)?;
+        checks::check(path, &file, arm.joints().len())?;
+        let placed = Placed::new(path, &file)?;
+        let folder = resolved(&base, &file.input.folder);
+        let listed = sessions::list(path, &folder, &file.input, overrides)?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        Ok(Self {
+            pipeline: stem.into_owned(),
+            robot: file.robot.name.clone(),
+            robot_file,
+            mapping: mapping(&file, &arm),
+            settings: manifest::canonical(&file)?,
+            remarks: remarks(&file),
+            command_frames: placed.command_frames,
+            stages: stages(&file, &placed),
+            arm,
+            valid_for: file.robot.valid_for,
+            limits: file.limits,
+            max_lost_share: file.input.max_lost_share,
+            join: file.join,
+            pieces: listed.pieces,
+            left_out: listed.left_out,
+            lake: match &overrides.lake {
+                Some(lake) => lake.clone(),
+                None => resolved(&base, &file.output.lake),
+            },
+        })
+    }
+}
+
+fn read(path: &Path) -> Result<PipelineFile, PlanError> {
+    let text = fs::read_to_string(path).map_err(|source| PlanError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    let wrong = |source| PlanError::Parse {
+        path: path.to_owned(),
+        source: Box::new(source),
+    };
+    let values: toml::Table = toml::from_str(&text).map_err(wrong)?;
+    if let Some((key, found)) = checks::not_a_number(&toml::Value::Table(values)) {
+        return Err(PlanError::Setting {
+            path: path.to_owned(),
+            key,
+            found: found.to_string(),
+            wanted: "a finite number".to_owned(),
+        });
+    }
+    toml::from_str(&text).map_err(wrong)
+}
+
+/// The folder that paths in a pipeline file are relative to, without symbolic links.
+fn folder_of(path: &Path) -> Result<PathBuf, PlanError> {
+    let real = path.canonicalize().map_err(|source| PlanError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
+}
+
+/// `path` relative to `base`, which has no symbolic links, with leading `..` taken off it.
+fn resolved(base: &Path, path: &Path) -> PathBuf {
+    let mut whole = base.to_owned();
+    let mut rest = path.components().peekable();
+    while let Some(part) =
+        rest.next_if(|part| matches!(part, Component::ParentDir | Component::CurDir))
+    {
+        if part == Component::ParentDir {
+            whole.pop();
+        }
+    }
+    whole.extend(rest);
+    whole
+}
+
+fn read_arm(path: &Path, robot: &Path) -> Result<Arm, PlanError> {
+    let text = fs::read_to_string(robot).map_err(|source| PlanError::Robot {
+        path: path.to_owned(),
+        robot: robot.to_owned(),
+        source,
+    })?;
+    let file: RobotFile = toml::from_str(&text).map_err(|source| PlanError::RobotParse {
+        robot: robot.to_owned(),
+        source: Box::new(source),
+    })?;
+    file.arm().map_err(|source| PlanError::Arm {
+        robot: robot.to_owned(),
+        source,
+    })
+}
+
+fn mapping(file: &PipelineFile, arm: &Arm) -> Mapping {
+    Mapping {
+        controller: file.controller.clone(),
+        commanded: file
+            .commanded
+            .as_ref()
+            .map(|section| section.mapping.clone()),
+        tracker: file.tracker.mapping.clone(),
+        joints: arm
+            .joints()
+            .iter()
+            .map(|joint| joint.name.clone())
+            .collect(),
+    }
+}
+
+fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
+    let fit = &file.fit.geometric;
+    StageSettings {
+        noise: Noise {
+            tracker: file.tracker.uncertainty,
+            repeatability_mm: fit.repeatability_mm,
+            orientations: fit.orientations,
+        },
+        fit: fit.clone(),
+        full: file.fit.full.clone(),
+        up: placed.up,
+        flange_from_tool: placed.flange_from_other_tool,
+        raw_command: placed.raw_command,
+        similarity: file.similarity.clone(),
+        grid: file.grid.clone(),
+        tolerance: file.tolerance,
+        refit: RefitSettings {
+            first: file.report.refit_first_stations,
+            with_target: file.report.refit_target,
+        },
+    }
+}
+
+fn remarks(file: &PipelineFile) -> Vec<&'static str> {
+    let one_point = file
+        .commanded
+        .as_ref()
+        .map(|section| section.target_is_tool);
+    let based = file.tracker.tracker_from_base.is_some();
+    let remarks = [
+        (
+            file.robot.up.is_none() && file.fit.full.enabled && file.fit.full.gravity,
+            "[robot] up is not given, so gravity is left out of the model",
+        ),
+        (
+            one_point.is_none(),
+            "there is no [commanded], so there are no errors against the command",
+        ),
+        (
+            one_point == Some(false) && based,
+            "[tracker] tracker_from_base is not used: command and measured target are not one point",
+        ),
+        (
+            one_point == Some(true) && !based,
+            "[tracker] tracker_from_base is not given, so there are no errors against the raw command",
+        ),
+        (
+            file.grid.steps_mm.len() < 6,
+            "[grid] steps_mm has fewer than six steps: a choice among few says little",
+        ),
+    ];
+    let held = remarks.into_iter().filter(|(holds, _)| *holds);
+    held.map(|(_, remark)| remark).collect()
+}
+
+/// Directions and placements of a pipeline file as transforms.
+struct Placed {
+    up: Option<UnitVector3<f64>>,
+    command_frames: Option<CommandFrames>,
+    /// The tool, where it is not the measured target.
+    flange_from_other_tool: Option<Isometry3<f64>>,
+    raw_command: Option<RawCommandBase>,
+}
+
+impl Placed {
+    fn new(path: &Path, file: &PipelineFile) -> Result<Self, PlanError> {
+        let isometry = |key, placement: &Placement| {
+            placement.isometry().map_err(|source| PlanError::Placement {
+                path: path.to_owned(),
+                key,
+                source,
+            })
+        };
+        let base = match &file.tracker.tracker_from_base {
+            Some(TrackerFromBase::Surveyed(placement)) => Some(RawCommandBase::Surveyed(isometry(
+                "[tracker] tracker_from_base",
+                placement,
+            )?)),
+            Some(TrackerFromBase::Fitted) => Some(RawCommandBase::Fitted),
+            None => None,
+        };
+        let mut placed = Self {
+            up: file.robot.up.map(|up| upwards(path, up)).transpose()?,
+            command_frames: None,
+            flange_from_other_tool: None,
+            raw_command: None,
+        };
+        let Some(section) = &file.commanded else {
+            return Ok(placed);
+        };
+        let tool = section.flange_from_tool.as_ref();
+        let tool = tool
+            .map(|tool| isometry("[commanded] flange_from_tool", tool))
+            .transpose()?;
+        placed.command_frames = Some(CommandFrames {
+            base_from_command: isometry(
+                "[commanded] base_from_command",
+                &section.base_from_command,
+            )?,
+            flange_from_tool: tool,
+        });
+        if section.target_is_tool {
+            placed.raw_command = base;
+        } else {
+            placed.flange_from_other_tool = Some(tool.ok_or_else(|| no_tool(path))?);
+        }
+        Ok(placed)
+    }
+}
+
+fn no_tool(path: &Path) -> PlanError {
+    PlanError::Missing {
+        path: path.to_owned(),
+        key: "[commanded] flange_from_tool",
+        reason: "target_is_tool = false says that the commanded point is not the measured target, so nothing else \
+                 tells where it is at the flange; state the controller's tool",
+    }
+}
+
+/// A direction written by hand has a length near 1; anything else is a slip.
+const UNIT: f64 = 0.01;
+
+fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, PlanError> {
+    let vector = Vector3::from(up);
+    let (direction, norm) = UnitVector3::new_and_get(vector);
+    if (norm - 1.0).abs() <= UNIT {
+        return Ok(direction);
+    }
+    Err(PlanError::Setting {
+        path: path.to_owned(),
+        key: "[robot] up".to_owned(),
+        found: format!("{up:?}, which has length {norm}"),
+        wanted: "a direction of length 1, against gravity in the base frame: [0, 0, 1] for an arm on the floor"
+            .to_owned(),
+    })
+}

@@ -1,0 +1,290 @@
+//! Numbers of a pipeline file that cannot be, found before a log is opened.
+//!
+//! Each check is a key, its value and what would do; the first that fails is the error.
+
+use std::fmt::Display;
+use std::path::Path;
+
+use super::PlanError;
+use crate::fit::full::FullSettings;
+use crate::fit::{FitSettings, Loss, TrackerUncertainty};
+use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
+use crate::io::log::Limits;
+use crate::pipeline::file::PipelineFile;
+use crate::similarity::SimilaritySettings;
+
+/// A key whose value cannot be.
+pub(super) struct Wrong {
+    key: String,
+    found: String,
+    wanted: String,
+}
+
+type Check = Result<(), Wrong>;
+
+/// Checks everything that needs no other file than this one; `joints` is how many the arm has.
+pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(), PlanError> {
+    let told = |wrong: Wrong| PlanError::Setting {
+        path: path.to_owned(),
+        key: wrong.key,
+        found: wrong.found,
+        wanted: wrong.wanted,
+    };
+    numbers(file, joints).map_err(told)?;
+    file.join.check().map_err(|source| PlanError::Join {
+        path: path.to_owned(),
+        source,
+    })?;
+    if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
+        return Err(PlanError::Missing {
+            path: path.to_owned(),
+            key: "[tracker] uncertainty.orientation_rad",
+            reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
+        });
+    }
+    Ok(())
+}
+
+fn numbers(file: &PipelineFile, joints: usize) -> Check {
+    let lost = file.input.max_lost_share;
+    wrong_unless(
+        (0.0..=1.0).contains(&lost),
+        "[input] max_lost_share",
+        lost,
+        "a share from 0 to 1",
+    )?;
+    if let Some(kg) = file.robot.valid_for.payload_kg {
+        not_negative("[robot.valid_for] payload_kg", kg)?;
+    }
+    uncertainty(&file.tracker.uncertainty)?;
+    geometric(&file.fit.geometric)?;
+    full(&file.fit.full)?;
+    similarity(&file.similarity, joints)?;
+    grid(&file.grid)?;
+    tolerance(&file.tolerance)?;
+    limits(&file.limits)
+}
+
+fn uncertainty(u: &TrackerUncertainty) -> Check {
+    let key = |key: &str| format!("[tracker] uncertainty.{key}");
+    not_negative(key("range_um"), u.range_um)?;
+    not_negative(key("range_um_per_m"), u.range_um_per_m)?;
+    not_negative(key("transverse_um"), u.transverse_um)?;
+    not_negative(key("transverse_um_per_m"), u.transverse_um_per_m)?;
+    positive(key("divisor"), u.divisor)?;
+    u.orientation_rad
+        .map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
+}
+
+fn geometric(fit: &FitSettings) -> Check {
+    not_negative("[fit] repeatability_mm", fit.repeatability_mm)?;
+    not_negative("[fit] prior_length_mm", fit.prior_length_mm)?;
+    not_negative("[fit] prior_angle_mrad", fit.prior_angle_mrad)?;
+    if let Loss::Huber { tuning } | Loss::Cauchy { tuning } = fit.loss {
+        positive("[fit] loss.tuning", tuning)?;
+    }
+    if let Some(target) = fit.target {
+        positive("[fit] target.sd_mm", target.sd_mm)?;
+    }
+    let sizes = fit.blocks.size_mm.into_iter().flatten();
+    each(sizes, |size| positive("[fit] blocks.size_mm", size))
+}
+
+fn full(full: &FullSettings) -> Check {
+    let positives = [
+        ("short_length_deg", full.short_length_deg),
+        ("long_length_deg", full.long_length_deg),
+        ("curve_sd_rad", full.curve_sd_rad),
+        ("gravity_sd", full.gravity_sd),
+        ("line_sd_rad", full.line_sd_rad),
+        ("drift_sd_mm", full.drift_sd_mm),
+        ("drift_length_stations", full.drift_length_stations),
+        ("blend_sd", full.blend_sd),
+        ("stop_short_sd_rad", full.stop_short_sd_rad),
+        ("session_blend_sd", full.session_blend_sd),
+        ("session_curve_sd_rad", full.session_curve_sd_rad),
+        ("session_length_deg", full.session_length_deg),
+        ("noise_mm", full.noise_mm),
+        ("joint_noise_rad", full.joint_noise_rad),
+    ];
+    each(positives, |(key, value)| {
+        positive(format!("[fit.full] {key}"), value)
+    })?;
+    not_negative("[fit.full] line_threshold", full.line_threshold)?;
+    not_negative("[fit.full] student_t", full.student_t)?;
+    wrong_unless(
+        (1..=1000).contains(&full.harmonics),
+        "[fit.full] harmonics",
+        full.harmonics,
+        "1 to 1000",
+    )
+}
+
+fn similarity(similarity: &SimilaritySettings, joints: usize) -> Check {
+    wrong_unless(
+        (1..=1000).contains(&similarity.bins),
+        "[similarity] bins",
+        similarity.bins,
+        "1 to 1000; models are fitted from four on",
+    )?;
+    let Some(weights) = &similarity.joint_weights else {
+        return Ok(());
+    };
+    wrong_unless(
+        weights.len() == joints,
+        "[similarity] joint_weights",
+        format!("{} weights", weights.len()),
+        format!("one for each of the arm's {joints} joints"),
+    )?;
+    each(weights.iter().copied(), |weight| {
+        not_negative("[similarity] joint_weights", weight)
+    })
+}
+
+fn grid(grid: &GridSettings) -> Check {
+    let steps = &grid.steps_mm;
+    wrong_unless(
+        !steps.is_empty(),
+        "[grid] steps_mm",
+        "[]",
+        "one step or more, for example [50, 100, 200]",
+    )?;
+    each(steps.iter().copied(), |step| {
+        positive("[grid] steps_mm", step)
+    })?;
+    let twice = |place: &usize| steps[..*place].contains(&steps[*place]);
+    if let Some(place) = (0..steps.len()).find(twice) {
+        return Err(wrong("[grid] steps_mm", steps[place], "given once"));
+    }
+    if let Some(bounds) = &grid.bounds {
+        work_box(bounds, steps)?;
+    }
+    if let Some(quaternion) = grid.orientation_xyzw {
+        let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let wanted = format!("a quaternion of norm 1; this one has {norm}");
+        wrong_unless(
+            (norm - 1.0).abs() < 1e-3,
+            "[grid] orientation_xyzw",
+            format!("{quaternion:?}"),
+            wanted,
+        )?;
+    }
+    wrong_unless(
+        grid.orientation_tolerance_deg > 0.0 && grid.orientation_tolerance_deg <= 180.0,
+        "[grid] orientation_tolerance_deg",
+        grid.orientation_tolerance_deg,
+        "above 0 and at most 180",
+    )?;
+    wrong_unless(
+        !grid.interpolations.is_empty(),
+        "[grid] interpolations",
+        "[]",
+        "\"idw\", \"trilinear\" or both",
+    )?;
+    wrong_unless(
+        !grid.sources.is_empty(),
+        "[grid] sources",
+        "[]",
+        "\"measured\", \"model\" or both",
+    )?;
+    positive("[grid] idw_power", grid.idw_power)
+}
+
+fn work_box(bounds: &WorkBox, steps: &[f64]) -> Check {
+    let sizes = [0, 1, 2].map(|axis| bounds.size(axis));
+    let [x, y, z] = sizes.map(|size| format!("{size}"));
+    wrong_unless(
+        sizes.iter().all(|size| *size > 0.0),
+        "[grid] box",
+        format!("{x} × {y} × {z} mm"),
+        "a box whose high_mm is above its low_mm along each axis",
+    )?;
+    each(steps.iter().copied(), |step| {
+        wrong_unless(
+            Lattice::new(bounds, [step; 3]).is_some(),
+            "[grid] steps_mm",
+            step,
+            format!(
+                "a step that fits into the box of {x} × {y} × {z} mm at least once along each axis (and fewer than a \
+                 million times): choose another step or a larger box"
+            ),
+        )
+    })
+}
+
+fn tolerance(tolerance: &Tolerance) -> Check {
+    positive("[tolerance] mm", tolerance.mm)?;
+    for (key, found) in [
+        ("[tolerance] share", tolerance.share),
+        ("[tolerance] confidence", tolerance.confidence),
+    ] {
+        wrong_unless(
+            found > 0.0 && found < 1.0,
+            key,
+            found,
+            "between 0 and 1, for example 0.95",
+        )?;
+    }
+    Ok(())
+}
+
+fn limits(limits: &Limits) -> Check {
+    for (key, bytes) in [
+        ("[limits] record_bytes", limits.record_bytes),
+        ("[limits] chunk_bytes", limits.chunk_bytes),
+        ("[limits] batch_bytes", limits.batch_bytes),
+    ] {
+        wrong_unless(bytes > 0, key, bytes, "above 0")?;
+    }
+    Ok(())
+}
+
+/// The key of the first number in a file that is none: TOML knows `nan` and `inf`, settings do not.
+pub(super) fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
+    let inside = |key: String, value: &toml::Value| {
+        let (inner, found) = not_a_number(value)?;
+        let dot = if inner.is_empty() { "" } else { "." };
+        Some((format!("{key}{dot}{inner}"), found))
+    };
+    match value {
+        toml::Value::Float(float) => (!float.is_finite()).then_some((String::new(), *float)),
+        toml::Value::Array(values) => values.iter().find_map(not_a_number),
+        toml::Value::Table(table) => table
+            .iter()
+            .find_map(|(key, value)| inside(key.clone(), value)),
+        _ => None,
+    }
+}
+
+fn each<T>(values: impl IntoIterator<Item = T>, check: impl Fn(T) -> Check) -> Check {
+    values.into_iter().try_for_each(check)
+}
+
+fn positive(key: impl Into<String>, found: f64) -> Check {
+    wrong_unless(found > 0.0, key, found, "above 0")
+}
+
+fn not_negative(key: impl Into<String>, found: f64) -> Check {
+    wrong_unless(found >= 0.0, key, found, "0 or more")
+}
+
+fn wrong_unless(
+    holds: bool,
+    key: impl Into<String>,
+    found: impl Display,
+    wanted: impl Into<String>,
+) -> Check {
+    if holds {
+        Ok(())
+    } else {
+        Err(wrong(key, found, wanted))
+    }
+}
+
+fn wrong(key: impl Into<String>, found: impl Display, wanted: impl Into<String>) -> Wrong {
+    Wrong {
+        key: key.into(),
+        found: found.to_string(),
+        wanted: wanted.into(),
+    }
+}

@@ -1,0 +1,161 @@
+//! What can be wrong with a pipeline file: what, where, and what to try.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::geometry::PlacementError;
+use crate::join::JoinError;
+use crate::kinematics::ArmError;
+use crate::manifest::ManifestError;
+
+/// Why a pipeline file makes no plan.
+#[derive(Debug, Error)]
+pub enum PlanError {
+    /// The pipeline file cannot be read.
+    #[error("cannot read the pipeline file {}: {source}; give the path of a TOML file like pipelines/quickstart.toml", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The pipeline file is no pipeline file.
+    #[error("{}: {source}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        source: Box<toml::de::Error>,
+    },
+    /// A value that cannot be.
+    #[error("{}: {key} = {found}, but it has to be {wanted}", path.display())]
+    Setting {
+        /// The file.
+        path: PathBuf,
+        /// Section and key.
+        key: String,
+        /// What stands there.
+        found: String,
+        /// What would do.
+        wanted: String,
+    },
+    /// A key that another one needs.
+    #[error("{}: {key} is missing: {reason}", path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// Section and key.
+        key: &'static str,
+        /// Who needs it, and what to do.
+        reason: &'static str,
+    },
+    /// A placement that cannot be.
+    #[error("{}: {key}: {source}", path.display())]
+    Placement {
+        /// The file.
+        path: PathBuf,
+        /// Section and key.
+        key: &'static str,
+        /// Why.
+        source: PlacementError,
+    },
+    /// A setting of the join that cannot be.
+    #[error("{}: {source}", path.display())]
+    Join {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: JoinError,
+    },
+    /// The robot file cannot be read.
+    #[error("cannot read the robot file {}, which {} names under [robot] file: {source}; nominal arms stand in pipelines/robots/", robot.display(), path.display())]
+    Robot {
+        /// The pipeline file.
+        path: PathBuf,
+        /// The robot file.
+        robot: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The robot file is no robot file.
+    #[error("{}: {source}", robot.display())]
+    RobotParse {
+        /// The robot file.
+        robot: PathBuf,
+        /// Where and why.
+        source: Box<toml::de::Error>,
+    },
+    /// The robot file's arm cannot be.
+    #[error("{}: {source}", robot.display())]
+    Arm {
+        /// The robot file.
+        robot: PathBuf,
+        /// Why.
+        source: ArmError,
+    },
+    /// The folder with the sessions cannot be read.
+    #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold one sub-folder per session", folder.display(), path.display())]
+    Folder {
+        /// The pipeline file.
+        path: PathBuf,
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A session that is not there, or not whole.
+    #[error("session {session:?}: {reason}; sessions in {}: {}", folder.display(), listed(found))]
+    Session {
+        /// The session.
+        session: String,
+        /// What is missing.
+        reason: String,
+        /// Where it was looked for.
+        folder: PathBuf,
+        /// What is there.
+        found: Vec<String>,
+    },
+    /// A session named twice, or to learn from and to judge.
+    #[error(
+        "session {session:?} is named {how}: a session is learnt from or judges, once; take one out"
+    )]
+    NamedTwice {
+        /// The session.
+        session: String,
+        /// Where both.
+        how: &'static str,
+    },
+    /// Nothing to do.
+    #[error("no session to learn from in {}: a session is a sub-folder with {} and {}{}", folder.display(), controller.display(), tracker.display(), besides(left_out))]
+    NoSessions {
+        /// Where was looked.
+        folder: PathBuf,
+        /// The controller's log in it.
+        controller: PathBuf,
+        /// The tracker's.
+        tracker: PathBuf,
+        /// Sub-folders that are no session.
+        left_out: Vec<String>,
+    },
+    /// The settings cannot be written down.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+}
+
+fn listed(names: &[String]) -> String {
+    if names.is_empty() {
+        "none".to_owned()
+    } else {
+        names.join(", ")
+    }
+}
+
+fn besides(left_out: &[String]) -> String {
+    if left_out.is_empty() {
+        String::new()
+    } else {
+        format!("; left out: {}", left_out.join(", "))
+    }
+}
