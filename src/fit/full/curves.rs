@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::FullModel;
 use super::layout::Block;
+use crate::fit::problem::Frames;
 
 /// The error of one joint at one angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,6 +66,11 @@ impl FullModel {
         }
         let half = self.posterior.half(&rows);
         half.tr_mul(&half)
+    }
+
+    /// The frames of each session with the posterior mean of their unknowns taken in.
+    pub fn frames(&self) -> Vec<Frames> {
+        self.problem.frames(&self.offsets())
     }
 
     /// Posterior mean of the column at `place`; of an unknown, its whole offset.
