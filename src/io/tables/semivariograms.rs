@@ -47,7 +47,7 @@ pub fn semivariograms(
     Ok(fitted(bins(table, &rows), &rows).finish()?)
 }
 
-fn entries<'a>(errors: Model, of: &'a Semivariogram) -> impl Iterator<Item = Row<'a>> {
+fn entries(errors: Model, of: &Semivariogram) -> impl Iterator<Item = Row<'_>> {
     let fitted = |(place, model)| Entry::Fitted(model, place == 0);
     let models = of.models.iter().enumerate().map(fitted);
     let entries = of.bins.iter().map(Entry::Bin).chain(models);
