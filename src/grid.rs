@@ -440,7 +440,7 @@ fn table(
 ) -> Result<Table, GridError> {
     let (lattice, nodes) = match chosen.source {
         Source::Model => model_nodes(input, reach, plan, like, chosen.step_mm)?,
-        Source::Measured => measured_nodes(input, chosen.step_mm)?,
+        Source::Measured => measured_nodes(input, plan, chosen.step_mm)?,
     };
     Ok(Table {
         step_mm: chosen.step_mm,
@@ -479,6 +479,7 @@ fn model_nodes(
 
 fn measured_nodes(
     input: &GridInput<'_>,
+    plan: &settings::GridPlan,
     step_mm: f64,
 ) -> Result<(Lattice, Vec<TableNode>), GridError> {
     let no_table = |reason: String| GridError::NoTable { reason };
@@ -490,16 +491,20 @@ fn measured_nodes(
         .decimated(multiples, [0; 3])
         .ok_or_else(|| no_table("no cell is left".to_owned()))?;
     let variance = (input.guard_mm / 2.0).powi(2);
-    let node = |place: &Option<usize>| match place {
-        Some(place) => TableNode {
-            joints: Ok(input.stations[*place].joints.clone()),
-            error: Ok((input.stations[*place].error, Matrix3::identity() * variance)),
+    let refused = |refusal: Refusal, nearest_mm: f64| TableNode {
+        joints: Err(refusal),
+        error: Err(refusal),
+        nearest_mm,
+    };
+    let node = |place: &Option<usize>| match place.map(|place| &input.stations[place]) {
+        None => refused(Refusal::Unmeasured, f64::INFINITY),
+        Some(station) if station.configuration != plan.configuration => {
+            refused(Refusal::OtherConfiguration, 0.0)
+        }
+        Some(station) => TableNode {
+            joints: Ok(station.joints.clone()),
+            error: Ok((station.error, Matrix3::identity() * variance)),
             nearest_mm: 0.0,
-        },
-        None => TableNode {
-            joints: Err(Refusal::Unmeasured),
-            error: Err(Refusal::Unmeasured),
-            nearest_mm: f64::INFINITY,
         },
     };
     Ok((grid.lattice, grid.nodes.iter().map(node).collect()))

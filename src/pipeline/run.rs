@@ -236,7 +236,7 @@ fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Re
     let bytes: u64 = recording
         .counts
         .iter()
-        .filter(|(key, _)| key.ends_with(".bytes"))
+        .filter(|(key, _)| key.rsplit('.').next() == Some("bytes"))
         .map(|(_, count)| count)
         .sum();
     let lost: u64 = recording

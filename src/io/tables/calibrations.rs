@@ -5,7 +5,7 @@ use super::{PublishContext, PublishError, words};
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
 use crate::fit::saved::{SavedCalibration, VERSION};
-use crate::fit::{Calibration, Convergence, Frames, Loss, Observability};
+use crate::fit::{Calibration, Convergence, Frames, Loss, Observability, Unknown};
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::kinematics::{Motion, Parameter};
@@ -72,7 +72,7 @@ pub fn calibrations(
         .same("model_version", VERSION)
         .column("model", texts);
     let table = frames(
-        solution(structure(table, &rows, outcome, context), &rows, context),
+        solution(structure(table, &rows, outcome), &rows, context),
         &rows,
     );
     Ok(context.validity.columns(table, outcome).finish()?)
@@ -156,9 +156,7 @@ impl<'a> Row<'a> {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
         };
-        let turn = |parameter| matches!(parameter, Parameter::Target(Motion::Rotation(_)));
-        let turned = unknowns.iter().any(|unknown| turn(unknown.parameter));
-        (frames.len() == 1).then(|| (frames[0], turned))
+        (frames.len() == 1).then(|| (frames[0], is_turned(unknowns)))
     }
 
     fn parameters(&self) -> usize {
@@ -178,6 +176,13 @@ impl<'a> Row<'a> {
     }
 }
 
+/// Whether the target's orientation is among the unknowns.
+fn is_turned(unknowns: &[Unknown]) -> bool {
+    let turn =
+        |unknown: &Unknown| matches!(unknown.parameter, Parameter::Target(Motion::Rotation(_)));
+    unknowns.iter().any(turn)
+}
+
 fn part_name(name: &'static str) -> &'static str {
     match name {
         "blend" => "command_blend",
@@ -187,12 +192,7 @@ fn part_name(name: &'static str) -> &'static str {
     }
 }
 
-fn structure(
-    columns: Columns,
-    rows: &[Row<'_>],
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-) -> Columns {
+fn structure(columns: Columns, rows: &[Row<'_>], outcome: &Outcome<'_>) -> Columns {
     let of = || rows.iter().map(Row::calibration);
     let observability = |index: fn(&Observability) -> f64| {
         let value = move |row: &Row<'_>| Some(index(&row.calibration()?.observability()?));
@@ -210,7 +210,7 @@ fn structure(
     columns
         .column("stations", rows.iter().map(|row| row.weights().len()))
         .column("stations_downweighted", rows.iter().map(down))
-        .same("observations", observations(outcome, context))
+        .same("observations", observations(outcome))
         .column("parameters", rows.iter().map(Row::parameters))
         .column("rank", of().map(|c| c.map(|c| c.nominal_structure.rank)))
         .column("condition", of().map(condition))
@@ -222,15 +222,11 @@ fn structure(
 }
 
 /// Three rows for each position, three more where an orientation was fitted.
-fn observations(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> usize {
-    let of_model = |(_, calibration): &(Model, Calibration)| {
-        let turn = |parameter| matches!(parameter, Parameter::Target(Motion::Rotation(_)));
-        calibration
-            .unknowns
-            .iter()
-            .any(|unknown| turn(unknown.parameter))
-    };
-    let turned = context.fit.orientations && outcome.calibrations.iter().any(of_model);
+fn observations(outcome: &Outcome<'_>) -> usize {
+    let turned = outcome
+        .calibrations
+        .iter()
+        .any(|(_, calibration)| is_turned(&calibration.unknowns));
     let oriented = |station: &&crate::join::Station| {
         turned
             && station

@@ -1,1 +1,412 @@
+//! Every table of a small run written, read back, and held against what it was made of.
 
+mod example;
+
+use arrow::array::{Array, AsArray};
+use arrow::datatypes::Float64Type;
+use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
+
+use super::*;
+use crate::fit::full::saved::SavedFull;
+use crate::fit::full::{FullModel, Query};
+use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::manifest::canonical;
+use example::{ARM, OUTCOME, SESSION, context};
+
+fn work() -> Work {
+    Work {
+        robot: "kr210".to_owned(),
+        session: SESSION.to_owned(),
+        pipeline: "nightly".to_owned(),
+        sessions: vec![SESSION.to_owned()],
+        test_sessions: Vec::new(),
+        inputs: Vec::new(),
+        settings: canonical(&()).unwrap(),
+    }
+}
+
+fn key() -> RunKey {
+    work().key()
+}
+
+/// The rows where a text column has a word.
+fn rows(table: &Table, column: &str, word: &str) -> Vec<usize> {
+    let texts = table.text(column);
+    (0..table.rows())
+        .filter(|&row| texts.is_valid(row) && texts.value(row) == word)
+        .collect()
+}
+
+fn numbers(table: &Table, columns: [&str; 3], row: usize) -> Vector3<f64> {
+    Vector3::from(columns.map(|column| table.f64(column).value(row)))
+}
+
+fn model_text(kind: &str) -> String {
+    let table = calibrations::calibrations(&OUTCOME, &context(), &key()).unwrap();
+    let row = rows(&table, "model_kind", kind)[0];
+    table.text("model").value(row).to_owned()
+}
+
+#[test]
+fn a_run_is_published_once_and_reads_back_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    assert_eq!(
+        publish(&OUTCOME, &context(), &lake, &work()).unwrap(),
+        Commit::Done
+    );
+    assert_eq!(
+        publish(&OUTCOME, &context(), &lake, &work()).unwrap(),
+        Commit::AlreadyThere
+    );
+    let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
+    let run = of_run(&OUTCOME, &context(), &key()).unwrap();
+    for table in session.iter().chain(&run) {
+        assert_eq!(&lake.read(&table.schema().table, &key()).unwrap(), table);
+        assert!(table.rows() > 0, "{}", table.schema().table);
+    }
+    let runs = lake.read("runs", &key()).unwrap();
+    assert_eq!(runs.list("table_names").value_length(0), 11);
+    assert_eq!(
+        runs.text("verdict").value(0),
+        words::verdict(&OUTCOME.grids.choice.verdict)
+    );
+}
+
+#[test]
+fn the_same_outcome_gives_the_same_bytes() {
+    let bytes = || -> Vec<Vec<u8>> {
+        let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
+        let run = of_run(&OUTCOME, &context(), &key()).unwrap();
+        let all = session.iter().chain(&run);
+        all.map(|table| crate::io::table::write(table, Vec::new()).unwrap())
+            .collect()
+    };
+    assert_eq!(bytes(), bytes());
+}
+
+#[test]
+fn what_came_in_was_kept_or_rejected() {
+    let counts = counts::counts(&OUTCOME);
+    for count in &counts {
+        assert_eq!(
+            count.read,
+            count.kept + count.rejected.values().sum::<u64>(),
+            "{count:?}"
+        );
+    }
+    let dwells = counts.iter().find(|count| count.of == "dwells").unwrap();
+    assert_eq!(dwells.read, 45, "3 × 5 × 3 nodes");
+    let lost = dwells.rejected["no_readings"];
+    assert!(lost > 0);
+    // The rejects name what the counts count: 3 messages, 64 bytes, 4 readings, and each lost dwell.
+    let table = rejects::rejects(&OUTCOME.training[0], &key()).unwrap();
+    let sum = |kind: &str| -> i64 {
+        rows(&table, "kind", kind)
+            .iter()
+            .map(|&row| table.i64("number").value(row))
+            .sum()
+    };
+    assert_eq!([sum("messages"), sum("bytes"), sum("readings")], [3, 64, 4]);
+    assert_eq!(sum("dwell"), i64::try_from(lost).unwrap());
+    let fit = counts.iter().find(|count| count.stage == "fit").unwrap();
+    assert_eq!((fit.read, fit.kept), (45 - lost, 45 - lost));
+}
+
+#[test]
+fn stations_carry_their_verdict_and_their_command() {
+    let table = stations::stations(&OUTCOME.training[0], &ARM, &key()).unwrap();
+    let lost = rows(&table, "verdict", "unmeasured")[0];
+    assert_eq!(table.text("reason").value(lost), "no_readings");
+    assert!(table.f64("x_mm").is_null(lost) && table.i64("readings").is_null(lost));
+    let paired = rows(&table, "verdict", "paired")[0];
+    assert!(table.text("reason").is_null(paired) && table.f64("x_mm").is_valid(paired));
+    // The commanded angles bring the nominal tool where the command has it, as far as the regularised step goes.
+    let joints = table.list("commanded_joints_rad").value(paired);
+    let joints: Vec<f64> = joints.as_primitive::<Float64Type>().values().to_vec();
+    let tool = ARM.flange(&joints).isometry() * Point3::new(25.0, -40.0, 100.0);
+    let command = numbers(
+        &table,
+        ["command_x_mm", "command_y_mm", "command_z_mm"],
+        paired,
+    );
+    assert!((tool.coords - command).norm() < 0.02, "{tool} {command}");
+}
+
+#[test]
+fn parameters_say_what_was_told_apart() {
+    let table = parameters::parameters(&OUTCOME, &context(), &key()).unwrap();
+    let d_4 = rows(&table, "parameter", "d_4");
+    assert_eq!(d_4.len(), 2, "geometric and full");
+    for row in d_4 {
+        assert!(
+            (table.f64("nominal").value(row) - 1200.0).abs() < 1e-9,
+            "METHOD.md 10"
+        );
+        let parts = [
+            table.f64("nominal").value(row),
+            table.f64("offset").value(row),
+        ];
+        assert!((table.f64("identified").value(row) - parts[0] - parts[1]).abs() < 1e-9);
+    }
+    // Of 45 stations in one tool orientation some parameters stay where the prior has them: the last joint's length and
+    // the target trade.
+    let geometric = rows(&table, "model", "geometric");
+    let weak = geometric
+        .iter()
+        .filter(|&&row| table.text("identifiability").value(row) != "told_apart");
+    assert!(weak.count() > 0);
+    let full = rows(&table, "model", "full");
+    let (_, geometric) = &OUTCOME.calibrations[1];
+    let blends = full
+        .iter()
+        .filter(|&&row| table.text("quantity").value(row) == "blend")
+        .count();
+    assert_eq!(full.len(), geometric.unknowns.len() + blends);
+    // Parameters of the full model have the spread that its own covariance says.
+    let full_model = OUTCOME.full.as_ref().unwrap();
+    let variance = full_model.covariance_of(&[3])[(0, 0)];
+    assert!((table.f64("standard_error").value(full[3]) - variance.sqrt()).abs() < 1e-15);
+}
+
+fn query(joints: &[f64]) -> Query<'_> {
+    Query {
+        axes: joints,
+        shortfall: None,
+        lever: Vector3::new(1.0, -2.0, 30.0),
+        session: 0,
+        own: true,
+        station: Some(7),
+    }
+}
+
+#[test]
+fn a_saved_full_model_predicts_as_the_model_did() {
+    let saved = SavedFull::read(&model_text("full")).unwrap();
+    let (model, again) = (
+        OUTCOME.full.as_ref().unwrap(),
+        FullModel::from_saved(&saved).unwrap(),
+    );
+    for station in &OUTCOME.training[0].joined.stations[..5] {
+        let (there, back) = (
+            model.predict(&query(&station.joints)),
+            again.predict(&query(&station.joints)),
+        );
+        assert!(
+            (there.position - back.position).norm() < 1e-11,
+            "1e-12 of some metres"
+        );
+        let (here, then) = (
+            model.covariances(&there.rows)[0],
+            again.covariances(&back.rows)[0],
+        );
+        assert!((here - then).norm() < 1e-12 * here.norm(), "{here} {then}");
+    }
+    assert_eq!(again.parts, model.parts);
+    assert_eq!(again.layout(), model.layout());
+    assert!((again.log_evidence() - model.log_evidence()).abs() < 1e-9);
+}
+
+#[test]
+fn a_damaged_full_model_is_refused() {
+    let sound = SavedFull::read(&model_text("full")).unwrap();
+    let error = |change: fn(&mut SavedFull)| {
+        let mut saved = sound.clone();
+        change(&mut saved);
+        FullModel::from_saved(&saved)
+            .expect_err("damaged")
+            .to_string()
+    };
+    type Damage = fn(&mut SavedFull);
+    let cases: [(Damage, &str); 8] = [
+        (|s| s.mean.truncate(3), "3 columns"),
+        (|s| s.blocks[0].columns = usize::MAX, "columns"),
+        (|s| s.blocks[0].columns += 1, "columns"),
+        (|s| s.factor.truncate(32), "numbers in the factor"),
+        (|s| s.factor.replace_range(..1, "!"), "is not base64"),
+        (|s| s.sessions.clear(), "sessions"),
+        (
+            |s| "theta_9".clone_into(&mut s.unknowns[0].parameter),
+            "theta_9",
+        ),
+        (|s| "luck".clone_into(&mut s.parts[0].name), "luck"),
+    ];
+    for (change, expected) in cases {
+        assert!(
+            error(change).contains(expected),
+            "{expected}: {}",
+            error(change)
+        );
+    }
+    let text = model_text("full");
+    assert!(matches!(
+        SavedFull::read(&text[..text.len() / 2]),
+        Err(SavedError::Json(_))
+    ));
+}
+
+#[test]
+fn a_saved_calibration_is_the_arm_that_was_identified() {
+    let saved = SavedCalibration::read(&model_text("geometric")).unwrap();
+    let (_, calibration) = &OUTCOME.calibrations[1];
+    let joints = &OUTCOME.training[0].joined.stations[0].joints;
+    let (there, back) = (
+        calibration.chain(&ARM).nominal(joints),
+        saved.chain().unwrap().nominal(joints),
+    );
+    assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);
+    let frames = saved.sessions[0].frames().unwrap();
+    let apart = frames.tracker_from_base.origin().coords()
+        - calibration.frames[0].tracker_from_base.origin().coords();
+    assert!(apart.norm() < 1e-9);
+    assert!((saved.covariance[5][2] - calibration.covariance[(5, 2)]).abs() < 1e-18);
+}
+
+#[test]
+fn joint_errors_are_those_of_the_model() {
+    let table = joint_errors::joint_errors(&OUTCOME, &context(), &key()).unwrap();
+    let full = OUTCOME.full.as_ref().unwrap();
+    let row = table.rows() / 2;
+    let joint = usize::try_from(table.i64("joint").value(row)).unwrap() - 1;
+    let angle = table.f64("angle_rad").value(row);
+    // What joint j does wrong is what its curve adds to the rows of a pose there: by the columns' own coefficients.
+    let coefficients = full
+        .coefficients(crate::fit::full::layout::Block::Curve(joint))
+        .unwrap();
+    let curve: f64 = (0..coefficients.len() / 2)
+        .map(|pair| {
+            let (sin, cos) = ((pair + 1) as f64 * angle).sin_cos();
+            coefficients[2 * pair] * cos + coefficients[2 * pair + 1] * sin
+        })
+        .sum();
+    assert!((table.f64("curve_rad").value(row) - curve).abs() < 1e-15);
+    let deviations = table.f64("sd_rad");
+    assert!(deviations.values().iter().all(|&sd| sd > 0.0 && sd < 2e-3));
+    assert!(table.bool("measured").true_count() < table.rows());
+}
+
+#[test]
+fn compensation_is_stated_in_the_frame_of_commands() {
+    let table = compensation::compensation(&OUTCOME, &context(), &key()).unwrap();
+    let chosen = &OUTCOME.grids.table;
+    let node = chosen
+        .nodes
+        .iter()
+        .position(|node| node.error.is_ok())
+        .unwrap();
+    let (error, covariance) = chosen.nodes[node].error.unwrap();
+    let place = numbers(&table, ["x_mm", "y_mm", "z_mm"], node);
+    let [x, y, z]: [f64; 3] = chosen.lattice.position(node).coords.into();
+    // A quarter turn about z, then the shift: (100 − y, −20 + x, 5 + z).
+    assert!((place - Vector3::new(100.0 - y, x - 20.0, 5.0 + z)).norm() < 1e-9);
+    let found = numbers(&table, ["error_x_mm", "error_y_mm", "error_z_mm"], node);
+    assert!((found - Vector3::new(-error.y, error.x, error.z)).norm() < 1e-12);
+    assert!((table.f64("error_cov_xx_mm2").value(node) - covariance[(1, 1)]).abs() < 1e-15);
+    assert!((table.f64("error_sd_mm").value(node) - covariance.trace().sqrt()).abs() < 1e-12);
+    // The base frame stated in the table brings the node back to its lattice.
+    let origin = ["x", "y", "z"].map(|axis| {
+        table
+            .f64(&format!("command_from_base_{axis}_mm"))
+            .value(node)
+    });
+    let [qx, qy, qz, qw] = ["x", "y", "z", "w"]
+        .map(|axis| table.f64(&format!("command_from_base_q{axis}")).value(node));
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(qw, qx, qy, qz));
+    let back = turn.inverse() * (place - Vector3::from(origin));
+    assert!((back - Vector3::new(x, y, z)).norm() < 1e-9);
+    assert_eq!(table.text("tool").value(node), "drill");
+    assert!(table.i64("stations_near").value(node) > 0);
+}
+
+#[test]
+fn steps_account_for_every_station_that_judges() {
+    let table = grid_steps::grid_steps(&OUTCOME.grids, &context(), &key()).unwrap();
+    assert_eq!(table.rows(), OUTCOME.grids.judged.len());
+    assert_eq!(table.bool("chosen").true_count(), 1);
+    let paired = OUTCOME.training[0]
+        .joined
+        .stations
+        .iter()
+        .filter(|s| s.attained.is_some())
+        .count();
+    for row in rows(&table, "source", "model") {
+        let parts = [
+            "held_out",
+            "held_out_refused",
+            "held_out_outside",
+            "held_out_unlike",
+        ];
+        let sum: i64 = parts.iter().map(|part| table.i64(part).value(row)).sum();
+        assert_eq!(sum, i64::try_from(paired).unwrap(), "row {row}");
+        assert_eq!(table.text("model").value(row), "geometric");
+    }
+    // 59 errors are needed for 95 % with 95 % confidence.
+    assert_eq!(table.i64("held_out_needed").value(0), 59);
+}
+
+#[test]
+fn residuals_add_up_and_know_their_distance() {
+    let table = residuals::residuals(&OUTCOME.residuals, &key()).unwrap();
+    let residual = &OUTCOME.residuals[0].residuals[0];
+    let attained = numbers(&table, ["x_mm", "y_mm", "z_mm"], 0);
+    assert!((attained - residual.predicted.coords - residual.residual).norm() < 1e-9);
+    // The covariance is a quarter of the identity.
+    let distance = table.f64("mahalanobis_squared").value(0);
+    assert!((distance - 4.0 * residual.residual.norm_squared()).abs() < 1e-9);
+    let mut flat = OUTCOME.residuals.clone();
+    flat[0].residuals[0].covariance = Some(Matrix3::zeros());
+    let table = residuals::residuals(&flat, &key()).unwrap();
+    assert!(
+        table.f64("mahalanobis_squared").is_null(0),
+        "no distance without a positive definite covariance"
+    );
+}
+
+#[test]
+fn semivariograms_have_bins_models_and_a_word() {
+    let table =
+        semivariograms::semivariograms(&OUTCOME.semivariograms, Some(1e-3), &key()).unwrap();
+    let (_, found) = &OUTCOME.semivariograms[0];
+    let expected: usize = found.iter().map(|s| s.bins.len() + s.models.len()).sum();
+    assert_eq!(table.rows(), expected);
+    let fitted = rows(&table, "entry", "fitted");
+    let best = fitted
+        .iter()
+        .filter(|&&row| table.bool("best").value(row))
+        .count();
+    assert_eq!(best, found.iter().filter(|s| !s.models.is_empty()).count());
+    let norm = rows(&table, "axis", "norm")[0];
+    assert!(
+        (table.f64("noise_mm2").value(norm) - 3e-3).abs() < 1e-15,
+        "three axes"
+    );
+    assert_eq!(
+        semivariograms::semivariograms(&[], None, &key())
+            .unwrap()
+            .rows(),
+        0
+    );
+}
+
+#[test]
+fn accuracy_says_what_is_not_shown() {
+    let table = accuracy::accuracy(&OUTCOME.accuracy, &example::TOLERANCE, &key()).unwrap();
+    let bounds = rows(&table, "name", "bound");
+    assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
+    for &row in &bounds {
+        assert!(table.f64("value").is_null(row));
+        assert_eq!(table.text("verdict").value(row), "not_shown");
+        assert!(table.text("reason").value(row).contains("59"));
+    }
+    assert_eq!(
+        rows(&table, "name", "mean").len(),
+        1,
+        "no figure is made up"
+    );
+    let of_table = rows(&table, "model", "table");
+    assert_eq!(table.text("table_id").value(of_table[0]), key().run);
+    assert!(
+        rows(&table, "evidence", "measured").is_empty(),
+        "a prediction is never called measured"
+    );
+}

@@ -1,0 +1,335 @@
+//! A small outcome made of a simulated session, as a run would make it.
+
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+use nalgebra::{Isometry3, Matrix3, Vector3};
+
+use super::super::{GridBasis, PublishContext, Validity};
+use crate::figures::Figures;
+use crate::fit::commanded::{CommandFrames, commanded};
+use crate::fit::full::{FullModel, FullSettings};
+use crate::fit::{
+    self, Blocks, Calibration, ErrorModel, FitSettings, Freedom, Gauge, Noise, TrackerUncertainty,
+};
+use crate::geometry::{Transform, isometry_from_rpy};
+use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
+use crate::ingest::LogReject;
+use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
+use crate::kinematics::{Arm, RobotFile};
+use crate::pipeline::outcome::{JoinedSession, Outcome};
+use crate::progress::Quiet;
+use crate::report::{
+    Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Residual, ResidualSet, Split, Subject,
+};
+use crate::similarity::{ErrorSample, SimilaritySettings, semivariograms};
+use crate::simulate::settings::Cell;
+use crate::simulate::{Poses, SimulateSettings, simulate};
+use crate::units::{ClockModel, Stamp};
+
+pub(super) const SESSION: &str = "2026-11 \"grid\"/a";
+
+pub(super) static ARM: LazyLock<Arm> = LazyLock::new(|| {
+    let text = include_str!("../../../../pipelines/robots/kr210-r2700-extra.toml");
+    let file: RobotFile = toml::from_str(text).expect("a robot file");
+    file.arm().expect("a valid arm")
+});
+
+pub(super) static FIT: LazyLock<FitSettings> = LazyLock::new(FitSettings::default);
+
+/// Few harmonics: the tables are the same, and training takes no time.
+pub(super) static FULL: LazyLock<FullSettings> = LazyLock::new(|| FullSettings {
+    harmonics: 8,
+    ..FullSettings::default()
+});
+
+pub(super) const TOLERANCE: Tolerance = Tolerance {
+    mm: 0.5,
+    share: 0.95,
+    confidence: 0.95,
+};
+
+pub(super) static OUTCOME: LazyLock<Outcome<'static>> = LazyLock::new(outcome);
+
+/// Commands are stated in a frame that is turned a quarter and shifted from the base.
+pub(super) fn command_from_base() -> Isometry3<f64> {
+    isometry_from_rpy([100.0, -20.0, 5.0], [0.0, 0.0, std::f64::consts::FRAC_PI_2])
+}
+
+pub(super) fn context() -> PublishContext<'static> {
+    PublishContext {
+        arm: &ARM,
+        command_from_base: Transform::claim(command_from_base()),
+        fit: &FIT,
+        full: &FULL,
+        tolerance: TOLERANCE,
+        grid: GridBasis {
+            model: Model::Geometric,
+            angles: Angles::Commanded,
+            split: Split::Blocks,
+            guard_mm: 0.05,
+        },
+        noise_mm2: Some(1e-3),
+        validity: Validity {
+            tool: Some("drill".to_owned()),
+            payload_kg: Some(120.0),
+            ..Validity::default()
+        },
+        replaces: None,
+    }
+}
+
+/// 45 stations on a grid in one orientation; some are lost.
+fn stations() -> Vec<Station> {
+    let home = [0.0, -75.0, 100.0, 25.0, 55.0, -15.0_f64].map(f64::to_radians);
+    let poses = Poses::Grid {
+        lower_mm: [1400.0, -200.0, 800.0],
+        upper_mm: [1600.0, 200.0, 1000.0],
+        step_mm: 100.0,
+        orientation_rpy: [3.0, 0.3, 0.1],
+    };
+    let mut settings = SimulateSettings::realistic(42, home.to_vec(), poses);
+    settings.tracker.lost_share = 0.1;
+    simulate(&ARM, &settings).expect("in reach").stations()
+}
+
+fn session(stations: Vec<Station>) -> JoinedSession {
+    let cell = Cell::default();
+    let frames = CommandFrames {
+        base_from_command: Isometry3::identity(),
+        flange_from_tool: Some(isometry_from_rpy(
+            cell.flange_from_target_mm,
+            cell.flange_from_target_rpy,
+        )),
+    };
+    let commanded = commanded(&stations, &ARM, &frames);
+    JoinedSession {
+        name: SESSION.to_owned(),
+        log_rejects: vec![log_reject(Some(3)), log_reject(None)],
+        counts: BTreeMap::from(
+            [
+                ("joints.messages", 10),
+                ("joints.kept", 7),
+                ("joints.rejected", 3),
+            ]
+            .map(|(name, count)| (name.to_owned(), count)),
+        ),
+        joined: Joined {
+            stations,
+            clock: clock(),
+            rejects: vec![JoinReject {
+                start: Stamp::from_ns(5),
+                end: Stamp::from_ns(9),
+                readings: 4,
+                reason: "moving: the target was not at rest".to_owned(),
+            }],
+            counts: ReadingCounts {
+                kept: 20,
+                moving: 4,
+                ..ReadingCounts::default()
+            },
+            found: Found {
+                still_rad: 1e-4,
+                still_mm: 0.1,
+                settle_s: 0.2,
+            },
+        },
+        commanded,
+    }
+}
+
+fn log_reject(messages: Option<u64>) -> LogReject {
+    LogReject {
+        file: "controller.mcap".to_owned(),
+        topic: messages.map(|_| "/joint_states".to_owned()),
+        byte_start: 100,
+        byte_end: 164,
+        time_span_ns: messages.map(|_| (1, 2)),
+        messages,
+        reason: "a joint angle is not a finite number".to_owned(),
+    }
+}
+
+fn clock() -> ClockEstimate {
+    ClockEstimate {
+        model: ClockModel {
+            origin: Stamp::from_ns(7),
+            offset_ns: -4.131e9,
+            drift: -25e-6,
+        },
+        offset_se_ns: 1e5,
+        drift_se: 1e-7,
+        matched_edges: 80,
+        edge_rms_ns: 2e6,
+        method: "by hand".to_owned(),
+    }
+}
+
+/// The identified arm against the nominal one.
+struct Identified<'a> {
+    gauge: &'a Gauge<'a>,
+    calibration: &'a Calibration,
+}
+
+impl ErrorModel for Identified<'_> {
+    fn error(&self, joints: &[f64]) -> Vector3<f64> {
+        let frames = &self.calibration.frames[0];
+        let flange = self.calibration.chain(&ARM).nominal(&ARM.axes(joints));
+        let target =
+            frames.tracker_from_base.isometry() * flange * frames.flange_from_target.isometry();
+        let base_from_tracker = self.gauge.frames().tracker_from_base.isometry().inverse();
+        (base_from_tracker * target).translation.vector - self.gauge.nominal_target(joints).coords
+    }
+
+    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
+        (
+            self.error(joints),
+            Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)),
+        )
+    }
+}
+
+fn outcome() -> Outcome<'static> {
+    let session = session(stations());
+    let noise = Noise {
+        tracker: TrackerUncertainty {
+            range_um: 10.0,
+            range_um_per_m: 0.3,
+            transverse_um: 15.0,
+            transverse_um_per_m: 6.0,
+            divisor: 2.0,
+            orientation_rad: None,
+        },
+        repeatability_mm: 0.03,
+        orientations: false,
+    };
+    let mut observations = fit::observations(0, &session.joined.stations, &ARM, &noise);
+    for observation in &mut observations {
+        observation
+            .shortfall
+            .clone_from(&session.commanded.shortfalls[observation.station]);
+    }
+    let identify = |freedom| fit::identify(&ARM, &observations, 1, freedom, &FIT).expect("a fit");
+    let base_target = identify(Freedom::BaseAndTarget);
+    let geometric = identify(Freedom::Geometry);
+    let full = FullModel::train(
+        &ARM,
+        &observations,
+        &geometric.frames,
+        &geometric.geometry,
+        FIT.prior(),
+        &FULL,
+        Some(Vector3::z_axis()),
+    );
+    let gauge = Gauge::new(&ARM, base_target.frames[0], None, false);
+    let grids = grids(&session.joined.stations, &gauge, &geometric);
+    let samples = samples(&session.joined.stations, &gauge);
+    Outcome {
+        residuals: vec![residuals(&session.joined.stations, &gauge)],
+        accuracy: vec![accuracy(true), accuracy(false)],
+        semivariograms: vec![(
+            Model::BaseTarget,
+            semivariograms(&samples, &SimilaritySettings::default()),
+        )],
+        calibrations: vec![
+            (Model::BaseTarget, base_target),
+            (Model::Geometric, geometric),
+        ],
+        full: Some(full.expect("positive definite")),
+        training: vec![session],
+        test: Vec::new(),
+        gauge,
+        grids,
+    }
+}
+
+fn samples(stations: &[Station], gauge: &Gauge<'_>) -> Vec<ErrorSample> {
+    let sample = |station: &Station| {
+        Some(ErrorSample {
+            joints: station.joints.clone(),
+            position: gauge.nominal_target(&station.joints),
+            error: gauge.target_error(&station.joints, station.attained.as_ref()?),
+        })
+    };
+    stations.iter().filter_map(sample).collect()
+}
+
+fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> Grids {
+    let reach = Reach::new(&ARM, *gauge.flange_from_tool());
+    let attained: Vec<_> = stations.iter().filter(|s| s.attained.is_some()).collect();
+    let tools: Vec<_> = attained
+        .iter()
+        .map(|s| gauge.nominal_tool(&s.joints))
+        .collect();
+    let positions: Vec<_> = tools
+        .iter()
+        .map(|tool| tool.translation.vector.into())
+        .collect();
+    let folds = Blocks::default().folds(&positions);
+    let errors = samples(stations, gauge);
+    let station = |place: usize| GridStation {
+        number: attained[place].number,
+        position: positions[place],
+        orientation: tools[place].rotation,
+        joints: attained[place].joints.clone(),
+        configuration: reach.configuration(&attained[place].joints),
+        error: errors[place].error,
+        fold: folds[place],
+    };
+    let stations: Vec<GridStation> = (0..attained.len()).map(station).collect();
+    let model = Identified { gauge, calibration };
+    let input = GridInput {
+        stations: &stations,
+        folds: &[&model as &dyn ErrorModel; 8],
+        model: &model,
+        guard_mm: 0.05,
+    };
+    let settings: GridSettings = toml::from_str("steps_mm = [100.0, 200.0]").expect("[grid]");
+    grid::grids(&input, &reach, &settings, &TOLERANCE, &Quiet).expect("grids")
+}
+
+fn subject(split: Split, model: Model) -> Subject {
+    Subject {
+        split,
+        of_session: SESSION.to_owned(),
+        model,
+        angles: Angles::Reported,
+        base_refit: BaseRefit::None,
+    }
+}
+
+fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
+    let residual = |station: &Station| {
+        Some(Residual {
+            station: station.number,
+            fold: Some(0),
+            used_for_refit: false,
+            predicted: gauge.nominal_target(&station.joints),
+            residual: gauge.target_error(&station.joints, station.attained.as_ref()?),
+            covariance: Some(Matrix3::identity() * 0.25),
+            weight: None,
+        })
+    };
+    ResidualSet {
+        subject: subject(Split::Blocks, Model::BaseTarget),
+        residuals: stations.iter().filter_map(residual).collect(),
+    }
+}
+
+/// With figures, or with none.
+fn accuracy(there: bool) -> Accuracy {
+    let model = if there { Model::Full } else { Model::Table };
+    Accuracy {
+        subject: subject(Split::Blocks, model),
+        moment: Moment::After,
+        figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),
+        bound: None,
+        blocks: Some(2),
+        coverage: there.then_some(Calibrated {
+            inside: 0.96,
+            mean_squared_distance: 2.9,
+        }),
+        expanded_uncertainty_mm: 0.05,
+        verdict: Verdict::NotShown("3 held-out stations; 59 are needed".to_owned()),
+    }
+}
