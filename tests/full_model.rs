@@ -95,7 +95,8 @@ fn random_a_predicts_random_b() {
     };
     // Stations 0, s, 2s, … of a; the base alone refitted on b.
     for (stride, count, limit) in [(1, 700, 0.048), (3, 200, 0.062), (7, 100, 0.085)] {
-        let is_used = |o: &&Observation| o.station % stride == 0 && o.station < stride * count;
+        let is_used =
+            |o: &&Observation| o.station.is_multiple_of(stride) && o.station < stride * count;
         let train: Vec<_> = a.iter().filter(is_used).cloned().collect();
         let figures = base_refitted(&predictions(&trained(&arm, &train, 1), &b), &b);
         println!("{count} stations: {figures:?}");
@@ -113,7 +114,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
         return;
     };
     // Every twentieth station is 2 mm off, in a direction of its own.
-    for observation in a.iter_mut().filter(|o| o.station % 20 == 0) {
+    for observation in a.iter_mut().filter(|o| o.station.is_multiple_of(20)) {
         let turn = f64::from(u32::try_from(observation.station).expect("a small number"));
         observation.position +=
             Vector3::new(turn.sin(), turn.cos(), (1.7 * turn).sin()).normalize() * 2.0;
@@ -124,7 +125,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
     let mut order: Vec<usize> = (0..a.len()).collect();
     order.sort_by(|&i, &j| model.weights[i].total_cmp(&model.weights[j]));
     assert!(
-        order[..35].iter().all(|&i| a[i].station % 20 == 0),
+        order[..35].iter().all(|&i| a[i].station.is_multiple_of(20)),
         "the least weights are the outliers'"
     );
 }

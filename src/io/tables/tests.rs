@@ -207,6 +207,9 @@ fn a_saved_full_model_predicts_as_the_model_did() {
     assert!((again.log_evidence() - model.log_evidence()).abs() < 1e-9);
 }
 
+/// A way to damage a saved model.
+type Damage = fn(&mut SavedFull);
+
 #[test]
 fn a_damaged_full_model_is_refused() {
     let sound = SavedFull::read(&model_text("full")).unwrap();
@@ -217,7 +220,6 @@ fn a_damaged_full_model_is_refused() {
             .expect_err("damaged")
             .to_string()
     };
-    type Damage = fn(&mut SavedFull);
     let cases: [(Damage, &str); 8] = [
         (|s| s.mean.truncate(3), "3 columns"),
         (|s| s.blocks[0].columns = usize::MAX, "columns"),
