@@ -4,6 +4,8 @@
 //! since a run exists only once it is whole.
 
 pub mod check;
+pub mod compensate;
+pub mod inspect;
 pub mod messages;
 pub mod progress;
 pub mod run;
@@ -47,10 +49,13 @@ Example:
   posegrid run pipelines/quickstart.toml";
 
 #[derive(Debug, Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "one value per process")]
 enum Command {
     Run(run::RunArgs),
     Check(check::CheckArgs),
+    Inspect(inspect::InspectArgs),
     Simulate(simulate::SimulateArgs),
+    Compensate(compensate::CompensateArgs),
     Schema(schema::SchemaArgs),
 }
 
@@ -59,24 +64,26 @@ pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let bars = Bars::new(arguments.log_format);
     messages::start(arguments.log_format, &bars);
-    ExitCode::from(match arguments.command {
-        Command::Run(args) => run::run(&args, &bars),
+    match arguments.command {
+        Command::Run(args) => ExitCode::from(run::run(&args, &bars)),
         Command::Check(args) => shown(check::check(&args)),
+        Command::Inspect(args) => inspect::run(&args, &bars.of("inspect")),
         Command::Simulate(args) => shown(simulate::run(&args)),
+        Command::Compensate(args) => compensate::main(&args),
         Command::Schema(args) => shown(schema::show(&args)),
-    })
+    }
 }
 
 /// Tells a command's result on stdout, or its error on stderr.
-fn shown(result: Result<impl Display, impl Display>) -> u8 {
+fn shown(result: Result<impl Display, impl Display>) -> ExitCode {
     match result {
         Ok(result) => {
             messages::result(result);
-            DONE
+            ExitCode::from(DONE)
         }
         Err(error) => {
             tracing::error!("{error}");
-            BAD_USAGE
+            ExitCode::from(BAD_USAGE)
         }
     }
 }

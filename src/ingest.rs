@@ -222,7 +222,9 @@ fn joints(
     let to_rad = mapping.controller.unit.to_rad();
     let angles = decoded.angles.into_iter().map(|column| {
         let mut column = rows.of(column);
-        column.iter_mut().for_each(|angle| *angle *= to_rad);
+        for angle in &mut column {
+            *angle *= to_rad;
+        }
         column
     });
     let samples = JointSamples {
@@ -322,7 +324,9 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
             .map(|x| (x / largest).powi(2))
             .sum::<f64>()
             .sqrt();
-    quaternion.iter_mut().for_each(|x| *x /= norm);
+    for x in quaternion.iter_mut() {
+        *x /= norm;
+    }
     Some(norm)
 }
 

@@ -1,8 +1,13 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod compensation_table;
+pub mod inspect;
 pub mod lake;
 pub mod log;
 pub mod log_writer;
 pub mod message;
 pub mod schema;
 pub mod table;
+pub mod tables;
+pub mod targets;
+pub mod whole_file;

@@ -11,8 +11,6 @@
 //! the output of earlier stages. Only [`io`], the pipeline and the command line read and write.
 
 // Core: knows no stage.
-
-// Core: knows no stage.
 pub mod figures;
 pub mod geometry;
 pub mod kinematics;
@@ -20,13 +18,20 @@ pub mod linalg;
 pub mod progress;
 pub mod units;
 
-// The stages, in data order: ingest, join, fit, similarity, grid, compensation, report.
-pub mod fit;
-pub mod grid;
+// The stages, in data order.
 pub mod ingest;
+
 pub mod join;
-pub mod report;
+
+pub mod fit;
+
 pub mod similarity;
+
+pub mod grid;
+
+pub mod compensation;
+
+pub mod report;
 
 // Before measuring.
 pub mod simulate;

@@ -42,6 +42,32 @@ impl Cholesky {
         })
     }
 
+    /// A factor as [`Self::lower`] gave it, of which only the lower triangle is read; `None` unless its diagonal is
+    /// positive.
+    pub fn from_lower(lower: DMatrix<f64>) -> Option<Self> {
+        let size = lower.nrows();
+        if lower
+            .diagonal()
+            .iter()
+            .any(|pivot| pivot.is_nan() || *pivot <= 0.0)
+        {
+            return None;
+        }
+        let block = |first: usize| {
+            let width = BLOCK.min(size - first);
+            small_inverse(&lower.view((first, first), (width, width)).into_owned())
+        };
+        Some(Self {
+            diagonal_inverses: (0..size).step_by(BLOCK).map(block).collect(),
+            lower,
+        })
+    }
+
+    /// The factor; what stands above its diagonal means nothing.
+    pub const fn lower(&self) -> &DMatrix<f64> {
+        &self.lower
+    }
+
     /// Rows and columns.
     pub fn size(&self) -> usize {
         self.lower.nrows()

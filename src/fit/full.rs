@@ -9,11 +9,13 @@
 //! [`FullModel`], which predicts with a covariance.
 
 pub mod components;
+pub mod curves;
 pub mod design;
 pub mod layout;
 pub mod lines;
 pub mod noise;
 pub mod regression;
+pub mod saved;
 pub mod settings;
 pub mod spectrum;
 pub mod train;
@@ -23,7 +25,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
 use crate::kinematics::{Arm, Parameter};
-use components::{Components, Part};
+use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
 use noise::Repeatability;
@@ -41,7 +43,9 @@ pub struct FullModel {
     offsets: DVector<f64>,
     /// Frames of each session at the offsets.
     frames: Vec<Frames>,
-    sizes: Components,
+    /// Variance per axis of a session's own drift, mm².
+    drift_variance: f64,
+    student_t: f64,
     mean: DVector<f64>,
     posterior: Posterior,
     span: f64,
@@ -134,7 +138,9 @@ impl FullModel {
             ),
             up,
             frames: problem.frames(&state.offsets),
-            sizes: state.components,
+            // The basis has variance one half at a random time.
+            drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
+            student_t: settings.student_t,
             layout: state.layout,
             offsets: state.offsets,
             mean,
@@ -224,21 +230,39 @@ impl FullModel {
         self.posterior.log_evidence
     }
 
+    /// The frames that offsets are relative to.
+    pub fn starts(&self) -> &[Frames] {
+        self.problem.starts()
+    }
+
+    /// The frames of each session as the posterior has them.
+    pub fn fitted_frames(&self) -> Vec<Frames> {
+        self.problem.frames(&self.offsets())
+    }
+
     /// The frames of each session that rows are taken at; [`Query::own`] decides whether the posterior moves them.
     pub fn frames(&self) -> &[Frames] {
         &self.frames
+    }
+
+    /// Covariance over scale of a Student t: 1 where stations are not weighed.
+    fn student_inflation(&self) -> f64 {
+        if self.student_t > 2.0 {
+            self.student_t / (self.student_t - 2.0)
+        } else {
+            1.0
+        }
     }
 
     /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
         let view = self.problem.view(0, &observation.axes, &self.offsets);
         let covariance = self.repeatability.covariance(observation, &view.joints);
-        Matrix3::from_fn(|row, column| covariance[(row, column)])
+        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.
-    pub fn drift_variance(&self) -> f64 {
-        // The basis has variance one half at a random time.
-        0.5 * self.sizes.size(Part::Drift).unwrap_or(0.0)
+    pub const fn drift_variance(&self) -> f64 {
+        self.drift_variance
     }
 }

@@ -38,8 +38,8 @@ pub enum NotOnGrid {
         /// Nodes of the lattice.
         nodes: usize,
     },
-    /// Tool orientations or arm configurations differ.
-    #[error("its stations have more than one tool orientation or arm configuration")]
+    /// Tool orientations differ.
+    #[error("its stations have more than one tool orientation")]
     Mixed,
 }
 
@@ -63,11 +63,10 @@ impl MeasuredGrid {
             measured: 0,
             nodes: 0,
         })?;
-        let like = |station: &GridStation| {
-            station.configuration == first.configuration
-                && station.orientation.angle_to(&first.orientation) < ONE_ORIENTATION_RAD
-        };
-        if !stations.iter().all(like) {
+        if !stations
+            .iter()
+            .all(|s| s.orientation.angle_to(&first.orientation) < ONE_ORIENTATION_RAD)
+        {
             return Err(NotOnGrid::Mixed);
         }
         // A node visited twice keeps its first visit; the second is a held-out station at no distance.
@@ -191,6 +190,16 @@ impl Decimated {
             *held_out.refused.entry(Refusal::Unmeasured).or_default() += 1;
             return false;
         };
+        if vertices
+            .iter()
+            .any(|vertex| vertex.configuration != station.configuration)
+        {
+            *held_out
+                .refused
+                .entry(Refusal::OtherConfiguration)
+                .or_default() += 1;
+            return false;
+        }
         let joints: Vec<&[f64]> = vertices
             .iter()
             .map(|vertex| vertex.joints.as_slice())

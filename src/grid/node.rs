@@ -216,7 +216,7 @@ impl PlacedGrid {
     }
 }
 
-/// Whether no joint differs by more than [`BRANCH_RAD`] between any two of the joint vectors.
+/// Whether no joint differs by more than `BRANCH_RAD` between any two of the joint vectors.
 pub fn on_one_branch(vectors: &[&[f64]]) -> bool {
     let Some(first) = vectors.first() else {
         return true;

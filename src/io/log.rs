@@ -3,11 +3,12 @@
 //! The reader is our own because default readers panic, abort or drop messages in silence on damaged files. It works
 //! from the data section alone; a summary is never needed.
 //!
-//! 1. Frames: where each record lies ([`frames`]); damage becomes rejects with byte ranges.
-//! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory ([`scan`], [`block`]).
-//! 3. Streams: the messages of the wanted topics decoded by a plan into columns ([`streams`]).
+//! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
+//! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
+//! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
 //! 4. [`crate::ingest::ingest`] makes the recording.
 
+mod account;
 mod block;
 mod chunk;
 mod frames;
@@ -16,6 +17,7 @@ mod registry;
 mod scan;
 mod source;
 mod streams;
+mod summary;
 
 use std::io;
 use std::path::Path;
@@ -27,7 +29,12 @@ use crate::ingest::{Decoded, IngestError, Mapping, Recording, ingest};
 use crate::io::message::SchemaError;
 use crate::progress::Progress;
 
-pub use scan::Account;
+pub use account::Account;
+pub use block::Extent;
+pub use record::MessageRecord;
+pub use registry::{Channel, Schema};
+pub use scan::{Visitor, ns, scan};
+pub use streams::Layout;
 use streams::{Stream, Streams, Wanted};
 
 /// `[limits]`: what a log may ask for.
@@ -101,24 +108,8 @@ pub enum LogError {
         damage: String,
     },
     /// Messages of a kind that this stream cannot be made of.
-    #[error(
-        "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; \
-         read here are {suitable}, in encoding \"cdr\" with a schema in \"ros2msg\""
-    )]
-    Unsuitable {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-        /// The type of its messages, empty without a schema.
-        type_name: String,
-        /// How messages are serialised.
-        encoding: String,
-        /// The language of the schema.
-        schema_encoding: String,
-        /// What could be read.
-        suitable: &'static str,
-    },
+    #[error(transparent)]
+    Unsuitable(Box<Unsuitable>),
     /// A schema that cannot be read or does not hold the fields.
     #[error("{file}: topic {topic:?}: {source}")]
     Schema {
@@ -150,6 +141,27 @@ pub enum LogError {
     /// What was decoded makes no recording.
     #[error(transparent)]
     Ingest(#[from] IngestError),
+}
+
+/// A topic whose messages the stream it is named for cannot be made of.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; read \
+     here are {suitable}, in encoding \"cdr\" with a schema in \"ros2msg\""
+)]
+pub struct Unsuitable {
+    /// The file.
+    pub file: String,
+    /// The topic.
+    pub topic: String,
+    /// The type of its messages, empty without a schema.
+    pub type_name: String,
+    /// How messages are serialised.
+    pub encoding: String,
+    /// The language of the schema.
+    pub schema_encoding: String,
+    /// What could be read.
+    pub suitable: &'static str,
 }
 
 /// Guesses what a file is that is no MCAP log.
@@ -273,7 +285,7 @@ fn read_file(
         return Err(LogError::NamedTwice { file, topic });
     }
     let mut streams = Streams::new(&file, wanted.clone(), mapping);
-    let account = scan::scan(path, &file, limits, &mut streams, progress)?;
+    let account = scan(path, &file, limits, &mut streams, progress)?;
     if let Some(missing) = streams.missing_topic() {
         return Err(unknown_topic(&account, &missing.topic));
     }

@@ -2,7 +2,7 @@
 //!
 //! 1. [`Columns`] takes whole columns by name and puts them in the order of the schema.
 //! 2. Every column is checked against its contract: type, length, nulls, finite numbers, allowed words.
-//! 3. Rows are sorted by the schema's `order`; two rows of the same name are refused.
+//! 3. Rows of a published table are sorted by the schema's `order`; two rows of the same name are refused.
 //! 4. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
 //!
 //! The same values give the same bytes.

@@ -87,3 +87,47 @@ fn rotation_vectors(
         .iter()
         .map(|orientation| (mean.inverse() * orientation).scaled_axis())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_far_reading_of_seven_is_an_outlier() {
+        let x = [1.00, 1.01, 0.99, 1.02, 0.98, 1.00, 1.30];
+        let positions = x.map(|x| [x, 5.0, -3.0]);
+        // Median 1.00, deviations 0 0 0.01 0.01 0.02 0.02 0.30: σ = 1.4826 · 0.01, and 6 σ = 0.09.
+        let keep = kept(&positions, 6.0, [0.0; 3]);
+        assert_eq!(keep, [true, true, true, true, true, true, false]);
+        // A session that usually scatters by 0.06 has 0.30 within its 6 σ.
+        assert!(kept(&positions, 6.0, [0.06; 3]).iter().all(|&keep| keep));
+    }
+
+    #[test]
+    fn mean_and_scatter_by_hand() {
+        let positions = [1.0, 2.0, 6.0].map(|x| Vector3::new(x, 10.0, -x));
+        let (mean, scatter) = mean_and_scatter(&positions);
+        assert!((mean - Vector3::new(3.0, 10.0, -3.0)).norm() < 1e-12);
+        // Squares 4 + 1 + 9 = 14 over n − 1 = 2.
+        assert!((scatter - Vector3::new(7.0_f64.sqrt(), 0.0, 7.0_f64.sqrt())).norm() < 1e-12);
+    }
+
+    #[test]
+    fn orientations_average_on_the_sphere_whatever_their_sign() {
+        let about_z = |angle: f64, sign: f64| {
+            [
+                0.0,
+                0.0,
+                sign * (angle / 2.0).sin(),
+                sign * (angle / 2.0).cos(),
+            ]
+        };
+        // q and −q are one orientation: 0.1, 0.2 and 0.3 about z average to 0.2, a tenth away each.
+        let quaternions = [about_z(0.1, 1.0), about_z(0.2, -1.0), about_z(0.3, 1.0)];
+        let (mean, scatter) = mean_orientation(&quaternions).expect("rotations");
+        assert!((mean.angle() - 0.2).abs() < 1e-12);
+        // Squares 0.01 + 0 + 0.01 over three axes and n − 1 = 2.
+        assert!((scatter - (0.02_f64 / 6.0).sqrt()).abs() < 1e-12);
+        assert!(mean_orientation(&[[0.0; 4], [0.0; 4]]).is_none());
+    }
+}

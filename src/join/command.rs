@@ -17,6 +17,8 @@ use crate::units::{Controller, Stamp};
 const BELIEVED_MM: f64 = 20.0;
 /// Beyond this many median residuals (and beyond [`BELIEVED_MM`]) a command belongs to another station.
 const REACH: f64 = 10.0;
+/// Nothing is commanded this far away, mm; such numbers would only overflow the fit.
+const FARTHEST_MM: f64 = 1e9;
 
 /// What is known of a dwell when its command is looked for.
 #[derive(Debug, Clone, Copy)]
@@ -76,12 +78,19 @@ fn last_before(
     dwells: &[Occasion],
     moment: impl Fn(&Occasion) -> Stamp<Controller>,
 ) -> Vec<Option<usize>> {
+    // A command that is no number commands nothing.
+    let stated = |index: usize| {
+        commands.positions[index]
+            .iter()
+            .all(|x| x.abs() < FARTHEST_MM)
+    };
     let last = |dwell: &Occasion| {
         let moment = moment(dwell);
         commands
             .stamps
             .partition_point(|&stamp| stamp <= moment)
             .checked_sub(1)
+            .filter(|&index| stated(index))
     };
     dwells.iter().map(last).collect()
 }

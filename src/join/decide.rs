@@ -7,9 +7,11 @@
 
 use super::JoinError;
 use super::dwell::median;
-use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, overlaps, relations};
+use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
 use super::placement::{Placement, Sighting};
 
+/// Pairs to which base and target are fitted, spread over the session: nine unknowns need no more.
+const FIT_PAIRS: usize = 250;
 /// Reach of support, in median residuals.
 const REACH: f64 = 6.0;
 /// No nominal arm and no tracker agree better than this, mm: a reach below it would split hairs.
@@ -46,10 +48,65 @@ struct Candidate {
 
 /// Chooses the clock relation, or says why none can be chosen.
 pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
-    let candidates: Vec<Candidate> = relations(dwells)
+    let coarse = ranked(candidates(dwells, &Ruler::at_flange(dwells)), gate_mm);
+    let Some(first) = coarse.first() else {
+        return Err(no_common_pattern(dwells, gate_mm, None));
+    };
+    // Under a shift by one row of a grid the target comes out right all the same, and with it moves are told apart to
+    // millimetres: the right shift may have drowned among the coarse candidates.
+    let at_target = Ruler::at_target(
+        dwells,
+        first.candidate.placement.target_mm,
+        first.candidate.median_mm,
+    );
+    let fine = candidates(dwells, &at_target);
+    let all = merged(
+        fine,
+        coarse.into_iter().map(|ranked| ranked.candidate),
+        dwells.session_middle_s(),
+    );
+    let tried = all.len();
+    let mut ranked = ranked(all, gate_mm).into_iter();
+    let (winner, rival) = (ranked.next(), ranked.next());
+    match winner {
+        Some(winner) if winner.is_believable() => {
+            if let Some(rival) = &rival {
+                refuse_equal(&winner, rival)?;
+            }
+            Ok(winner.decision(tried, rival.map_or(0, |rival| rival.support)))
+        }
+        best => Err(no_common_pattern(dwells, gate_mm, best.as_ref())),
+    }
+}
+
+fn candidates(dwells: Dwells, ruler: &Ruler) -> Vec<Candidate> {
+    let fitted = |relation| Candidate::of(dwells, relation);
+    relations(dwells, ruler)
         .into_iter()
-        .filter_map(|relation| Candidate::of(dwells, relation))
-        .collect();
+        .filter_map(fitted)
+        .collect()
+}
+
+/// The candidates of both rulers, each relation once.
+fn merged(
+    mut candidates: Vec<Candidate>,
+    others: impl Iterator<Item = Candidate>,
+    middle_s: f64,
+) -> Vec<Candidate> {
+    for other in others {
+        let ahead_s = other.relation.ahead_s(middle_s);
+        if candidates
+            .iter()
+            .all(|c| (c.relation.ahead_s(middle_s) - ahead_s).abs() > SAME_S)
+        {
+            candidates.push(other);
+        }
+    }
+    candidates
+}
+
+/// The candidates with their support, the best first.
+fn ranked(candidates: Vec<Candidate>, gate_mm: f64) -> Vec<Ranked> {
     let most = candidates.iter().map(|c| c.pairs.len()).max().unwrap_or(0);
     let least_median = candidates
         .iter()
@@ -57,49 +114,43 @@ pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
         .map(|c| c.median_mm)
         .fold(f64::INFINITY, f64::min);
     let reach_mm = (REACH * least_median).max(LEAST_REACH_MM).min(gate_mm);
-    let mut ranked: Vec<(usize, Candidate)> = candidates
+    let mut ranked: Vec<Ranked> = candidates
         .into_iter()
-        .map(|c| (c.support(reach_mm), c))
+        .map(|candidate| Ranked {
+            support: candidate.support(reach_mm),
+            reach_mm,
+            candidate,
+        })
         .collect();
-    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.median_mm.total_cmp(&b.1.median_mm)));
-    let tried = ranked.len();
-    let mut ranked = ranked.into_iter();
-    let winner = ranked.next();
-    let rival = ranked.next();
-    match winner {
-        Some((support, winner)) if support >= MIN_PAIRS && 2 * support >= winner.pairs.len() => {
-            if let Some((rival_support, rival)) = &rival {
-                refuse_equal(support, &winner, *rival_support, rival)?;
-            }
-            Ok(winner.decision(reach_mm, tried, rival.map_or(0, |(support, _)| support)))
-        }
-        other => Err(JoinError::NoCommonPattern {
-            arm_dwells: dwells.arm.len(),
-            target_dwells: dwells.target.len(),
-            pairs: other.as_ref().map_or(0, |(support, _)| *support),
-            needed: MIN_PAIRS,
-            median_mm: other.map(|(_, candidate)| candidate.median_mm),
-            gate_mm,
-        }),
+    ranked.sort_by(|a, b| {
+        let nearer = a.candidate.median_mm.total_cmp(&b.candidate.median_mm);
+        b.support.cmp(&a.support).then(nearer)
+    });
+    ranked
+}
+
+fn no_common_pattern(dwells: Dwells, gate_mm: f64, best: Option<&Ranked>) -> JoinError {
+    JoinError::NoCommonPattern {
+        arm_dwells: dwells.arm.len(),
+        target_dwells: dwells.target.len(),
+        pairs: best.map_or(0, |best| best.support),
+        needed: MIN_PAIRS,
+        median_mm: best.map(|best| best.candidate.median_mm),
+        gate_mm,
     }
 }
 
-fn refuse_equal(
-    support: usize,
-    winner: &Candidate,
-    rival_support: usize,
-    rival: &Candidate,
-) -> Result<(), JoinError> {
-    let as_many = rival_support as f64 >= RIVAL_SUPPORT * support as f64;
-    let as_near = rival.median_mm <= RIVAL_RESIDUAL * winner.median_mm;
+fn refuse_equal(winner: &Ranked, rival: &Ranked) -> Result<(), JoinError> {
+    let as_many = rival.support as f64 >= RIVAL_SUPPORT * winner.support as f64;
+    let as_near = rival.candidate.median_mm <= RIVAL_RESIDUAL * winner.candidate.median_mm;
     if as_many && as_near {
         return Err(JoinError::AmbiguousShift {
-            first_s: winner.relation.offset_s,
-            first_pairs: support,
-            first_mm: winner.median_mm,
-            second_s: rival.relation.offset_s,
-            second_pairs: rival_support,
-            second_mm: rival.median_mm,
+            first_s: winner.candidate.relation.offset_s,
+            first_pairs: winner.support,
+            first_mm: winner.candidate.median_mm,
+            second_s: rival.candidate.relation.offset_s,
+            second_pairs: rival.support,
+            second_mm: rival.candidate.median_mm,
         });
     }
     Ok(())
@@ -120,7 +171,9 @@ impl Candidate {
         if sightings.len() < MIN_PAIRS {
             return None;
         }
-        let placement = Placement::fit(&sightings)?;
+        let stride = sightings.len().div_ceil(FIT_PAIRS);
+        let spread: Vec<Sighting> = sightings.iter().copied().step_by(stride).collect();
+        let placement = Placement::fit(&spread)?;
         let distances_mm: Vec<f64> = sightings.iter().map(|s| placement.distance_mm(s)).collect();
         let median_mm = median(&mut distances_mm.clone());
         Some(Self {
@@ -138,17 +191,31 @@ impl Candidate {
             .filter(|&&distance| distance <= reach_mm)
             .count()
     }
+}
 
-    fn decision(self, reach_mm: f64, tried: usize, rival_support: usize) -> Decision {
-        let near = self.pairs.iter().zip(&self.distances_mm);
+/// A candidate and how many of its pairs lie within the common reach.
+struct Ranked {
+    support: usize,
+    reach_mm: f64,
+    candidate: Candidate,
+}
+
+impl Ranked {
+    fn is_believable(&self) -> bool {
+        self.support >= MIN_PAIRS && 2 * self.support >= self.candidate.pairs.len()
+    }
+
+    fn decision(self, tried: usize, rival_support: usize) -> Decision {
+        let candidate = self.candidate;
+        let near = candidate.pairs.iter().zip(&candidate.distances_mm);
         Decision {
             support: near
-                .filter(|&(_, &distance)| distance <= reach_mm)
+                .filter(|&(_, &distance)| distance <= self.reach_mm)
                 .map(|(&pair, _)| pair)
                 .collect(),
-            relation: self.relation,
-            placement: self.placement,
-            median_mm: self.median_mm,
+            relation: candidate.relation,
+            placement: candidate.placement,
+            median_mm: candidate.median_mm,
             tried,
             rival_support,
         }

@@ -161,10 +161,13 @@ fn check_rows<C>(
     Ok(())
 }
 
-/// Indices of the readings that are measurements: finite, and not the exact zeros of a missing reflector.
+/// No tracker reaches this far, mm; numbers beyond it (or none) would only overflow the fits.
+const FARTHEST_MM: f64 = 1e9;
+
+/// Indices of the readings that are measurements: within reach, and not the exact zeros of a missing reflector.
 fn measured(readings: &TargetReadings) -> Vec<usize> {
     let is_measurement = |position: &[f64; 3]| {
-        position.iter().all(|x| x.is_finite()) && position.iter().any(|&x| x != 0.0)
+        position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
     };
     (0..readings.positions.len())
         .filter(|&index| is_measurement(&readings.positions[index]))

@@ -7,7 +7,7 @@
 //! 3. the best places of each block grow outwards to the whole log, their offset and drift refitted as they grow;
 //! 4. the relations with the best scores over the whole log are handed on; geometry decides between them.
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::dwell::{ArmDwell, Span, TargetDwell, median};
 
@@ -18,7 +18,7 @@ const BLOCKS: usize = 4;
 const PLACES_PER_BLOCK: usize = 64;
 const RELATIONS: usize = 16;
 /// Relations closer than this in the middle of the session are the same, s.
-const SAME_S: f64 = 0.1;
+pub const SAME_S: f64 = 0.1;
 /// Moves are compared between neighbours, and between dwells further apart, where neighbours repeat (a grid's rows).
 const LAGS: [usize; 2] = [1, 5];
 /// The least pairs that can tell a right shift from a wrong one: base and target alone are nine unknowns.
@@ -68,18 +68,62 @@ pub struct Dwells<'a> {
     pub target: &'a [TargetDwell],
 }
 
+impl Dwells<'_> {
+    /// Half way through the controller's log, s.
+    pub fn session_middle_s(&self) -> f64 {
+        self.arm.last().map_or(0.0, |dwell| dwell.span.end_s / 2.0)
+    }
+}
+
+/// How the lengths of moves are compared.
+#[derive(Debug, Clone)]
+pub struct Ruler {
+    /// One point of each dwell of the arm, in the base frame, mm.
+    points: Vec<Vector3<f64>>,
+    /// Moves that differ by this do not agree at all, mm.
+    tolerance_mm: f64,
+}
+
+impl Ruler {
+    /// At the flange: the target may be some hundred mm from it, so half of a usual move is allowed for.
+    pub fn at_flange(dwells: Dwells) -> Self {
+        Self {
+            points: dwells
+                .arm
+                .iter()
+                .map(|dwell| dwell.flange.translation.vector)
+                .collect(),
+            tolerance_mm: 0.5 * usual_move_mm(dwells.target),
+        }
+    }
+
+    /// At the target, once it is roughly known in the flange frame: only the nominal arm's error (`median_mm`) is left.
+    pub fn at_target(dwells: Dwells, target_mm: Vector3<f64>, median_mm: f64) -> Self {
+        let point = |dwell: &ArmDwell| (dwell.flange * Point3::from(target_mm)).coords;
+        let coarse_mm = 0.5 * usual_move_mm(dwells.target);
+        Self {
+            points: dwells.arm.iter().map(point).collect(),
+            tolerance_mm: (8.0 * median_mm).clamp(5.0_f64.min(coarse_mm), coarse_mm),
+        }
+    }
+}
+
 /// The relations under which the logs agree best, best first.
-pub fn relations(dwells: Dwells) -> Vec<Relation> {
-    let move_mm = usual_move_mm(dwells.target);
-    let session_middle_s = dwells
-        .arm
-        .last()
-        .map_or(0.0, |dwell| dwell.span.end_s / 2.0);
+pub fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
+    let session_middle_s = dwells.session_middle_s();
     let mut grown: Vec<(f64, Relation)> = Vec::new();
     for block in blocks(dwells.target.len()) {
-        for offset_s in places(dwells, block.clone(), move_mm) {
+        for offset_s in places(dwells, block.clone(), ruler) {
+            // Another block has grown to this place already.
+            let here_s = dwells.target[block.start].span.start_s - offset_s;
+            let known = |(_, relation): &(f64, Relation)| {
+                (relation.ahead_s(here_s) - offset_s).abs() < SAME_S / 2.0
+            };
+            if grown.iter().any(known) {
+                continue;
+            }
             let relation = grow(dwells, block.clone(), offset_s);
-            let score = agreement(dwells, &overlaps(dwells, relation), move_mm);
+            let score = agreement(dwells, &overlaps(dwells, relation), ruler);
             grown.push((score, relation));
         }
     }
@@ -101,7 +145,7 @@ fn blocks(targets: usize) -> Vec<std::ops::Range<usize>> {
 }
 
 /// The offsets (s) that lay the block best on the arm's dwells, best first.
-fn places(dwells: Dwells, block: std::ops::Range<usize>, move_mm: f64) -> Vec<f64> {
+fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f64> {
     let part = Dwells {
         target: &dwells.target[block],
         ..dwells
@@ -120,7 +164,7 @@ fn places(dwells: Dwells, block: std::ops::Range<usize>, move_mm: f64) -> Vec<f6
                     },
                 );
                 if pairs.len() >= least {
-                    scored.push((agreement(part, &pairs, move_mm), offset_s));
+                    scored.push((agreement(part, &pairs, ruler), offset_s));
                 }
             }
         }
@@ -139,12 +183,13 @@ fn alignments(arm: &Span, target: &Span) -> impl Iterator<Item = f64> {
         .flatten()
 }
 
-/// The best scored `T`s that lie apart by [`SAME_S`], best first.
+/// The best scored `T`s that lie apart by [`SAME_S`], best first; none that scored below half of the best.
 fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) -> f64) -> Vec<T> {
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(at_s(&a.1).total_cmp(&at_s(&b.1))));
     let mut chosen: Vec<T> = Vec::new();
-    for (_, candidate) in scored {
-        if chosen.len() == most {
+    let least = scored.first().map_or(0.0, |(best, _)| best / 2.0);
+    for (score, candidate) in scored {
+        if chosen.len() == most || score < least {
             break;
         }
         if chosen
@@ -179,23 +224,23 @@ pub fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
             pairs.push(Pair { arm, target });
         }
         if end_s < t.span.end_s {
-            arm += 1
+            arm += 1;
         } else {
-            target += 1
+            target += 1;
         }
     }
     pairs
 }
 
 /// How well the moves between `pairs` agree: one for each move of equal length in both logs, less as they differ.
-fn agreement(dwells: Dwells, pairs: &[Pair], move_mm: f64) -> f64 {
+fn agreement(dwells: Dwells, pairs: &[Pair], ruler: &Ruler) -> f64 {
     let moves = |lag: usize| pairs.iter().zip(pairs.iter().skip(lag));
-    let flange = |pair: &Pair| dwells.arm[pair.arm].flange.translation.vector;
+    let arm = |pair: &Pair| ruler.points[pair.arm];
     let target = |pair: &Pair| dwells.target[pair.target].position;
     let length = |from: Vector3<f64>, to: Vector3<f64>| (to - from).norm();
     let agree = |(from, to): (&Pair, &Pair)| {
-        let difference = length(flange(from), flange(to)) - length(target(from), target(to));
-        (1.0 - difference.abs() / (0.5 * move_mm)).max(0.0)
+        let difference = length(arm(from), arm(to)) - length(target(from), target(to));
+        (1.0 - difference.abs() / ruler.tolerance_mm).max(0.0)
     };
     LAGS.iter()
         .map(|&lag| moves(lag).map(agree).sum::<f64>())

@@ -131,3 +131,60 @@ fn scaled(step: &SVector<f64, 9>) -> f64 {
         .map(|i| step[i].abs() * reach_mm(i))
         .fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::isometry_from_rpy;
+
+    fn sightings(truth: &Placement) -> Vec<Sighting> {
+        let flange = |k: i32| {
+            let t = f64::from(k);
+            let place = [
+                700.0 * (t * 0.9).sin(),
+                500.0 * (t * 1.7).cos(),
+                40.0 * (t * 2.3).sin() * t,
+            ];
+            isometry_from_rpy(place, [t * 0.7, (t * 1.3).sin(), t * 0.4])
+        };
+        let sighting = |k| Sighting {
+            flange: flange(k),
+            attained: truth.predict(&flange(k)),
+        };
+        (0..20).map(sighting).collect()
+    }
+
+    #[test]
+    fn base_and_a_far_target_are_found_in_spite_of_wrong_reflectors() {
+        let truth = Placement {
+            tracker_from_base: isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, -0.2, 2.0]),
+            target_mm: Vector3::new(250.0, -100.0, 180.0),
+        };
+        let mut seen = sightings(&truth);
+        for wrong in [2, 7, 13] {
+            seen[wrong].attained.z += 300.0;
+        }
+        let found = Placement::fit(&seen).expect("twenty poses");
+        assert!(
+            (found.target_mm - truth.target_mm).norm() < 0.1,
+            "{}",
+            found.target_mm
+        );
+        assert!(found.median_mm(&seen) < 0.1);
+    }
+
+    #[test]
+    fn with_one_orientation_the_distances_are_right_all_the_same() {
+        let truth = Placement {
+            tracker_from_base: isometry_from_rpy([100.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
+            target_mm: Vector3::new(0.0, 0.0, 90.0),
+        };
+        let mut seen = sightings(&truth);
+        for sighting in &mut seen {
+            sighting.flange.rotation = UnitQuaternion::identity();
+            sighting.attained = truth.predict(&sighting.flange);
+        }
+        let found = Placement::fit(&seen).expect("twenty places");
+        assert!(found.median_mm(&seen) < 1e-3);
+    }
+}

@@ -172,7 +172,7 @@ impl<'a> Windows<'a> {
     fn count(&self, threshold: f64) -> usize {
         let mut lengths: Vec<usize> = Vec::new();
         self.for_each_stretch(threshold, |stretch| {
-            lengths.push(stretch.last - stretch.first)
+            lengths.push(stretch.last - stretch.first);
         });
         if lengths.is_empty() {
             return 0;
@@ -285,5 +285,96 @@ fn widen_by_ranges(ranges: &mut [f64], column: &[f64], samples: usize) {
             }
         }
         ranges[first] = ranges[first].max(largest[0].1 - smallest[0].1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RULE: RestRule = RestRule {
+        window_s: 0.1,
+        gap_s: 1.0,
+        min_stretch_s: 0.0,
+        threshold: None,
+        floor: 1e-3,
+    };
+
+    /// Ten rests of 20 samples at 50 ms with noise of a hundredth, ten samples of motion by 1 between them.
+    fn steps() -> (Vec<i64>, Vec<f64>) {
+        let value = |k: i64| {
+            let (rest, within) = (k / 30, k % 30);
+            let moved = (within - 20).max(0) as f64 / 10.0;
+            rest as f64 + moved + 0.01 * ((k * 7919) % 11 - 5) as f64 / 5.0
+        };
+        (
+            (0..300).map(|k| k * 50_000_000).collect(),
+            (0..300).map(value).collect(),
+        )
+    }
+
+    #[test]
+    fn the_plateau_separates_noise_from_motion() {
+        let (stamps_ns, column) = steps();
+        let rest = at_rest(&stamps_ns, &[column], &RULE);
+        assert_eq!(rest.stretches.len(), 10);
+        // Samples 30 to 50 rest: 20 still ones, and the first of the motion is no further than its start.
+        assert_eq!(
+            rest.stretches[1],
+            Stretch {
+                first: 30,
+                last: 50
+            }
+        );
+        assert_eq!(rest.interval_ns, 50_000_000);
+        // Above the noise's range of 0.02, below three samples of motion, 0.2.
+        assert!((0.02..0.2).contains(&rest.threshold), "{}", rest.threshold);
+    }
+
+    #[test]
+    fn a_single_spike_does_not_end_a_stretch_and_a_break_in_time_does() {
+        let (mut stamps_ns, mut column) = steps();
+        column[40] += 0.5;
+        stamps_ns[70..]
+            .iter_mut()
+            .for_each(|stamp| *stamp += 2_000_000_000);
+        let rest = at_rest(&stamps_ns, &[column], &RULE);
+        assert_eq!(
+            rest.stretches[1],
+            Stretch {
+                first: 30,
+                last: 50
+            }
+        );
+        assert_eq!(
+            rest.stretches[2],
+            Stretch {
+                first: 60,
+                last: 69
+            }
+        );
+        assert_eq!(
+            rest.stretches[3],
+            Stretch {
+                first: 70,
+                last: 80
+            }
+        );
+    }
+
+    #[test]
+    fn a_quantised_column_shows_its_quantum() {
+        let counts = [0, 0, 1, 0, 2, 2, 3, 1, 0, 1, 4, 4, 0, 1];
+        let quantised: Vec<f64> = counts.map(|count| f64::from(count) * 1.75e-4).to_vec();
+        assert!((quantum(&quantised) - 1.75e-4).abs() < 1e-12);
+        let free: Vec<f64> = (0..40).map(|k| (f64::from(k) * 1.7).sin()).collect();
+        assert!(quantum(&free).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_and_one_sample_have_no_plateau() {
+        assert!(at_rest(&[], &[vec![], vec![]], &RULE).stretches.is_empty());
+        let one = at_rest(&[5], &[vec![1.0]], &RULE);
+        assert!((one.threshold - RULE.floor).abs() < 1e-12);
     }
 }

@@ -35,6 +35,8 @@ pub(super) struct Scene {
     pub drift: f64,
     /// The target in the flange frame, mm.
     pub target_mm: [f64; 3],
+    /// Times the joints' errors of about a milliradian.
+    pub arm_error: f64,
     /// First controller stamp, ns.
     pub origin_ns: i64,
 }
@@ -69,6 +71,7 @@ impl Scene {
             offset_s: 12.3456,
             drift: 30e-6,
             target_mm: [10.0, -20.0, 90.0],
+            arm_error: 1.0,
             origin_ns: 1_605_000_000_000_000_000,
         }
     }
@@ -103,13 +106,13 @@ impl Scene {
         })
     }
 
-    /// Where the target truly is, mm in the tracker frame: the nominal arm with its joints a milliradian off.
+    /// Where the target truly is, mm in the tracker frame: the nominal arm with its joints off.
     pub fn target(&self, arm: &Arm, angles: &[f64; 6]) -> Vector3<f64> {
         let errors = [1e-3, -0.7e-3, 1.2e-3, -1e-3, 0.8e-3, 0.0];
         let real: Vec<f64> = angles
             .iter()
             .zip(errors)
-            .map(|(q, error)| q + error)
+            .map(|(q, error)| q + self.arm_error * error)
             .collect();
         let tracker_from_base: Isometry3<f64> =
             isometry_from_rpy([2500.0, -900.0, 400.0], [0.02, -0.01, 2.0]);

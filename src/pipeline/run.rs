@@ -1,12 +1,30 @@
 //! One piece of work: read, joined, run through the stages, published.
+//!
+//! Steps: its name follows from the digests of its inputs, its settings and this version; a lake that has it is left
+//! alone. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
+//! that makes the run exist.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
 
+use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{Plan, WorkPiece};
+use super::outcome::{JoinedSession, Outcome};
+use super::plan::{Plan, SessionFiles, WorkPiece};
+use super::stages::{self, StageError};
+use crate::fit::commanded::{CommandFrames, commanded};
+use crate::geometry::Transform;
 use crate::grid::Verdict;
+use crate::ingest::Recording;
+use crate::io::lake::{Commit, Lake, LakeError};
+use crate::io::log::{LogError, read_recording};
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError, Validity};
+use crate::join::{JoinError, Pairing, join};
+use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
 
 /// What a finished piece of work comes to.
 #[derive(Debug, Clone)]
@@ -28,16 +46,388 @@ pub struct Done {
 /// Why a piece of work has no result.
 #[derive(Debug, Error)]
 pub enum RunError {
-    /// To come.
-    #[error("not built yet")]
-    NotBuilt,
+    /// An input cannot be digested.
+    #[error("cannot read {}: {source}", path.display())]
+    Input {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// Neither the pipeline file nor the logs name the robot.
+    #[error(
+        "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
+    )]
+    NoRobotName {
+        /// The session.
+        session: String,
+    },
+    /// More of a log was lost than the pipeline file allows.
+    #[error(
+        "session {session}: {lost} of {bytes} bytes were lost to damage, more than max_lost_share = {allowed} allows; `posegrid inspect` shows where"
+    )]
+    Damaged {
+        /// The session.
+        session: String,
+        /// Bytes lost.
+        lost: u64,
+        /// Bytes in all.
+        bytes: u64,
+        /// Share allowed.
+        allowed: f64,
+    },
+    /// The logs cannot be joined.
+    #[error("session {session}: join: {source}")]
+    Join {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<JoinError>,
+    },
+    /// A stage after the join.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// The tables cannot be published.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    /// The lake cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
 }
 
 /// Does one piece of work.
 pub fn run_piece(
-    _plan: &Plan,
-    _piece: &WorkPiece,
-    _progress: &dyn Progress,
+    plan: &Plan,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    Err(RunError::NotBuilt)
+    let mut recordings = BTreeMap::new();
+    let work = work(plan, piece, &mut recordings, progress)?;
+    let key = work.key();
+    let lake = Lake::new(&plan.lake);
+    if lake.exists(&key)? {
+        return already_there(&lake, &key);
+    }
+    let mut joined =
+        |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
+    let training = piece
+        .training
+        .iter()
+        .map(&mut joined)
+        .collect::<Result<Vec<_>, _>>()?;
+    let test = piece
+        .test
+        .iter()
+        .map(&mut joined)
+        .collect::<Result<Vec<_>, _>>()?;
+    let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
+    let commit = tables::publish(&outcome, &context(plan, &outcome), &lake, &work)?;
+    Ok(Done {
+        session: key.session.clone(),
+        run: key.run.clone(),
+        already_there: commit == Commit::AlreadyThere,
+        verdict: outcome.grids.choice.verdict.clone(),
+        words: words(&outcome, plan.stages.tolerance.mm),
+        tables: plan.lake.clone(),
+    })
+}
+
+/// The work's identity. A log is only read here where nothing else names the robot.
+fn work(
+    plan: &Plan,
+    piece: &WorkPiece,
+    recordings: &mut BTreeMap<String, Recording>,
+    progress: &dyn Progress,
+) -> Result<Work, RunError> {
+    let mut inputs = vec![input(&plan.robot_file, "robot")?];
+    for files in piece.training.iter().chain(&piece.test) {
+        inputs.push(input(
+            &files.controller,
+            &format!("{}/controller", files.name),
+        )?);
+        if files.tracker != files.controller {
+            inputs.push(input(&files.tracker, &format!("{}/tracker", files.name))?);
+        }
+    }
+    let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
+    Ok(Work {
+        robot: robot_name(plan, piece, recordings, progress)?,
+        session: piece.session.clone(),
+        pipeline: plan.pipeline.clone(),
+        sessions: names(&piece.training),
+        test_sessions: names(&piece.test),
+        inputs,
+        settings: plan.settings.clone(),
+    })
+}
+
+fn input(path: &Path, name: &str) -> Result<Input, RunError> {
+    let wrong = |source| RunError::Input {
+        path: path.to_owned(),
+        source,
+    };
+    let (digest, bytes) = manifest::digest(File::open(path).map_err(wrong)?).map_err(wrong)?;
+    Ok(Input {
+        name: name.to_owned(),
+        bytes,
+        digest,
+    })
+}
+
+fn robot_name(
+    plan: &Plan,
+    piece: &WorkPiece,
+    recordings: &mut BTreeMap<String, Recording>,
+    progress: &dyn Progress,
+) -> Result<String, RunError> {
+    if let Some(name) = &plan.robot {
+        return Ok(name.clone());
+    }
+    let none = || RunError::NoRobotName {
+        session: piece.session.clone(),
+    };
+    let files = piece.training.first().ok_or_else(none)?;
+    let recording = read(plan, files, progress)?;
+    let name = recording.metadata.get("session.robot").cloned();
+    recordings.insert(files.name.clone(), recording);
+    name.ok_or_else(none)
+}
+
+/// What the lake says of a run that it has.
+fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
+    let row = lake.read("runs", key)?;
+    let text = |column: &str| {
+        row.text(column)
+            .iter()
+            .flatten()
+            .next()
+            .unwrap_or_default()
+            .to_owned()
+    };
+    let verdict = match text("verdict").as_str() {
+        "met" => Verdict::Meets,
+        "not_met" => Verdict::DoesNotMeet,
+        _ => Verdict::NotShown(text("reason")),
+    };
+    Ok(Done {
+        session: key.session.clone(),
+        run: key.run.clone(),
+        already_there: true,
+        verdict,
+        words: vec![
+            "the lake has this run already: same inputs, settings and version; nothing was done"
+                .to_owned(),
+        ],
+        tables: lake.root().to_owned(),
+    })
+}
+
+fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Recording, RunError> {
+    let recording = read_recording(
+        &files.controller,
+        &files.tracker,
+        &plan.mapping,
+        plan.limits,
+        progress,
+    )?;
+    let bytes: u64 = recording
+        .counts
+        .iter()
+        .filter(|(key, _)| key.ends_with(".bytes"))
+        .map(|(_, count)| count)
+        .sum();
+    let lost: u64 = recording
+        .rejects
+        .iter()
+        .map(|reject| reject.byte_end.saturating_sub(reject.byte_start))
+        .sum();
+    if lost as f64 > plan.max_lost_share * bytes as f64 {
+        return Err(RunError::Damaged {
+            session: files.name.clone(),
+            lost,
+            bytes,
+            allowed: plan.max_lost_share,
+        });
+    }
+    Ok(recording)
+}
+
+fn joined(
+    plan: &Plan,
+    files: &SessionFiles,
+    recording: Option<Recording>,
+    progress: &dyn Progress,
+) -> Result<JoinedSession, RunError> {
+    let recording = match recording {
+        Some(recording) => recording,
+        None => read(plan, files, progress)?,
+    };
+    let wrong = |source| RunError::Join {
+        session: files.name.clone(),
+        source: Box::new(source),
+    };
+    let joined = join(&recording, &plan.arm, &plan.join).map_err(wrong)?;
+    let no_commands = CommandFrames {
+        base_from_command: Isometry3::identity(),
+        flange_from_tool: None,
+    };
+    let commanded = commanded(
+        &joined.stations,
+        &plan.arm,
+        &plan.command_frames.unwrap_or(no_commands),
+    );
+    let Recording {
+        rejects: log_rejects,
+        counts,
+        ..
+    } = recording;
+    Ok(JoinedSession {
+        name: files.name.clone(),
+        log_rejects,
+        counts,
+        joined,
+        commanded,
+    })
+}
+
+fn context<'a>(plan: &'a Plan, outcome: &Outcome<'_>) -> PublishContext<'a> {
+    let base_from_command = plan
+        .command_frames
+        .map_or_else(Isometry3::identity, |frames| frames.base_from_command);
+    let valid_for = &plan.valid_for;
+    PublishContext {
+        arm: &plan.arm,
+        command_from_base: Transform::claim(base_from_command.inverse()),
+        fit: &plan.stages.fit,
+        full: &plan.stages.full,
+        tolerance: plan.stages.tolerance,
+        grid: GridBasis {
+            model: if outcome.full.is_some() {
+                Model::Full
+            } else {
+                Model::Geometric
+            },
+            angles: Angles::Commanded,
+            split: Split::Blocks,
+            guard_mm: outcome.grids.guard_mm,
+        },
+        noise_mm2: noise_mm2(plan, outcome),
+        validity: Validity {
+            tool: valid_for.tool.clone(),
+            payload_kg: valid_for.payload_kg,
+            mounting: valid_for.mounting.clone(),
+            base: valid_for.base.clone(),
+            controller_model: valid_for.controller_model.clone(),
+            absolute_accuracy_option: valid_for.absolute_accuracy_option,
+        },
+        replaces: None,
+    }
+}
+
+/// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
+fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
+    let stations = &outcome.training.last()?.joined.stations;
+    let noise = &plan.stages.noise;
+    let variances: Vec<f64> = stations
+        .iter()
+        .filter_map(|station| station.attained.as_ref())
+        .map(|attained| {
+            noise.tracker.covariance(&attained.position).trace() / 3.0
+                + noise.repeatability_mm.powi(2)
+        })
+        .collect();
+    (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)
+}
+
+/// The result in lines that a person reads.
+fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
+    let mut words = Vec::new();
+    for session in outcome.training.iter().chain(&outcome.test) {
+        let stations = &session.joined.stations;
+        let paired = stations
+            .iter()
+            .filter(|station| station.pairing == Pairing::Paired)
+            .count();
+        let clock = &session.joined.clock.model;
+        words.push(format!(
+            "{}: {} stations, {paired} measured, {} not; tracker clock {:+.4} s ahead, drift {:+.2} ppm",
+            session.name,
+            stations.len(),
+            stations.len() - paired,
+            clock.offset_ns / crate::units::NS_PER_S,
+            clock.drift * 1e6
+        ));
+    }
+    words.extend(
+        outcome
+            .accuracy
+            .iter()
+            .filter(|accuracy| is_headline(accuracy))
+            .filter_map(figure_words),
+    );
+    if let Some(full) = &outcome.full {
+        let part = |part: &crate::fit::full::PartEvidence| {
+            format!(
+                "{} {} ({:+.0} nats)",
+                part.name,
+                if part.kept { "kept" } else { "dropped" },
+                part.gain
+            )
+        };
+        let parts: Vec<String> = full.parts.iter().map(part).collect();
+        words.push(format!(
+            "parts of the model by evidence: {}",
+            parts.join(", ")
+        ));
+    }
+    words.push(format!("grid: {}", outcome.grids.choice.words));
+    words.push(match &outcome.grids.choice.verdict {
+        Verdict::Meets => format!("tolerance {tolerance_mm} mm: met"),
+        Verdict::DoesNotMeet => format!("tolerance {tolerance_mm} mm: not met"),
+        Verdict::NotShown(reason) => format!("tolerance {tolerance_mm} mm: not shown ({reason})"),
+    });
+    words
+}
+
+/// Figures on stations that took no part, and the command as it is.
+fn is_headline(accuracy: &Accuracy) -> bool {
+    let subject = &accuracy.subject;
+    subject.model == Model::RawCommand
+        || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
+}
+
+fn figure_words(accuracy: &Accuracy) -> Option<String> {
+    let figures = accuracy.figures?;
+    let subject = &accuracy.subject;
+    let model = match subject.model {
+        Model::RawCommand => "error against the raw command",
+        Model::BaseTarget => "base and target fitted",
+        Model::Geometric => "geometry identified",
+        Model::Full => "whole model",
+        Model::Table => "compensation table",
+    };
+    let angles = if subject.model == Model::Full && subject.angles == Angles::Commanded {
+        " from commands alone"
+    } else {
+        ""
+    };
+    let judged = match (subject.split, subject.base_refit) {
+        (Split::None, _) => String::new(),
+        (Split::Blocks, _) => ", held-out blocks".to_owned(),
+        (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),
+        (Split::Session, _) => format!(
+            ", unseen session {} with its base from its first stations",
+            subject.of_session
+        ),
+    };
+    let bound = accuracy
+        .bound
+        .map_or_else(|| "not shown".to_owned(), |bound| format!("{bound:.3}"));
+    Some(format!(
+        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3}, bound {bound} mm (n = {})",
+        figures.mean, figures.p95, figures.max, figures.n
+    ))
 }

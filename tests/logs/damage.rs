@@ -102,8 +102,13 @@ fn all_accounted(log: &[u8], homes: &BTreeMap<u32, (usize, usize)>, length: usiz
     let recording = match read(log) {
         Ok(recording) => recording,
         // Nothing is decoded, and the error says so.
-        Err(LogError::File(_) | LogError::UnknownTopic { .. } | LogError::Ingest(_)) => return,
-        Err(LogError::Schema { .. } | LogError::Unsuitable { .. }) => return,
+        Err(
+            LogError::File(_)
+            | LogError::UnknownTopic { .. }
+            | LogError::Ingest(_)
+            | LogError::Schema { .. }
+            | LogError::Unsuitable(_),
+        ) => return,
         Err(error) => panic!("{case}: {error}"),
     };
     let decoded = decoded(&recording);
@@ -208,7 +213,7 @@ fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
         assert!(chunks.len() > 5, "{storage}: {} chunks", chunks.len());
         let (start, end, _) = chunks[3];
         let mut damaged = log.clone();
-        damaged[(start + end) / 2] ^= 0x10;
+        damaged[usize::midpoint(start, end)] ^= 0x10;
         let recording = read(&damaged).expect("the rest is sound");
         let [reject] = &recording.rejects[..] else {
             panic!("{storage}: one chunk is lost: {:?}", recording.rejects)
@@ -247,6 +252,26 @@ fn a_flipped_byte_outside_chunks_is_noticed_by_the_checksum_of_all() {
         "{:?}",
         recording.rejects
     );
+}
+
+#[test]
+fn channels_defined_in_a_lost_chunk_are_known_from_the_summary() {
+    let log = session_log(Some(Compression::Zstd), MESSAGES);
+    let (start, end, _) = *frames(&log)
+        .iter()
+        .find(|f| f.2 == mcap::records::op::CHUNK)
+        .expect("chunked");
+    let mut damaged = log.clone();
+    damaged[usize::midpoint(start, end)] ^= 1;
+    let recording = read(&damaged).expect("the summary repeats what the first chunk defines");
+    assert_eq!(recording.rejects.len(), 1);
+    let lost = homes(&log).values().filter(|home| home.0 == start).count();
+    assert_eq!(recording.joints.stamps.len(), MESSAGES as usize - lost);
+    // With a summary that is damaged as well, the channels stay unknown.
+    let summary = damaged.len() - 200;
+    damaged[summary] ^= 1;
+    let error = read(&damaged).expect_err("no channel is known").to_string();
+    assert!(error.contains("damaged in"), "{error}");
 }
 
 /// A fixed sequence of numbers that look random (splitmix64).
@@ -305,6 +330,30 @@ fn no_damaged_frame_loses_a_message_in_silence() {
                     &homes,
                     log.len(),
                     &format!("{storage}, frame {start}, {offset} {bytes:?}"),
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_definition_does_not_swallow_what_follows() {
+    use mcap::records::op;
+    for (storage, log) in storages() {
+        let homes = homes(&log);
+        let definitions = frames(&log)
+            .into_iter()
+            .filter(|f| matches!(f.2, op::HEADER | op::SCHEMA | op::CHANNEL));
+        for (start, _, _) in definitions {
+            // The length, 512 or 4096 or 16384 more.
+            for bit in [1, 4, 6] {
+                let mut damaged = log.clone();
+                damaged[start + 2] ^= 1 << bit;
+                all_accounted(
+                    &damaged,
+                    &homes,
+                    log.len(),
+                    &format!("{storage}, frame {start}, bit {bit}"),
                 );
             }
         }

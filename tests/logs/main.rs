@@ -2,5 +2,6 @@
 
 mod build;
 mod damage;
+mod inspect;
 mod recordings;
 mod sound;

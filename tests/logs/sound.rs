@@ -1,5 +1,10 @@
 //! Sound logs of every kind: what is decoded is what was written, and what is left out has a reason.
 
+#![expect(
+    clippy::float_cmp,
+    reason = "what was written must come back exactly, scaled by powers of ten that are exact here"
+)]
+
 use mcap::{Compression, WriteOptions};
 use posegrid::ingest::{IngestError, TimeSource};
 use posegrid::io::log::LogError;
@@ -171,8 +176,23 @@ fn samples_are_in_the_order_of_the_time_source() {
     let mut mapping = mapping();
     mapping.controller.time = TimeSource::Log;
     let by_log = read_as(&log, &mapping).expect("sound");
+    assert_eq!(by_log.rejects, []);
     assert_eq!(by_log.joints.angles[0], [0.0, 0.0, 1.0, 2.0, 3.0]);
     assert_eq!(by_log.joints.stamps[4].ns(), 200_000_000_003);
+}
+
+#[test]
+fn times_beyond_the_clock_are_rejected() {
+    let mut log = Log::new(None);
+    session(&mut log, 1);
+    // One below the writer's own limit, far above what 63 bits of nanoseconds hold.
+    let message = Cdr::stamped(stamp(1)).joints(&["a", "b"], &[1.0, 1.0]);
+    log.write(1, u64::MAX - 1, &message.done());
+    let mut mapping = mapping();
+    mapping.controller.time = TimeSource::Log;
+    let found = read_as(&log.done(), &mapping).expect("sound");
+    assert_eq!(found.joints.angles[0], [0.0]);
+    assert!(found.rejects[0].reason.contains("2262"));
 }
 
 #[test]
@@ -278,13 +298,13 @@ fn header_stamps_that_nobody_sets_are_an_error() {
     let joints = log.channel("/joints", "JointState");
     log.channel("/command", "PoseStamped");
     log.channel("/reading", "PointStamped");
-    (0..3).for_each(|i| {
+    for i in 0..3 {
         log.write(
             joints,
             i,
             &Cdr::stamped(0).joints(&["a", "b"], &[0.0, 0.0]).done(),
-        )
-    });
+        );
+    }
     let error = read(&log.done()).expect_err("refused").to_string();
     assert!(
         error.contains("header stamp 0") && error.contains("time = \"log\""),

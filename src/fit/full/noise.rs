@@ -2,7 +2,7 @@
 //! repeatability of each joint seen through the arm.
 //!
 //! `N = instrument + s₀² I + Σ_j s_j² J_j J_jᵀ`, over the station's weight. The sizes follow from leave-one-out
-//! residuals: `s_k² ← s_k² √(Σ αᵀ T_k α / Σ tr(K T_k))`, a damped step to where both agree.
+//! residuals: `s_k² ← s_k² Σ αᵀ T_k α / Σ tr(K T_k)`, a step to where both agree.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -57,9 +57,7 @@ impl Repeatability {
             let found: f64 = evidence.iter().map(|e| e.found[term]).sum();
             let expected: f64 = evidence.iter().map(|e| e.expected[term]).sum();
             if expected > 0.0 {
-                *variance *= (found / expected)
-                    .sqrt()
-                    .clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
+                *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
             }
         };
         step(&mut self.position, 0);
@@ -67,15 +65,6 @@ impl Repeatability {
         for (joint, variance) in self.joints.iter_mut().enumerate() {
             step(variance, 2 + joint);
         }
-    }
-
-    /// Scales all sizes.
-    pub fn scale(&mut self, factor: f64) {
-        self.position *= factor;
-        self.orientation *= factor;
-        self.joints
-            .iter_mut()
-            .for_each(|variance| *variance *= factor);
     }
 }
 

@@ -22,7 +22,7 @@ pub struct Sums {
     pub ln_noise: f64,
 }
 
-/// The posterior at given prior variances and noise scale.
+/// The posterior at given prior variances.
 #[derive(Debug, Clone)]
 pub struct Posterior {
     /// `√v`.
@@ -33,8 +33,6 @@ pub struct Posterior {
     pub whitened: DVector<f64>,
     /// Log marginal likelihood, nats, up to the constant of the rows.
     pub log_evidence: f64,
-    /// The noise scale s² it was found at.
-    pub noise_scale: f64,
 }
 
 impl Sums {
@@ -49,36 +47,28 @@ impl Sums {
         }
     }
 
-    /// The posterior at prior variances `v` and noise scaled by `noise_scale`; `None` if rounding made M indefinite.
-    pub fn posterior(&self, variances: &DVector<f64>, noise_scale: f64) -> Option<Posterior> {
+    /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
+    pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
         let scale = variances.map(f64::sqrt);
         let size = scale.len();
         let mut matrix = self.information.clone();
         for column in 0..size {
             for row in column..size {
-                matrix[(row, column)] *= scale[row] * scale[column] / noise_scale;
+                matrix[(row, column)] *= scale[row] * scale[column];
             }
             matrix[(column, column)] += 1.0;
         }
         let factor = Cholesky::new(matrix)?;
-        let right = self.moment.component_mul(&scale) / noise_scale;
+        let right = self.moment.component_mul(&scale);
         let whitened = factor.solve(&right);
-        let quadratic = self.square / noise_scale - right.dot(&whitened);
-        let ln_noise = (self.rows as f64).mul_add(noise_scale.ln(), self.ln_noise);
-        let log_evidence = -0.5 * (quadratic + factor.ln_determinant() + ln_noise);
+        let quadratic = self.square - right.dot(&whitened);
+        let log_evidence = -0.5 * (quadratic + factor.ln_determinant() + self.ln_noise);
         Some(Posterior {
             scale,
             factor,
             whitened,
             log_evidence,
-            noise_scale,
         })
-    }
-
-    /// Weighted sum of squared residuals at a posterior's mean.
-    pub fn misfit(&self, posterior: &Posterior) -> f64 {
-        let mean = posterior.mean();
-        self.square - 2.0 * mean.dot(&self.moment) + mean.dot(&(&self.information * &mean))
     }
 }
 
@@ -123,7 +113,7 @@ mod tests {
         let s = &rows * &v * rows.transpose() + DMatrix::identity(7, 7);
         let s_inverse = s.clone().try_inverse().expect("positive definite");
         let posterior = Sums::new(&rows, &values, 0.0)
-            .posterior(&variances, 1.0)
+            .posterior(&variances)
             .expect("positive definite");
         let mean = &v * rows.transpose() * &s_inverse * &values;
         assert!((posterior.mean() - mean).norm() < 1e-12);

@@ -33,7 +33,8 @@ pub struct FullSettings {
     pub gravity_sd: f64,
     /// Expected size of a gear line, rad.
     pub line_sd_rad: f64,
-    /// Evidence a gear line must bring, nats.
+    /// Evidence a gear line must bring, nats. Among the 10⁴ frequencies of an arm, noise alone
+    /// reaches 9.
     pub line_threshold: f64,
     /// Expected size of the base drift, mm.
     pub drift_sd_mm: f64,
@@ -71,7 +72,7 @@ impl Default for FullSettings {
             curve_sd_rad: 0.4e-3,
             gravity_sd: 0.4e-3,
             line_sd_rad: 15e-6,
-            line_threshold: 8.0,
+            line_threshold: 10.0,
             drift_sd_mm: 0.03,
             drift_length_stations: 180.0,
             blend_sd: 1.0,

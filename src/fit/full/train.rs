@@ -97,8 +97,7 @@ pub fn train(
         let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
         let (sums, covariances) = sums(problem, &state, &rows, &prior_mean);
-        let (posterior, noise_scale) = settle(&mut state, &sums, steps)?;
-        state.repeatability.scale(noise_scale);
+        let posterior = settle(&mut state.components, &sums, steps)?;
         let left_out = leave_one_out(&state, &rows, &prior_mean, &covariances, &posterior);
         if round + 1 == STEPS.len() {
             return Some(Settled {
@@ -360,23 +359,18 @@ fn sums(
     (Sums::new(&stacked, &values, ln_noise), covariances)
 }
 
-/// `steps` steps of sizes and noise scale on one Gram matrix, and the posterior where they end.
-fn settle(state: &mut State, sums: &Sums, steps: usize) -> Option<(Posterior, f64)> {
-    let mut noise_scale = 1.0;
+/// `steps` steps of the sizes on one Gram matrix, and the posterior where they end.
+fn settle(components: &mut Components, sums: &Sums, steps: usize) -> Option<Posterior> {
     for _ in 0..steps {
-        let variances = state.components.variances();
-        let posterior = sums.posterior(&variances, noise_scale)?;
-        let determined = posterior.determined();
-        state
-            .components
-            .update(&posterior.whitened.map(|u| u * u), &determined, &variances);
-        let freedom = sums.rows as f64 - determined.sum();
-        noise_scale *= (sums.misfit(&posterior) / noise_scale / freedom.max(1.0)).clamp(0.2, 5.0);
+        let variances = components.variances();
+        let posterior = sums.posterior(&variances)?;
+        components.update(
+            &posterior.whitened.map(|u| u * u),
+            &posterior.determined(),
+            &variances,
+        );
     }
-    Some((
-        sums.posterior(&state.components.variances(), noise_scale)?,
-        noise_scale,
-    ))
+    sums.posterior(&components.variances())
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
@@ -398,12 +392,12 @@ fn leave_one_out(
             let row = &rows[place];
             let own = half.columns(first, row.value.len());
             first += row.value.len();
-            let noise = &covariances[place] * posterior.noise_scale;
+            let noise = &covariances[place];
             let explained = own.tr_mul(&own);
             left_out.push(left_out_of(
                 row,
                 &mean,
-                &noise,
+                noise,
                 &explained,
                 state.weights[place],
             ));
@@ -561,7 +555,7 @@ impl Settled {
             if columns == 0 {
                 continue;
             }
-            let Some(without) = self.sums.posterior(&variances, self.posterior.noise_scale) else {
+            let Some(without) = self.sums.posterior(&variances) else {
                 continue;
             };
             let gain = self.posterior.log_evidence - without.log_evidence;

@@ -163,6 +163,14 @@ impl<P> Block<P> {
         Ok(())
     }
 
+    /// Channels that messages were left out for because nothing defines them.
+    pub fn unknown_channels(&self) -> impl Iterator<Item = u16> {
+        self.faults.iter().filter_map(|(fault, _)| match fault {
+            BlockFault::UnknownChannel(id) => Some(*id),
+            _ => None,
+        })
+    }
+
     fn clear<V: Visitor<Part = P>>(&mut self, visitor: &V) {
         visitor.clear(&mut self.part);
         self.faults.clear();

@@ -126,3 +126,77 @@ fn check(chunk: &ChunkRecord, records: &[u8]) -> Result<(), ChunkFault> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RECORDS: &[u8] = b"records records records";
+
+    fn lz4_frame() -> Vec<u8> {
+        use std::io::Write;
+        let mut encoder = lz4::EncoderBuilder::new()
+            .build(Vec::new())
+            .expect("memory");
+        encoder.write_all(RECORDS).expect("memory");
+        encoder.finish().0
+    }
+
+    fn run(compression: &str, stored: &[u8], size: u64, crc: u32) -> Result<Vec<u8>, ChunkFault> {
+        let chunk = ChunkRecord {
+            start_time: 0,
+            end_time: 0,
+            uncompressed_size: size,
+            crc,
+            compression: compression.to_owned(),
+            compressed_size: stored.len() as u64,
+            header_size: 0,
+        };
+        let mut records = Vec::new();
+        Decompressor::default()
+            .run(&chunk, stored, 1000, &mut records)
+            .map(|()| records)
+    }
+
+    #[test]
+    fn every_compression_gives_the_records_back() {
+        let (size, crc) = (RECORDS.len() as u64, crc32fast::hash(RECORDS));
+        let zstd = zstd::bulk::compress(RECORDS, 1).expect("memory");
+        for (name, stored) in [("", RECORDS.to_vec()), ("zstd", zstd), ("lz4", lz4_frame())] {
+            assert_eq!(
+                run(name, &stored, size, crc).as_deref(),
+                Ok(RECORDS),
+                "{name}"
+            );
+            // 0: the log gives no checksum.
+            assert_eq!(
+                run(name, &stored, size, 0).as_deref(),
+                Ok(RECORDS),
+                "{name}"
+            );
+            let wrong = run(name, &stored, size, crc ^ 1).expect_err("refused");
+            assert!(matches!(wrong, ChunkFault::Checksum { .. }), "{name}");
+            for lie in [size - 1, size + 1] {
+                assert!(run(name, &stored, lie, crc).is_err(), "{name}");
+            }
+            let cut = run(name, &stored[..stored.len() / 2], size, crc);
+            assert!(cut.is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_chunk_above_the_limit_is_not_even_begun() {
+        let refused = run("zstd", &[], u64::MAX, 0);
+        assert_eq!(
+            refused,
+            Err(ChunkFault::TooLarge {
+                stated: u64::MAX,
+                limit: 1000
+            })
+        );
+        assert!(matches!(
+            run("xz", &[], 1, 0),
+            Err(ChunkFault::Compression(_))
+        ));
+    }
+}

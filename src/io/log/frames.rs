@@ -13,9 +13,7 @@ use std::io;
 use thiserror::Error;
 
 use super::Limits;
-use super::record::{
-    ChunkRecord, FRAME_HEADER, MOST_EXTENSION, MessageRecord, extends, indexed_messages, op,
-};
+use super::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op};
 use super::source::Source;
 
 /// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.

@@ -25,6 +25,11 @@ impl<'a> Fields<'a> {
         self.rest
     }
 
+    /// Whether the record ends here, but for an extension. One much longer than its fields has a damaged length.
+    fn end(&self) -> Option<()> {
+        (self.rest.len() as u64 <= MOST_EXTENSION).then_some(())
+    }
+
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (bytes, rest) = self.rest.split_first_chunk::<N>()?;
         self.rest = rest;
@@ -78,10 +83,11 @@ impl<'a> HeaderRecord<'a> {
     /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        Some(Self {
+        let header = Self {
             profile: fields.text()?,
             library: fields.text()?,
-        })
+        };
+        fields.end().map(|()| header)
     }
 }
 
@@ -102,12 +108,13 @@ impl<'a> SchemaRecord<'a> {
     /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        Some(Self {
+        let schema = Self {
             id: fields.u16().filter(|&id| id != 0)?,
             name: fields.text()?,
             encoding: fields.text()?,
             definition: fields.bytes()?,
-        })
+        };
+        fields.end().map(|()| schema)
     }
 }
 
@@ -134,7 +141,8 @@ impl<'a> ChannelRecord<'a> {
             topic: fields.text()?,
             encoding: fields.text()?,
         };
-        fields.text_map().map(|_| channel)
+        fields.text_map()?;
+        fields.end().map(|()| channel)
     }
 }
 
@@ -245,10 +253,11 @@ impl<'a> MetadataRecord<'a> {
     /// Reads the body of the record.
     pub fn read(body: &'a [u8]) -> Option<Self> {
         let mut fields = Fields::new(body);
-        Some(Self {
+        let metadata = Self {
             name: fields.text()?,
             pairs: fields.text_map()?,
-        })
+        };
+        fields.end().map(|()| metadata)
     }
 }
 
@@ -267,4 +276,56 @@ pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<u64> {
     let mut fields = Fields::new(body_start);
     let (_channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
     (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some(bytes / 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Times 1 and 2, 30 bytes unpacked, checksum 4, "lz4", 20 bytes stored.
+    fn chunk_header() -> Vec<u8> {
+        let numbers = [1_u64, 2, 30].map(u64::to_le_bytes).concat();
+        let name = [&3_u32.to_le_bytes()[..], b"lz4"].concat();
+        [
+            &numbers[..],
+            &4_u32.to_le_bytes(),
+            &name,
+            &20_u64.to_le_bytes(),
+        ]
+        .concat()
+    }
+
+    #[test]
+    fn a_chunk_header_is_read_or_too_short() {
+        let bytes = chunk_header();
+        let chunk = ChunkRecord::read(&bytes).expect("whole");
+        assert_eq!(
+            (chunk.start_time, chunk.end_time, chunk.uncompressed_size),
+            (1, 2, 30)
+        );
+        assert_eq!(
+            (chunk.crc, chunk.compression.as_str(), chunk.compressed_size),
+            (4, "lz4", 20)
+        );
+        assert_eq!(chunk.header_size, bytes.len() as u64);
+        // 43 bytes of header and 20 stored, up to 64 more of a later version.
+        let fits = [62, 63, 127, 128].map(|length| chunk.fits(length));
+        assert_eq!(fits, [false, true, true, false]);
+        assert!(chunk.is_certain(63) && !chunk.is_certain(64));
+        for length in 0..bytes.len() {
+            assert_eq!(ChunkRecord::read(&bytes[..length]), None);
+        }
+    }
+
+    #[test]
+    fn counts_larger_than_the_record_are_refused() {
+        let lying = [&[1, 0, 2, 0][..], &u32::MAX.to_le_bytes(), b"/topic"].concat();
+        assert_eq!(ChannelRecord::read(&lying), None);
+        assert_eq!(SchemaRecord::read(&lying), None);
+        assert_eq!(MetadataRecord::read(&lying[4..]), None);
+        // Two entries of sixteen bytes, then a count that does not fit the length.
+        let index = [&[7, 0][..], &32_u32.to_le_bytes()].concat();
+        assert_eq!(indexed_messages(&index, 38), Some(2));
+        assert_eq!(indexed_messages(&index, 37), None);
+    }
 }

@@ -7,27 +7,24 @@
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::Path;
 
 use mcap::MAGIC;
 use rayon::prelude::*;
 
+use super::account::Account;
 use super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::frames::{Frames, Loss, Lost, Piece};
-use super::record::{ChunkRecord, FRAME_HEADER, HeaderRecord, MessageRecord, op};
-use super::registry::{Channel, Registry, Schema};
+use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
+use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
-use super::{FileError, Limits};
+use super::{FileError, Limits, summary};
 use crate::ingest::LogReject;
 use crate::progress::Progress;
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
-/// Rejects of one log that are listed one by one; the rest is told together.
-const MOST_REJECTS: usize = 10_000;
-
 /// What wants a log's messages. `message` is called from many threads, everything else from one.
 pub trait Visitor: Sync {
     /// What it keeps for each channel.
@@ -49,33 +46,6 @@ pub trait Visitor: Sync {
     fn clear(&self, part: &mut Self::Part);
     /// Takes over what was made of a block, and adds what it left out of it.
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
-}
-
-/// What was found in a log besides its messages.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Account {
-    /// The file, as it was named.
-    pub file: String,
-    /// Its size.
-    pub bytes: u64,
-    /// Conventions of the log, such as `ros2`.
-    pub profile: String,
-    /// What wrote it.
-    pub library: String,
-    /// Sound chunks, by compression.
-    pub chunks: BTreeMap<String, u64>,
-    /// Sound chunks without a checksum.
-    pub chunks_unchecked: u64,
-    /// Messages outside chunks: no checksum covers them one by one.
-    pub messages_outside_chunks: u64,
-    /// Messages in sound blocks.
-    pub messages: u64,
-    /// Channels, by id.
-    pub channels: Vec<Channel>,
-    /// Metadata records: name, key, value.
-    pub metadata: Vec<(String, String, String)>,
-    /// What was left out.
-    pub rejects: Vec<LogReject>,
 }
 
 /// Reads a whole log.
@@ -116,6 +86,7 @@ where
         account,
         progress,
         told: 0,
+        summary: None,
     };
     scan.run()?;
     let channels = scan.registry.channels().cloned().collect();
@@ -172,6 +143,8 @@ struct Scan<'a, V: Visitor> {
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
+    /// The summary's records, once they were needed.
+    summary: Option<Vec<u8>>,
 }
 
 impl<V, E> Scan<'_, V>
@@ -339,17 +312,51 @@ where
         blocks
             .par_iter_mut()
             .for_each(|block| block.open(visitor, registry, limit));
-        for block in blocks {
+        for place in 0..self.filled {
+            // Taken out of the batch, to be worked on beside the rest of the scan.
+            let mut block = std::mem::take(&mut self.batch[place]);
             if block.outcome == Outcome::Defines {
-                block.define(self.visitor, &mut self.registry)?;
+                self.define(&mut block)?;
             }
-            settle(block, self.visitor, &mut self.account);
+            settle(&mut block, self.visitor, &mut self.account);
+            self.batch[place] = block;
         }
         self.progress.advance(self.frames.at() - self.told);
         self.told = self.frames.at();
         self.filled = 0;
         self.blocks_at_once = (self.blocks_at_once * 2).min(1024);
         Ok(())
+    }
+
+    /// Takes in what the block defines and, where that does not suffice because a definition was lost, what the
+    /// summary says of its channels.
+    fn define(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
+        block.define(self.visitor, &mut self.registry)?;
+        let unknown: Vec<_> = block.unknown_channels().collect();
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        if self.summary.is_none() {
+            let limit = self.limits.record_bytes;
+            let read =
+                summary::read(self.frames.source(), limit).map_err(|source| self.io(source))?;
+            self.summary = Some(read);
+        }
+        let summary = self.summary.as_deref().unwrap_or_default();
+        for (channel, schema) in unknown
+            .iter()
+            .filter_map(|&id| summary::definition(summary, id))
+        {
+            if schema.is_some_and(|schema| self.registry.add_schema(&schema).is_err()) {
+                continue;
+            }
+            // Refused only where there is no room; the messages are then counted as of an unknown channel.
+            let added = self.registry.add_channel(&channel, |channel, schema| {
+                self.visitor.channel(channel, schema)
+            })?;
+            debug_assert!(added != Err(Refused::Redefined), "unknown until now");
+        }
+        block.define(self.visitor, &mut self.registry)
     }
 
     fn lose(&mut self, lost: &Lost) {
@@ -417,43 +424,8 @@ fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }
     account.metadata.append(&mut block.metadata);
-    rejects
-        .into_iter()
-        .for_each(|reject| account.reject(reject));
-}
-
-impl Account {
-    fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
-        self.messages += messages;
-        match chunk {
-            None => self.messages_outside_chunks += messages,
-            Some(chunk) => {
-                *self.chunks.entry(chunk.compression.clone()).or_default() += 1;
-                self.chunks_unchecked += u64::from(chunk.crc == 0);
-            }
-        }
-    }
-
-    /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
-    fn reject(&mut self, reject: LogReject) {
-        let full = self.rejects.len() >= MOST_REJECTS;
-        match self.rejects.last_mut() {
-            Some(last) if full => {
-                last.join(&reject);
-                "many more losses, told together; see the first ones".clone_into(&mut last.reason);
-            }
-            Some(last)
-                if last.byte_end == reject.byte_start
-                    && last.byte_start != last.byte_end
-                    && last.reason == reject.reason
-                    && last.topic == reject.topic
-                    && last.messages.is_none()
-                    && reject.messages.is_none() =>
-            {
-                last.join(&reject);
-            }
-            _ => self.rejects.push(reject),
-        }
+    for reject in rejects {
+        account.reject(reject);
     }
 }
 

@@ -2,20 +2,25 @@
 //!
 //! The common message types need no field paths: which fields are read follows from the type.
 
+mod layout;
+mod reader;
+
 use std::collections::{BTreeMap, BTreeSet};
 
-use thiserror::Error;
-
-use super::block::{Extent, Tally};
+use super::block::Extent;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
-use super::{FileError, LogError};
+use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping, Origin, Origins,
     TimeSource,
 };
-use crate::io::message::{CdrPlan, MessageFault, SchemaError, Texts, Value, ros2msg};
+use crate::io::message::{CdrPlan, ros2msg};
+
+pub use layout::Layout;
+use layout::suitable_types;
+use reader::{Decoder, Part, Reader, RowFault};
 
 /// A stream of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,130 +37,6 @@ pub struct Wanted {
     pub stream: Stream,
     pub topic: String,
     pub time: TimeSource,
-}
-
-/// What a type of message is decoded as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Layout {
-    Joints,
-    Pose,
-    Point,
-    PoseWithCovariance,
-    Temperature,
-}
-
-impl Layout {
-    /// The layout of a common type, named `pkg/msg/T` or `pkg/T`.
-    pub fn of_type(name: &str) -> Option<Self> {
-        Some(match ros2msg::short_name(name).as_str() {
-            "sensor_msgs/JointState" => Self::Joints,
-            "geometry_msgs/PoseStamped" => Self::Pose,
-            "geometry_msgs/PointStamped" => Self::Point,
-            "geometry_msgs/PoseWithCovarianceStamped" => Self::PoseWithCovariance,
-            "sensor_msgs/Temperature" => Self::Temperature,
-            _ => return None,
-        })
-    }
-
-    /// Whether a stream can be made of it.
-    pub const fn suits(self, stream: Stream) -> bool {
-        match stream {
-            Stream::Joints => matches!(self, Self::Joints),
-            Stream::Commands | Stream::Readings => {
-                matches!(self, Self::Pose | Self::Point | Self::PoseWithCovariance)
-            }
-            Stream::Temperatures => matches!(self, Self::Temperature),
-        }
-    }
-
-    const fn fields(self) -> &'static [&'static str] {
-        match self {
-            Self::Joints => &["name", "position"],
-            Self::Pose => &[
-                "pose.position.x",
-                "pose.position.y",
-                "pose.position.z",
-                "pose.orientation.x",
-                "pose.orientation.y",
-                "pose.orientation.z",
-                "pose.orientation.w",
-            ],
-            Self::Point => &["point.x", "point.y", "point.z"],
-            Self::PoseWithCovariance => &[
-                "pose.pose.position.x",
-                "pose.pose.position.y",
-                "pose.pose.position.z",
-                "pose.pose.orientation.x",
-                "pose.pose.orientation.y",
-                "pose.pose.orientation.z",
-                "pose.pose.orientation.w",
-                "pose.covariance",
-            ],
-            Self::Temperature => &["temperature"],
-        }
-    }
-}
-
-/// What a stream's message types are called, for an error.
-const fn suitable_types(stream: Stream) -> &'static str {
-    match stream {
-        Stream::Joints => "sensor_msgs/msg/JointState",
-        Stream::Commands | Stream::Readings => {
-            "geometry_msgs/msg/PoseStamped, PointStamped and PoseWithCovarianceStamped"
-        }
-        Stream::Temperatures => "sensor_msgs/msg/Temperature",
-    }
-}
-
-/// Why one message of a wanted topic is left out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
-pub enum RowFault {
-    #[error(transparent)]
-    Message(#[from] MessageFault),
-    /// The index is the joint's place in the arm.
-    #[error("joint")]
-    JointMissing(usize),
-    #[error("joint")]
-    JointTwice(usize),
-    #[error("the message has another number of positions than of joint names")]
-    UnequalArrays,
-    #[error("the header stamp's nanoseconds are a second or more")]
-    Stamp,
-}
-
-/// How the messages of one channel are read: `None` where nobody wants them.
-pub type Decoder = Option<Box<Reader>>;
-
-/// How the messages of one wanted channel are read.
-#[derive(Debug)]
-pub struct Reader {
-    stream: Stream,
-    layout: Layout,
-    time: TimeSource,
-    plan: CdrPlan,
-}
-
-/// Most values that a layout lends: stamp and pose and covariance.
-const MOST_VALUES: usize = 10;
-
-/// What one block gives.
-#[derive(Debug, Default)]
-pub struct Part {
-    joints: DecodedJoints,
-    order: JointOrder,
-    commands: DecodedPoses,
-    readings: DecodedPoses,
-    temperatures: DecodedTemperatures,
-    faults: BTreeMap<(Stream, RowFault), Tally>,
-    messages: BTreeMap<Stream, u64>,
-}
-
-/// Where the arm's joints stand in messages with these names.
-#[derive(Debug, Default)]
-struct JointOrder {
-    names: Vec<u8>,
-    count: usize,
-    places: Vec<usize>,
 }
 
 /// The wanted streams of one file, being filled.
@@ -228,13 +109,15 @@ impl<'m> Streams<'m> {
             topic: channel.topic.clone(),
             source,
         };
-        let unsuitable = |type_name: &str, schema_encoding: &str| LogError::Unsuitable {
-            file: self.file.clone(),
-            topic: channel.topic.clone(),
-            type_name: type_name.to_owned(),
-            encoding: channel.encoding.clone(),
-            schema_encoding: schema_encoding.to_owned(),
-            suitable: suitable_types(wanted.stream),
+        let unsuitable = |type_name: &str, schema_encoding: &str| {
+            LogError::Unsuitable(Box::new(Unsuitable {
+                file: self.file.clone(),
+                topic: channel.topic.clone(),
+                type_name: type_name.to_owned(),
+                encoding: channel.encoding.clone(),
+                schema_encoding: schema_encoding.to_owned(),
+                suitable: suitable_types(wanted.stream),
+            }))
         };
         let schema = schema.ok_or_else(|| unsuitable("", ""))?;
         let refused = || unsuitable(&schema.name, &schema.encoding);
@@ -340,141 +223,6 @@ impl Visitor for Streams<'_> {
     }
 }
 
-impl Part {
-    fn clear(&mut self, joints: usize) {
-        self.joints.stamps.clear();
-        self.joints.angles.resize_with(joints, Vec::new);
-        self.joints.angles.iter_mut().for_each(Vec::clear);
-        for poses in [&mut self.commands, &mut self.readings] {
-            poses.stamps.clear();
-            poses.positions.clear();
-            poses.orientations = None;
-            poses.covariances = None;
-        }
-        self.temperatures.stamps.clear();
-        self.temperatures.celsius.clear();
-        self.faults.clear();
-        self.messages.clear();
-    }
-}
-
-impl Reader {
-    fn read(
-        &self,
-        message: &MessageRecord<'_>,
-        joint_names: &[String],
-        part: &mut Part,
-    ) -> Result<(), RowFault> {
-        let stamp_fields = if self.time == TimeSource::Header {
-            2
-        } else {
-            0
-        };
-        let mut values = [Value::Unread; MOST_VALUES];
-        let values = &mut values[..stamp_fields + self.layout.fields().len()];
-        self.plan.read(message.payload, values)?;
-        let (stamp, fields) = values.split_at(stamp_fields);
-        let stamp = self.stamp(message, stamp)?;
-        match (self.layout, self.stream) {
-            (Layout::Joints, _) => {
-                part.order
-                    .read(fields, joint_names, &mut part.joints.angles)?;
-                part.joints.stamps.push(stamp);
-            }
-            (Layout::Temperature, _) => {
-                part.temperatures.celsius.push(double(&fields[0]));
-                part.temperatures.stamps.push(stamp);
-            }
-            (layout, Stream::Commands) => push_pose(&mut part.commands, layout, stamp, fields),
-            (layout, _) => push_pose(&mut part.readings, layout, stamp, fields),
-        }
-        Ok(())
-    }
-
-    fn stamp(&self, message: &MessageRecord<'_>, header: &[Value<'_>]) -> Result<i64, RowFault> {
-        match (self.time, header) {
-            (TimeSource::Header, [sec, nanosec]) => {
-                let (Some(sec), Some(nanosec)) = (sec.integer(), nanosec.integer()) else {
-                    return Err(RowFault::Stamp);
-                };
-                if !(0..1_000_000_000).contains(&nanosec) {
-                    return Err(RowFault::Stamp);
-                }
-                Ok(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
-            }
-            (TimeSource::Publish, _) => Ok(ns(message.publish_time)),
-            _ => Ok(ns(message.log_time)),
-        }
-    }
-}
-
-/// A number that the plan lent; a schema that stores a text there is met as not finite.
-fn double(value: &Value<'_>) -> f64 {
-    value.number().unwrap_or(f64::NAN)
-}
-
-impl JointOrder {
-    fn read(
-        &mut self,
-        fields: &[Value<'_>],
-        joints: &[String],
-        angles: &mut [Vec<f64>],
-    ) -> Result<(), RowFault> {
-        let [Value::Texts(names), Value::Numbers(positions)] = fields else {
-            return Err(RowFault::UnequalArrays);
-        };
-        if names.len() != positions.len() {
-            return Err(RowFault::UnequalArrays);
-        }
-        // The order hardly ever changes, so the names are looked at only when their bytes do.
-        if self.count != names.len()
-            || self.names != names.as_stored()
-            || self.places.len() != joints.len()
-        {
-            self.find(names, joints)?;
-        }
-        for (column, &place) in angles.iter_mut().zip(&self.places) {
-            column.push(positions.get(place).expect("as many positions as names"));
-        }
-        Ok(())
-    }
-
-    fn find(&mut self, names: &Texts<'_>, joints: &[String]) -> Result<(), RowFault> {
-        self.places.clear();
-        for (place, joint) in joints.iter().enumerate() {
-            let mut found = names
-                .iter()
-                .enumerate()
-                .filter(|(_, name)| *name == joint.as_bytes());
-            match (found.next(), found.next()) {
-                (Some((index, _)), None) => self.places.push(index),
-                (None, _) => return Err(RowFault::JointMissing(place)),
-                (Some(_), Some(_)) => return Err(RowFault::JointTwice(place)),
-            }
-        }
-        self.count = names.len();
-        self.names.clear();
-        self.names.extend_from_slice(names.as_stored());
-        Ok(())
-    }
-}
-
-fn push_pose(poses: &mut DecodedPoses, layout: Layout, stamp: i64, fields: &[Value<'_>]) {
-    poses.stamps.push(stamp);
-    poses.positions.push([0, 1, 2].map(|i| double(&fields[i])));
-    if layout != Layout::Point {
-        let orientation = [3, 4, 5, 6].map(|i| double(&fields[i]));
-        poses.orientations.get_or_insert_default().push(orientation);
-    }
-    if let (Layout::PoseWithCovariance, Value::Numbers(covariance)) =
-        (layout, fields[fields.len() - 1])
-    {
-        // Rows of six: x y z and three rotations.
-        let upper = [0, 1, 2, 7, 8, 14].map(|i| covariance.get(i).unwrap_or(f64::NAN));
-        poses.covariances.get_or_insert_default().push(upper);
-    }
-}
-
 fn append_joints(to: &mut DecodedJoints, from: &mut DecodedJoints, extent: &Extent) {
     to.stamps.append(&mut from.stamps);
     for (to, from) in to.angles.iter_mut().zip(&mut from.angles) {
@@ -508,15 +256,5 @@ fn note(origins: &mut Origins, rows: usize, extent: &Extent) {
 impl From<FileError> for LogError {
     fn from(error: FileError) -> Self {
         Self::File(error)
-    }
-}
-
-impl LogError {
-    /// Whether a schema, not a file, is at fault.
-    pub const fn schema(&self) -> Option<&SchemaError> {
-        match self {
-            Self::Schema { source, .. } => Some(source),
-            _ => None,
-        }
     }
 }

@@ -9,7 +9,7 @@ use arrow::error::ArrowError;
 use arrow::row::{RowConverter, SortField};
 
 use super::{Table, TableError};
-use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
+use crate::io::schema::{ColumnSchema, ColumnType, Role, TableSchema};
 use crate::manifest::RunKey;
 
 /// The table that the columns make, if they keep its contract.
@@ -41,7 +41,10 @@ pub(super) fn table(
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let order = row_order(schema, &batch).map_err(arrow)?;
     check_rows_differ(schema, &order)?;
-    let batch = if order.windows(2).all(|pair| pair[0].given < pair[1].given) {
+    // What somebody else wrote keeps its order: that of targets is the order of the program that visits them.
+    let keeps_order =
+        schema.role == Role::Accepted || order.windows(2).all(|pair| pair[0].given < pair[1].given);
+    let batch = if keeps_order {
         batch
     } else {
         let rows: UInt64Array = order.iter().map(|row| row.given as u64).collect();

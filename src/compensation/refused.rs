@@ -1,0 +1,146 @@
+//! Why a target is not corrected, by how much, and what to try.
+
+use nalgebra::{Point3, Vector3};
+use thiserror::Error;
+
+use crate::grid::Refusal;
+
+/// A target without a corrected command.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("target {target:?} {reason}")]
+pub struct Refused {
+    /// The target's name.
+    pub target: String,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// Why a target has no corrected command.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Reason {
+    /// The table does not surround the target.
+    #[error("{0}; the table cannot tell the error there, and nothing is extrapolated")]
+    Target(Gap),
+    /// The table surrounds the target, but not the command that would attain it.
+    #[error(
+        "would need a command that {0}; move the target inwards by that much, or use a larger table"
+    )]
+    Command(Gap),
+    /// The tool is turned too far from the table's.
+    #[error(
+        "is turned {angle_deg:.3}° from the table's tool orientation, which is valid up to {limit_deg:.3}°; use a table \
+         made for the target's orientation"
+    )]
+    Orientation {
+        /// Angle between the target's orientation and the table's, degrees.
+        angle_deg: f64,
+        /// The largest for which the table is valid, degrees.
+        limit_deg: f64,
+    },
+    /// Another arm configuration.
+    #[error("asks for arm configuration {wanted:?}, the table is for {table:?}")]
+    Configuration {
+        /// The target's.
+        wanted: String,
+        /// The table's.
+        table: String,
+    },
+    /// Another tool.
+    #[error("is for tool {wanted:?}, the table is for {}", match table {
+        Some(tool) => format!("{tool:?}"),
+        None => "a tool it does not name; name it in the pipeline file, or leave the targets' tool out".to_owned(),
+    })]
+    Tool {
+        /// The target's.
+        wanted: String,
+        /// The table's, where it names one.
+        table: Option<String>,
+    },
+    /// No command attains the target by this table.
+    #[error(
+        "has no command: after {iterations} iterations it still moves by {move_mm:.6} mm, as errors interpolated by `idw` \
+         jump where two cells meet; move the target by that much, or use a trilinear table"
+    )]
+    NoConvergence {
+        /// How often the table was asked.
+        iterations: usize,
+        /// What the command moved by at last, mm.
+        move_mm: f64,
+    },
+}
+
+/// Why a table has no error at a position.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Gap {
+    /// The position is not in the table's box.
+    #[error("lies {} the table's box", beyond(beyond_mm))]
+    Outside {
+        /// From the nearest point of the box to the position, in the frame of commands, mm.
+        beyond_mm: Vector3<f64>,
+    },
+    /// A node of the position's cell has no value.
+    #[error("lies in a cell whose node {node} at ({:.3}, {:.3}, {:.3}) mm has no value: {}", at.x, at.y, at.z, words(*why))]
+    Node {
+        /// The node's number in the table.
+        node: usize,
+        /// Where the node is, in the frame of commands, mm.
+        at: Point3<f64>,
+        /// Why it has no value.
+        why: Refusal,
+    },
+    /// The cell's nodes are reached in ways too different to interpolate between.
+    #[error(
+        "lies in a cell with no values between its nodes: {}",
+        words(Refusal::Branches)
+    )]
+    Branches,
+}
+
+impl Reason {
+    /// The word for tables.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Target(gap) | Self::Command(gap) => gap.name(),
+            Self::Orientation { .. } => "orientation",
+            Self::Configuration { .. } => "configuration",
+            Self::Tool { .. } => "tool",
+            Self::NoConvergence { .. } => "no_convergence",
+        }
+    }
+}
+
+impl Gap {
+    const fn name(&self) -> &'static str {
+        match self {
+            Self::Outside { .. } => "outside",
+            Self::Node { .. } => "refused_node",
+            Self::Branches => "branches",
+        }
+    }
+}
+
+/// Less than this beyond the box along an axis is rounding, mm.
+const ROUNDING_MM: f64 = 1e-9;
+
+fn beyond(beyond_mm: &Vector3<f64>) -> String {
+    let part = |(axis, mm): (char, &f64)| {
+        let sign = if *mm < 0.0 { '−' } else { '+' };
+        (mm.abs() > ROUNDING_MM).then(|| format!("{:.4} mm along {sign}{axis}", mm.abs()))
+    };
+    let parts: Vec<String> = "xyz"
+        .chars()
+        .zip(beyond_mm.iter())
+        .filter_map(part)
+        .collect();
+    format!("{} beyond", parts.join(" and "))
+}
+
+const fn words(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::OutOfReach => "the arm does not reach it within its joint limits",
+        Refusal::Singularity => "the arm is at a singularity there",
+        Refusal::OtherConfiguration => "the arm reaches it in another configuration only",
+        Refusal::Unmeasured => "no station was measured at it",
+        Refusal::Branches => "the arm stands there on different branches of its joint angles",
+    }
+}

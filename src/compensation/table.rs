@@ -1,0 +1,295 @@
+//! The compensation table: errors at the nodes of a lattice → the error at a command inside it.
+//!
+//! Between nodes `ê = Σ w_i e_i` with the weights of the interpolation the table was judged with. The covariance given
+//! is `Σ w_i C_i`: node errors come from one model and are alike, how much is not in the table, and as the weights are
+//! positive and sum to one this is an upper bound of the covariance of `ê` whatever their correlation (Jensen).
+
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use super::{Gap, Reason, Target};
+use crate::geometry::{Base, Command, Position, Transform};
+use crate::grid::lattice::InCell;
+use crate::grid::node::on_one_branch;
+use crate::grid::{self, Interpolation, Lattice, Refusal};
+
+/// The frame along whose axes the nodes of a table lie.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Nodes {}
+
+/// What a table was measured with, and is valid for. `None`: the pipeline file or the log did not say.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Validity {
+    /// The tool, as the pipeline file names it.
+    pub tool: Option<String>,
+    /// The payload, kg.
+    pub payload_kg: Option<f64>,
+    /// The mounting of the base.
+    pub mounting: Option<String>,
+    /// The base frame, as the pipeline file names it.
+    pub base: Option<String>,
+    /// The controller.
+    pub controller_model: Option<String>,
+    /// Whether the controller's own absolute-accuracy option was on.
+    pub absolute_accuracy_option: Option<bool>,
+    /// Lowest and highest temperature met while measuring, °C.
+    pub temperature_c: Option<[f64; 2]>,
+}
+
+/// What a table says of itself beside its nodes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Terms {
+    /// The table's identifier, carried by targets corrected with it.
+    pub table_id: String,
+    /// The tool's orientation at every node, in the frame of commands.
+    pub orientation: UnitQuaternion<f64>,
+    /// The largest turn of a target's orientation from the table's, rad.
+    pub orientation_tolerance_rad: f64,
+    /// The arm configuration at every node.
+    pub configuration: String,
+    /// How values inside a cell follow.
+    pub interpolation: Interpolation,
+    /// IDW's power; of no effect on trilinear interpolation.
+    pub idw_power: f64,
+    /// What it is valid for.
+    pub validity: Validity,
+}
+
+/// A node with a value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Known {
+    /// Joint angles there, rad.
+    pub joints: Vec<f64>,
+    /// Attained minus commanded position in the frame of commands, mm.
+    pub error: Vector3<f64>,
+    /// Covariance of the error, mm².
+    pub covariance: Matrix3<f64>,
+}
+
+/// A compensation table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CompensationTable {
+    terms: Terms,
+    command_from_nodes: Transform<Command, Nodes>,
+    lattice: Lattice,
+    nodes: Vec<Result<Known, Refusal>>,
+}
+
+/// Why nodes and a lattice make no table.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Misfit {
+    /// Another number of nodes than the lattice has.
+    #[error("{found} nodes do not fill a lattice of {x} × {y} × {z} nodes", x = counts[0], y = counts[1], z = counts[2])]
+    NodeCount {
+        /// Nodes given.
+        found: usize,
+        /// Nodes of the lattice along each axis.
+        counts: [usize; 3],
+    },
+    /// Nodes of arms with different numbers of joints.
+    #[error("node {node} has {found} joint angles, the nodes before it have {expected}")]
+    JointCount {
+        /// The node.
+        node: usize,
+        /// Its joint angles.
+        found: usize,
+        /// Those of the nodes before it.
+        expected: usize,
+    },
+}
+
+/// The error of the arm at a command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Attained minus commanded position in the frame of commands, mm.
+    pub error: Vector3<f64>,
+    /// An upper bound of its covariance as far as the nodes' goes, mm².
+    pub covariance: Matrix3<f64>,
+}
+
+impl Terms {
+    /// Whether a target asks for what the table is valid for.
+    pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
+        if let Some(wanted) = target
+            .configuration
+            .as_ref()
+            .filter(|c| **c != self.configuration)
+        {
+            return Err(Reason::Configuration {
+                wanted: wanted.clone(),
+                table: self.configuration.clone(),
+            });
+        }
+        if let Some(wanted) = target
+            .tool
+            .as_ref()
+            .filter(|_| target.tool != self.validity.tool)
+        {
+            return Err(Reason::Tool {
+                wanted: wanted.clone(),
+                table: self.validity.tool.clone(),
+            });
+        }
+        let angle = target
+            .orientation
+            .map_or(0.0, |turned| self.orientation.angle_to(&turned));
+        if angle > self.orientation_tolerance_rad {
+            return Err(Reason::Orientation {
+                angle_deg: angle.to_degrees(),
+                limit_deg: self.orientation_tolerance_rad.to_degrees(),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl CompensationTable {
+    /// The table of `nodes` in the lattice's order, which lies in a frame of its own.
+    pub fn new(
+        terms: Terms,
+        command_from_nodes: Transform<Command, Nodes>,
+        lattice: Lattice,
+        nodes: Vec<Result<Known, Refusal>>,
+    ) -> Result<Self, Misfit> {
+        if nodes.len() != lattice.node_count() {
+            return Err(Misfit::NodeCount {
+                found: nodes.len(),
+                counts: lattice.counts,
+            });
+        }
+        let joint_counts = nodes
+            .iter()
+            .enumerate()
+            .filter_map(|(node, known)| Some((node, known.as_ref().ok()?.joints.len())));
+        let expected = joint_counts.clone().next().map_or(0, |(_, count)| count);
+        if let Some((node, found)) = joint_counts.clone().find(|&(_, count)| count != expected) {
+            return Err(Misfit::JointCount {
+                node,
+                found,
+                expected,
+            });
+        }
+        Ok(Self {
+            terms,
+            command_from_nodes,
+            lattice,
+            nodes,
+        })
+    }
+
+    /// The table that the grid stage chose, carried from the base frame into the frame of commands.
+    pub fn of_grid(
+        table: &grid::Table,
+        command_from_base: &Transform<Command, Base>,
+        table_id: String,
+        validity: Validity,
+    ) -> Result<Self, Misfit> {
+        let turn = command_from_base.isometry().rotation;
+        let matrix = turn.to_rotation_matrix();
+        let terms = Terms {
+            table_id,
+            orientation: turn * table.orientation,
+            orientation_tolerance_rad: table.orientation_tolerance_rad,
+            configuration: table
+                .configuration
+                .map_or_else(String::new, |c| c.to_string()),
+            interpolation: table.interpolation,
+            idw_power: table.idw_power,
+            validity,
+        };
+        let known = |node: &grid::TableNode| {
+            let (error, covariance) = node.error?;
+            Ok(Known {
+                joints: node.joints.clone()?,
+                error: matrix * error,
+                covariance: matrix * covariance * matrix.transpose(),
+            })
+        };
+        let command_from_nodes = Transform::claim(*command_from_base.isometry());
+        Self::new(
+            terms,
+            command_from_nodes,
+            table.lattice,
+            table.nodes.iter().map(known).collect(),
+        )
+    }
+
+    /// What the table says of itself.
+    pub const fn terms(&self) -> &Terms {
+        &self.terms
+    }
+
+    /// The nodes in the lattice's order: their values, or why they have none.
+    pub fn nodes(&self) -> &[Result<Known, Refusal>] {
+        &self.nodes
+    }
+
+    /// Where the nodes lie, in a frame of their own.
+    pub const fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// Where node `number` lies.
+    pub fn position(&self, number: usize) -> Position<Command> {
+        self.command_from_nodes * Position::claim(self.lattice.position(number))
+    }
+
+    /// The error of the arm at a command, or why the table cannot tell.
+    pub fn error_at(&self, command: &Position<Command>) -> Result<Estimate, Gap> {
+        let place = *(self.command_from_nodes.inverse() * *command).point();
+        let cell = self
+            .lattice
+            .locate(&place)
+            .ok_or_else(|| self.outside(&place))?;
+        let vertices = self.vertices(&cell)?;
+        let joints = vertices.map(|known| known.joints.as_slice());
+        if !on_one_branch(&joints) {
+            return Err(Gap::Branches);
+        }
+        let weights = self.terms.interpolation.weights(
+            &cell.fraction,
+            &self.lattice.step,
+            self.terms.idw_power,
+        );
+        let weighted = || weights.iter().zip(vertices);
+        Ok(Estimate {
+            error: weighted().map(|(&w, known)| known.error * w).sum(),
+            covariance: weighted().map(|(&w, known)| known.covariance * w).sum(),
+        })
+    }
+
+    fn vertices(&self, cell: &InCell) -> Result<[&Known; 8], Gap> {
+        let refused = cell
+            .vertices
+            .iter()
+            .find_map(|&node| Some((node, *self.nodes[node].as_ref().err()?)));
+        if let Some((node, why)) = refused {
+            return Err(Gap::Node {
+                node,
+                at: *self.position(node).point(),
+                why,
+            });
+        }
+        Ok(cell.vertices.map(|node| {
+            self.nodes[node]
+                .as_ref()
+                .expect("refused nodes were looked for")
+        }))
+    }
+
+    fn outside(&self, place: &Point3<f64>) -> Gap {
+        let Lattice {
+            origin,
+            step,
+            counts,
+        } = self.lattice;
+        let beyond = Vector3::from_fn(|axis, _| {
+            let high = (counts[axis] - 1) as f64 * step[axis];
+            let inside = place[axis] - origin[axis];
+            inside - inside.clamp(0.0, high)
+        });
+        Gap::Outside {
+            beyond_mm: self.command_from_nodes.isometry().rotation * beyond,
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! What the model says of single joints and single columns: error curves with their deviation, covariances.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::FullModel;
+use super::layout::Block;
+
+/// The error of one joint at one angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointError {
+    /// Axis variable, rad.
+    pub angle: f64,
+    /// The smooth curve, rad.
+    pub curve: f64,
+    /// The gear lines, rad.
+    pub gear_lines: f64,
+    /// Standard deviation of both together, rad.
+    pub sd: f64,
+}
+
+impl JointError {
+    /// Smooth curve and gear lines together, rad.
+    pub fn error(&self) -> f64 {
+        self.curve + self.gear_lines
+    }
+}
+
+impl FullModel {
+    /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad).
+    ///
+    /// Without the joint's constant offset, which is the geometry's θ.
+    pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
+        let mut curve = DMatrix::zeros(angles.len(), self.layout.size());
+        let mut lines = curve.clone();
+        for (block, columns) in self.layout.blocks() {
+            match block {
+                Block::Curve(own) if own == joint => {
+                    for pair in 0..columns.len() / 2 {
+                        let first = columns.start + 2 * pair;
+                        fill(&mut curve, first, angles, (pair + 1) as f64);
+                    }
+                }
+                Block::Line { joint: own, cycles } if own == joint => {
+                    fill(&mut lines, columns.start, angles, cycles);
+                }
+                _ => {}
+            }
+        }
+        let (smooth, sines) = (&curve * &self.mean, &lines * &self.mean);
+        let variances = self.variances(&(curve + lines));
+        let error = |(place, &angle): (usize, &f64)| JointError {
+            angle,
+            curve: smooth[place],
+            gear_lines: sines[place],
+            sd: variances[place].sqrt(),
+        };
+        angles.iter().enumerate().map(error).collect()
+    }
+
+    /// Posterior covariance of the columns at `places`.
+    pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(places.len(), self.layout.size());
+        for (row, &place) in places.iter().enumerate() {
+            rows[(row, place)] = 1.0;
+        }
+        let half = self.posterior.half(&rows);
+        half.tr_mul(&half)
+    }
+
+    /// Posterior mean of the column at `place`; of an unknown, its whole offset.
+    pub fn column_mean(&self, place: usize) -> f64 {
+        let unknowns = self
+            .layout
+            .columns(Block::Unknowns)
+            .filter(|own| own.contains(&place));
+        unknowns.map_or(0.0, |own| self.offsets[place - own.start]) + self.mean[place]
+    }
+
+    /// Prior standard deviation of every column, as the session's own likelihood settled it.
+    pub const fn prior_sd(&self) -> &DVector<f64> {
+        &self.posterior.scale
+    }
+
+    fn variances(&self, rows: &DMatrix<f64>) -> Vec<f64> {
+        let half = self.posterior.half(rows);
+        half.column_iter()
+            .map(|column| column.norm_squared())
+            .collect()
+    }
+}
+
+/// The pair `cos, sin` of `cycles` per turn at `first` and the column behind it.
+fn fill(rows: &mut DMatrix<f64>, first: usize, angles: &[f64], cycles: f64) {
+    for (row, angle) in angles.iter().enumerate() {
+        let (sin, cos) = (cycles * angle).sin_cos();
+        rows[(row, first)] = cos;
+        rows[(row, first + 1)] = sin;
+    }
+}

@@ -1,0 +1,433 @@
+//! The whole error model as JSON and back.
+//!
+//! A column's coefficient is `mean`; the covariance of all columns is `S L⁻ᵀ L⁻¹ S`, S the diagonal of `scale`. `factor`
+//! is L: its lower triangle column by column, each from the diagonal down, as little-endian 64-bit numbers in base64, some
+//! 3.4 MB for 800 columns (as decimal text it would be 6 MB). Robust weights and leave-one-out residuals belong to the
+//! stations, not to the model, and are not saved.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use nalgebra::{DMatrix, DVector, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::layout::{Block, Layout};
+use super::noise::Repeatability;
+use super::regression::Posterior;
+use super::{FullModel, PartEvidence};
+use crate::fit::problem::{Freedom, Prior, Problem};
+use crate::fit::saved::{
+    SavedArm, SavedError, SavedSession, SavedUnknown, VERSION, read, same_length,
+};
+use crate::kinematics::{Arm, Chain, Motion, Parameter};
+use crate::linalg::Cholesky;
+
+/// The whole error model of an arm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedFull {
+    /// Version of this text.
+    pub version: u32,
+    /// The nominal arm.
+    pub arm: SavedArm,
+    /// The frames that the unknowns of each session are relative to.
+    pub sessions: Vec<SavedSession>,
+    /// Against gravity in the base frame, where the mounting is known.
+    pub up: Option<[f64; 3]>,
+    /// The unknowns of geometry and frames: the columns of the block `unknowns`.
+    pub unknowns: Vec<SavedUnknown>,
+    /// Offsets of the unknowns at which the columns are taken.
+    pub offsets: Vec<f64>,
+    /// The columns, block by block.
+    pub blocks: Vec<SavedBlock>,
+    /// Posterior mean of every column.
+    pub mean: Vec<f64>,
+    /// Prior standard deviation of every column; 0 for parts that were dropped.
+    pub scale: Vec<f64>,
+    /// Factor L of the posterior information over `scale`.
+    pub factor: String,
+    /// Span of the drift's basis, stations.
+    pub span_stations: f64,
+    /// Degrees of freedom of the Student t that weighed stations; 0 for none.
+    pub student_t: f64,
+    /// Variance per axis of a session's own drift.
+    pub drift_variance_mm2: f64,
+    /// Log marginal likelihood, nats.
+    pub log_evidence: f64,
+    /// What is left beside the model.
+    pub repeatability: SavedRepeatability,
+    /// What the optional parts brought.
+    pub parts: Vec<SavedPart>,
+}
+
+/// One block of columns.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedBlock {
+    /// What it is.
+    pub block: BlockName,
+    /// How many columns.
+    pub columns: usize,
+}
+
+/// What a block of columns is; joints and sessions from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum BlockName {
+    /// Geometry, bases and targets.
+    Unknowns,
+    /// Joints giving way: for each joint, one column for each later origin and the target.
+    Gravity,
+    /// Share of the way from reported to commanded angle, one per joint.
+    Blend,
+    /// Stopping short of the command, one per joint.
+    StopShort,
+    /// How one session differs in the blend.
+    SessionBlend {
+        /// The session.
+        session: usize,
+    },
+    /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
+    WarmUp,
+    /// The same of one session.
+    Drift {
+        /// The session.
+        session: usize,
+    },
+    /// Error curve of one joint: pairs `cos kq, sin kq`, k from 1.
+    Curve {
+        /// The joint.
+        joint: usize,
+    },
+    /// How a joint's curve changed in one session: a constant, then pairs.
+    SessionCurve {
+        /// The session.
+        session: usize,
+        /// The joint.
+        joint: usize,
+    },
+    /// A gear line: `cos ωq, sin ωq`.
+    Line {
+        /// The joint.
+        joint: usize,
+        /// Cycles per turn.
+        cycles: f64,
+    },
+}
+
+/// Variances of the repeatability.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedRepeatability {
+    /// Of the arm as a whole, per axis.
+    pub position_mm2: f64,
+    /// Of measured orientations, per axis.
+    pub orientation_rad2: f64,
+    /// Of each joint.
+    pub joints_rad2: Vec<f64>,
+}
+
+/// What an optional part brought.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedPart {
+    /// Its name.
+    pub name: String,
+    /// Log evidence with it minus without it, nats.
+    pub gain_nats: f64,
+    /// Whether it stayed.
+    pub kept: bool,
+}
+
+/// Names of parts that can be left out.
+const PARTS: [&str; 5] = ["gravity", "blend", "drift", "gear_lines", "session_changes"];
+
+impl FullModel {
+    /// The model as it is saved; `names` are the sessions' in the fit's order.
+    pub fn saved(&self, arm: &Arm, names: &[&str]) -> SavedFull {
+        let part = |part: &PartEvidence| SavedPart {
+            name: part.name.to_owned(),
+            gain_nats: part.gain,
+            kept: part.kept,
+        };
+        SavedFull {
+            version: VERSION,
+            arm: SavedArm::of(arm),
+            sessions: SavedSession::all(names, self.starts()),
+            up: self.up.map(Into::into),
+            unknowns: self.unknowns().iter().map(SavedUnknown::of).collect(),
+            offsets: self.offsets.as_slice().to_vec(),
+            blocks: self.layout.blocks().map(SavedBlock::of).collect(),
+            mean: self.mean.as_slice().to_vec(),
+            scale: self.posterior.scale.as_slice().to_vec(),
+            factor: encode(self.posterior.factor.lower()),
+            span_stations: self.span,
+            student_t: self.student_t,
+            drift_variance_mm2: self.drift_variance,
+            log_evidence: self.posterior.log_evidence,
+            repeatability: SavedRepeatability::of(&self.repeatability),
+            parts: self.parts.iter().map(part).collect(),
+        }
+    }
+
+    /// A model that predicts as the saved one did; without weights and leave-one-out residuals.
+    pub fn from_saved(saved: &SavedFull) -> Result<Self, SavedError> {
+        let layout = saved.layout()?;
+        let scale = DVector::from_column_slice(&saved.scale);
+        let mean = DVector::from_column_slice(&saved.mean);
+        let lower = decode(&saved.factor, layout.size())?;
+        let factor = Cholesky::from_lower(lower).ok_or(SavedError::Factor {
+            problem: "has a diagonal that is not positive",
+        })?;
+        let posterior = Posterior {
+            // A dropped column has no scale, and its coefficient is zero.
+            whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
+            scale,
+            factor,
+            log_evidence: saved.log_evidence,
+        };
+        let problem = saved.problem()?;
+        let offsets = DVector::from_column_slice(&saved.offsets);
+        Ok(Self {
+            frames: problem.frames(&offsets),
+            problem,
+            up: saved.up.map(Vector3::from),
+            layout,
+            offsets,
+            mean,
+            student_t: saved.student_t,
+            drift_variance: saved.drift_variance_mm2,
+            posterior,
+            span: saved.span_stations,
+            repeatability: saved.repeatability.repeatability(),
+            weights: Vec::new(),
+            left_out: Vec::new(),
+            parts: saved
+                .parts
+                .iter()
+                .map(SavedPart::evidence)
+                .collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+impl SavedFull {
+    /// Reads the JSON text.
+    pub fn read(text: &str) -> Result<Self, SavedError> {
+        read(text)
+    }
+
+    /// The layout, once blocks, columns, joints and sessions fit each other.
+    fn layout(&self) -> Result<Layout, SavedError> {
+        let columns = self.mean.len();
+        let asked = self
+            .blocks
+            .iter()
+            .try_fold(0_usize, |sum, block| sum.checked_add(block.columns));
+        same_length("columns", asked.unwrap_or(usize::MAX), columns)?;
+        same_length("prior deviations", columns, self.scale.len())?;
+        same_length(
+            "joint repeatabilities",
+            self.arm.joints.len(),
+            self.repeatability.joints_rad2.len(),
+        )?;
+        let mut layout = Layout::default();
+        for block in &self.blocks {
+            same_length("columns in a block", self.columns_of(block)?, block.columns)?;
+            layout.push(block.block.block(), block.columns);
+        }
+        Ok(layout)
+    }
+
+    /// How many columns a block has to have; its own number where several are possible.
+    fn columns_of(&self, block: &SavedBlock) -> Result<usize, SavedError> {
+        let (joint, session) = block.block.belongs_to();
+        let joints = self.arm.joints.len();
+        for (what, place, count) in [
+            ("joints", joint, joints),
+            ("sessions", session, self.sessions.len()),
+        ] {
+            if place.is_some_and(|place| place >= count) {
+                let found = count;
+                let expected = place.unwrap_or(0).saturating_add(1);
+                return Err(SavedError::Length {
+                    what,
+                    expected,
+                    found,
+                });
+            }
+        }
+        let columns = block.columns;
+        Ok(match block.block {
+            BlockName::Unknowns => self.unknowns.len(),
+            BlockName::Gravity => (1..=joints).sum(),
+            BlockName::Blend | BlockName::StopShort | BlockName::SessionBlend { .. } => joints,
+            BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
+            BlockName::Curve { .. } => columns / 2 * 2,
+            BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
+            BlockName::Line { .. } => 2,
+        })
+    }
+
+    /// The problem without observations, whose unknowns are those saved.
+    fn problem(&self) -> Result<Problem<'static>, SavedError> {
+        let chain: Chain = self.arm.chain()?;
+        let frames = self
+            .sessions
+            .iter()
+            .map(SavedSession::frames)
+            .collect::<Result<Vec<_>, _>>()?;
+        let turns = |unknown: &SavedUnknown| {
+            let turn = |axis| Parameter::Target(Motion::Rotation(axis)).to_string();
+            crate::kinematics::Axis::ALL
+                .into_iter()
+                .any(|axis| unknown.parameter == turn(axis))
+        };
+        let turned = self.unknowns.iter().any(turns);
+        // The prior is in `scale`; a problem without observations predicts alike with or without one.
+        let problem = Problem::with_target_turn(
+            &[],
+            &chain,
+            &frames,
+            Freedom::Geometry,
+            Prior::default(),
+            turned,
+        );
+        same_length("unknowns", problem.unknowns().len(), self.unknowns.len())?;
+        same_length("offsets", problem.unknowns().len(), self.offsets.len())?;
+        let other = problem
+            .unknowns()
+            .iter()
+            .map(SavedUnknown::of)
+            .zip(&self.unknowns);
+        match other.into_iter().find(|(own, saved)| own != *saved) {
+            None => Ok(problem),
+            Some((_, saved)) => Err(SavedError::Unknown {
+                what: "out of its place the unknown",
+                name: saved.parameter.clone(),
+            }),
+        }
+    }
+}
+
+impl SavedBlock {
+    fn of((block, columns): (Block, std::ops::Range<usize>)) -> Self {
+        let block = match block {
+            Block::Unknowns => BlockName::Unknowns,
+            Block::Gravity => BlockName::Gravity,
+            Block::Blend => BlockName::Blend,
+            Block::StopShort => BlockName::StopShort,
+            Block::SessionBlend(session) => BlockName::SessionBlend { session },
+            Block::WarmUp => BlockName::WarmUp,
+            Block::Drift(session) => BlockName::Drift { session },
+            Block::Curve(joint) => BlockName::Curve { joint },
+            Block::SessionCurve { session, joint } => BlockName::SessionCurve { session, joint },
+            Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
+        };
+        Self {
+            block,
+            columns: columns.len(),
+        }
+    }
+}
+
+impl BlockName {
+    const fn block(self) -> Block {
+        match self {
+            Self::Unknowns => Block::Unknowns,
+            Self::Gravity => Block::Gravity,
+            Self::Blend => Block::Blend,
+            Self::StopShort => Block::StopShort,
+            Self::SessionBlend { session } => Block::SessionBlend(session),
+            Self::WarmUp => Block::WarmUp,
+            Self::Drift { session } => Block::Drift(session),
+            Self::Curve { joint } => Block::Curve(joint),
+            Self::SessionCurve { session, joint } => Block::SessionCurve { session, joint },
+            Self::Line { joint, cycles } => Block::Line { joint, cycles },
+        }
+    }
+
+    /// The joint and the session that the block is of.
+    const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
+        match self {
+            Self::Unknowns | Self::Gravity | Self::Blend | Self::StopShort | Self::WarmUp => {
+                (None, None)
+            }
+            Self::SessionBlend { session } | Self::Drift { session } => (None, Some(session)),
+            Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
+            Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
+        }
+    }
+}
+
+impl SavedRepeatability {
+    fn of(repeatability: &Repeatability) -> Self {
+        Self {
+            position_mm2: repeatability.position,
+            orientation_rad2: repeatability.orientation,
+            joints_rad2: repeatability.joints.clone(),
+        }
+    }
+
+    fn repeatability(&self) -> Repeatability {
+        Repeatability {
+            position: self.position_mm2,
+            orientation: self.orientation_rad2,
+            joints: self.joints_rad2.clone(),
+        }
+    }
+}
+
+impl SavedPart {
+    fn evidence(&self) -> Result<PartEvidence, SavedError> {
+        let name = PARTS.into_iter().find(|name| *name == self.name);
+        let name = name.ok_or_else(|| SavedError::Unknown {
+            what: "a part",
+            name: self.name.clone(),
+        })?;
+        Ok(PartEvidence {
+            name,
+            gain: self.gain_nats,
+            kept: self.kept,
+        })
+    }
+}
+
+/// The lower triangle, column by column, as base64 of little-endian numbers.
+fn encode(lower: &DMatrix<f64>) -> String {
+    let size = lower.nrows();
+    let mut bytes = Vec::with_capacity(4 * size * (size + 1));
+    for column in 0..size {
+        for row in column..size {
+            bytes.extend_from_slice(&lower[(row, column)].to_le_bytes());
+        }
+    }
+    STANDARD.encode(bytes)
+}
+
+/// The triangle of a matrix of `size` rows; `size` is that of lists already read.
+fn decode(text: &str, size: usize) -> Result<DMatrix<f64>, SavedError> {
+    let bytes = STANDARD.decode(text).map_err(|_| SavedError::Factor {
+        problem: "is not base64",
+    })?;
+    let (numbers, rest) = bytes.as_chunks::<8>();
+    same_length("bytes behind the factor's numbers", 0, rest.len())?;
+    same_length(
+        "numbers in the factor",
+        size * (size + 1) / 2,
+        numbers.len(),
+    )?;
+    let mut numbers = numbers.iter().map(|number| f64::from_le_bytes(*number));
+    let mut lower = DMatrix::zeros(size, size);
+    for column in 0..size {
+        for row in column..size {
+            lower[(row, column)] = numbers.next().expect("as many numbers as the triangle has");
+        }
+    }
+    if lower.iter().all(|number| number.is_finite()) {
+        Ok(lower)
+    } else {
+        Err(SavedError::Factor {
+            problem: "holds a number that is not finite",
+        })
+    }
+}

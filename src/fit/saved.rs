@@ -1,0 +1,524 @@
+//! Saved models: an identified arm as JSON, and back, so that a later program predicts with the same covariance.
+//!
+//! Numbers are written so that reading them gives them back to the last digit or the one before. What is read may come
+//! from anywhere: every length is held against the others before anything is built of it.
+
+use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{Calibration, Frames, Unknown};
+use crate::geometry::Transform;
+use crate::kinematics::{Arm, Axis, Chain, Element, LinkQuantity, Motion, Parameter};
+
+/// Version of the JSON texts; raised by every change that an older reader would not understand.
+pub const VERSION: u32 = 1;
+
+/// What is wrong with a saved model.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SavedError {
+    /// Not JSON of this shape.
+    #[error("the saved model cannot be read: {0}; was it written by another program?")]
+    Json(String),
+    /// Written by a later program.
+    #[error(
+        "the saved model has version {found}, this program reads {VERSION}: use a matching version of posegrid"
+    )]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// Two parts that do not fit each other.
+    #[error("the saved model is damaged: {found} {what}, but the rest of it asks for {expected}")]
+    Length {
+        /// What there is too much or too little of.
+        what: &'static str,
+        /// How many the other parts ask for.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// A quaternion that turns nothing.
+    #[error(
+        "the saved model is damaged: {what} has a quaternion of norm {norm}; a rotation has norm 1"
+    )]
+    NotARotation {
+        /// Which placement.
+        what: &'static str,
+        /// Its norm.
+        norm: f64,
+    },
+    /// A name that this program does not know.
+    #[error(
+        "the saved model names {what} {name:?}, which this program does not know: use a matching version of posegrid"
+    )]
+    Unknown {
+        /// Of what.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A matrix that is no factor of a covariance.
+    #[error("the saved model is damaged: the factor of its covariance {problem}")]
+    Factor {
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+}
+
+/// A nominal arm: everything its kinematics need.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedArm {
+    /// The model, for people.
+    pub model: String,
+    /// The joints from base to flange.
+    pub joints: Vec<SavedJoint>,
+    /// Row i says how axis variable i follows from the reported joint angles.
+    pub axes_from_joints: Vec<Vec<f64>>,
+    /// The chain from base to flange, on axis variables.
+    pub elements: Vec<SavedElement>,
+}
+
+/// One joint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedJoint {
+    /// The name under which the controller reports it.
+    pub name: String,
+    /// Lower limit of the reported angle, rad.
+    pub lower_rad: f64,
+    /// Upper limit of the reported angle, rad.
+    pub upper_rad: f64,
+}
+
+/// One elementary transform; a motion is `x`, `y`, `z` (mm) or `rx`, `ry`, `rz` (rad).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum SavedElement {
+    /// A constant.
+    Fixed(SavedPlacement),
+    /// A joint variable: the motion by `sign · q[joint]`, joints from 0.
+    Joint {
+        /// Along or about which axis.
+        motion: String,
+        /// Which axis variable.
+        joint: usize,
+        /// +1 or −1.
+        sign: f64,
+    },
+    /// A constant with a free parameter: the motion by `nominal + offset`.
+    Free {
+        /// Along or about which axis.
+        motion: String,
+        /// The nominal value, mm or rad.
+        nominal: f64,
+        /// The parameter's name.
+        parameter: String,
+    },
+}
+
+/// A placement of one frame in another.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedPlacement {
+    /// Where the placed frame's origin lies, mm.
+    pub xyz_mm: [f64; 3],
+    /// Its rotation as a unit quaternion.
+    pub quaternion_xyzw: [f64; 4],
+}
+
+/// The frames of one session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedSession {
+    /// The session's name.
+    pub session: String,
+    /// Where the base stands in the tracker's frame.
+    pub tracker_from_base: SavedPlacement,
+    /// Where the target sits at the flange.
+    pub flange_from_target: SavedPlacement,
+}
+
+/// One unknown.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedUnknown {
+    /// Place of its session among the saved ones; `None` for the arm's geometry.
+    pub session: Option<usize>,
+    /// Its name.
+    pub parameter: String,
+}
+
+/// A base + target or a geometric calibration.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SavedCalibration {
+    /// Version of this text.
+    pub version: u32,
+    /// The nominal arm.
+    pub arm: SavedArm,
+    /// Offsets of the arm's free parameters, in its order; zeros where geometry was held.
+    pub geometry: Vec<f64>,
+    /// The frames of each session, offsets taken in.
+    pub sessions: Vec<SavedSession>,
+    /// The unknowns, in the order of the covariance.
+    pub unknowns: Vec<SavedUnknown>,
+    /// Prior standard deviation of each unknown, where it has one.
+    pub prior_sd: Vec<Option<f64>>,
+    /// Covariance of the unknowns' offsets: row i has its first i + 1 columns.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+impl SavedArm {
+    /// Of a nominal arm.
+    pub fn of(arm: &Arm) -> Self {
+        let joint = |joint: &crate::kinematics::Joint| SavedJoint {
+            name: joint.name.clone(),
+            lower_rad: joint.lower,
+            upper_rad: joint.upper,
+        };
+        let map = axes_from_joints(arm);
+        Self {
+            model: arm.model().to_owned(),
+            joints: arm.joints().iter().map(joint).collect(),
+            axes_from_joints: map
+                .row_iter()
+                .map(|row| row.iter().copied().collect())
+                .collect(),
+            elements: arm
+                .chain()
+                .elements()
+                .iter()
+                .map(SavedElement::of)
+                .collect(),
+        }
+    }
+
+    /// The chain from base to flange.
+    pub fn chain(&self) -> Result<Chain, SavedError> {
+        let joints = self.joints.len();
+        let elements = self.elements.iter().map(|element| element.element(joints));
+        let chain = Chain::new(elements.collect::<Result<_, _>>()?);
+        same_length("joint variables", joints, chain.joint_count())?;
+        Ok(chain)
+    }
+}
+
+/// How axis variables follow from reported joint angles: the joint map, or the identity.
+pub fn axes_from_joints(arm: &Arm) -> DMatrix<f64> {
+    let joints = arm.joints().len();
+    let mut map = DMatrix::zeros(joints, joints);
+    for joint in 0..joints {
+        let mut unit = vec![0.0; joints];
+        unit[joint] = 1.0;
+        map.set_column(joint, &nalgebra::DVector::from_vec(arm.axes(&unit)));
+    }
+    map
+}
+
+impl SavedElement {
+    fn of(element: &Element) -> Self {
+        match element {
+            Element::Fixed(placement) => Self::Fixed(SavedPlacement::of(placement)),
+            Element::Joint {
+                motion,
+                joint,
+                sign,
+            } => Self::Joint {
+                motion: motion_name(*motion).to_owned(),
+                joint: *joint,
+                sign: *sign,
+            },
+            Element::Free {
+                motion,
+                nominal,
+                parameter,
+            } => Self::Free {
+                motion: motion_name(*motion).to_owned(),
+                nominal: *nominal,
+                parameter: parameter.to_string(),
+            },
+        }
+    }
+
+    fn element(&self, joints: usize) -> Result<Element, SavedError> {
+        Ok(match self {
+            Self::Fixed(placement) => Element::Fixed(placement.isometry("a constant transform")?),
+            Self::Joint {
+                motion,
+                joint,
+                sign,
+            } if *joint < joints => Element::Joint {
+                motion: motion_of(motion)?,
+                joint: *joint,
+                sign: *sign,
+            },
+            Self::Joint { joint, .. } => {
+                return Err(SavedError::Length {
+                    what: "joints at least",
+                    expected: joints,
+                    found: joint.saturating_add(1),
+                });
+            }
+            Self::Free {
+                motion,
+                nominal,
+                parameter,
+            } => Element::Free {
+                motion: motion_of(motion)?,
+                nominal: *nominal,
+                parameter: parameter_of(parameter)?,
+            },
+        })
+    }
+}
+
+impl SavedPlacement {
+    /// Of an isometry in mm.
+    pub fn of(placement: &Isometry3<f64>) -> Self {
+        Self {
+            xyz_mm: placement.translation.vector.into(),
+            quaternion_xyzw: placement.rotation.coords.into(),
+        }
+    }
+
+    /// The isometry, mm; `what` is placed.
+    pub fn isometry(&self, what: &'static str) -> Result<Isometry3<f64>, SavedError> {
+        let [x, y, z, w] = self.quaternion_xyzw;
+        let quaternion = Quaternion::new(w, x, y, z);
+        let norm = quaternion.norm();
+        if (norm - 1.0).abs() > 1e-9 {
+            return Err(SavedError::NotARotation { what, norm });
+        }
+        Ok(Isometry3::from_parts(
+            Translation3::from(self.xyz_mm),
+            UnitQuaternion::from_quaternion(quaternion),
+        ))
+    }
+}
+
+impl SavedSession {
+    /// The frames of the sessions, by name.
+    pub fn all(names: &[&str], frames: &[Frames]) -> Vec<Self> {
+        let session = |(name, frames): (&&str, &Frames)| Self {
+            session: (*name).to_owned(),
+            tracker_from_base: SavedPlacement::of(frames.tracker_from_base.isometry()),
+            flange_from_target: SavedPlacement::of(frames.flange_from_target.isometry()),
+        };
+        names.iter().zip(frames).map(session).collect()
+    }
+
+    /// The frames.
+    pub fn frames(&self) -> Result<Frames, SavedError> {
+        let base = self.tracker_from_base.isometry("tracker_from_base")?;
+        let target = self.flange_from_target.isometry("flange_from_target")?;
+        Ok(Frames {
+            tracker_from_base: Transform::claim(base),
+            flange_from_target: Transform::claim(target),
+        })
+    }
+}
+
+impl SavedUnknown {
+    /// Of one unknown.
+    pub fn of(unknown: &Unknown) -> Self {
+        Self {
+            session: unknown.session,
+            parameter: unknown.parameter.to_string(),
+        }
+    }
+}
+
+impl SavedCalibration {
+    /// Of a calibration of `arm` on the sessions `names`.
+    pub fn of(calibration: &Calibration, arm: &Arm, names: &[&str]) -> Self {
+        let covariance = &calibration.covariance;
+        let row = |i: usize| (0..=i).map(|j| covariance[(i, j)]).collect();
+        Self {
+            version: VERSION,
+            arm: SavedArm::of(arm),
+            geometry: calibration.geometry.clone(),
+            sessions: SavedSession::all(names, &calibration.frames),
+            unknowns: calibration.unknowns.iter().map(SavedUnknown::of).collect(),
+            prior_sd: calibration.prior_sd.clone(),
+            covariance: (0..covariance.nrows()).map(row).collect(),
+        }
+    }
+
+    /// Reads the JSON text.
+    pub fn read(text: &str) -> Result<Self, SavedError> {
+        let saved: Self = read(text)?;
+        same_length(
+            "prior deviations",
+            saved.unknowns.len(),
+            saved.prior_sd.len(),
+        )?;
+        same_length(
+            "rows of the covariance",
+            saved.unknowns.len(),
+            saved.covariance.len(),
+        )?;
+        for (row, columns) in saved.covariance.iter().enumerate() {
+            same_length("columns in a row of the covariance", row + 1, columns.len())?;
+        }
+        Ok(saved)
+    }
+
+    /// The identified chain from base to flange.
+    pub fn chain(&self) -> Result<Chain, SavedError> {
+        let chain = self.arm.chain()?;
+        same_length(
+            "geometry offsets",
+            chain.parameters().len(),
+            self.geometry.len(),
+        )?;
+        Ok(chain.with_offsets(&self.geometry))
+    }
+}
+
+/// Reads a saved model of the version that this program writes.
+pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedError> {
+    /// The version alone: another version's text has another shape.
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: u32,
+    }
+    let json = |error: serde_json::Error| SavedError::Json(error.to_string());
+    let found = serde_json::from_str::<Versioned>(text)
+        .map_err(json)?
+        .version;
+    if found != VERSION {
+        return Err(SavedError::Version { found });
+    }
+    serde_json::from_str(text).map_err(json)
+}
+
+/// Holds a length against what the other parts ask for.
+pub(super) const fn same_length(
+    what: &'static str,
+    expected: usize,
+    found: usize,
+) -> Result<(), SavedError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(SavedError::Length {
+            what,
+            expected,
+            found,
+        })
+    }
+}
+
+fn motions() -> impl Iterator<Item = Motion> {
+    Axis::ALL
+        .into_iter()
+        .flat_map(|axis| [Motion::Translation(axis), Motion::Rotation(axis)])
+}
+
+const fn motion_name(motion: Motion) -> &'static str {
+    match motion {
+        Motion::Translation(Axis::X) => "x",
+        Motion::Translation(Axis::Y) => "y",
+        Motion::Translation(Axis::Z) => "z",
+        Motion::Rotation(Axis::X) => "rx",
+        Motion::Rotation(Axis::Y) => "ry",
+        Motion::Rotation(Axis::Z) => "rz",
+    }
+}
+
+fn motion_of(name: &str) -> Result<Motion, SavedError> {
+    let found = motions().find(|motion| motion_name(*motion) == name);
+    found.ok_or_else(|| SavedError::Unknown {
+        what: "a motion",
+        name: name.to_owned(),
+    })
+}
+
+/// The parameter of a name, as its `Display` writes it.
+fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
+    const QUANTITIES: [LinkQuantity; 5] = [
+        LinkQuantity::Theta,
+        LinkQuantity::D,
+        LinkQuantity::A,
+        LinkQuantity::Alpha,
+        LinkQuantity::Beta,
+    ];
+    const MOST_JOINTS: usize = 16;
+    let frames = motions().flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
+    let links = (1..=MOST_JOINTS)
+        .flat_map(|joint| QUANTITIES.map(|quantity| Parameter::Link { joint, quantity }));
+    let found = frames
+        .chain(links)
+        .find(|parameter| parameter.to_string() == name);
+    found.ok_or_else(|| SavedError::Unknown {
+        what: "a parameter",
+        name: name.to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::RobotFile;
+
+    fn ur10() -> Arm {
+        let file: RobotFile =
+            toml::from_str(include_str!("../../pipelines/robots/ur10.toml")).expect("a robot file");
+        file.arm().expect("a valid arm")
+    }
+
+    #[test]
+    fn an_arm_comes_back_as_it_was() {
+        let arm = ur10();
+        let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
+        let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");
+        let joints = [0.3, -1.2, 1.5, -0.4, 0.9, 2.0];
+        let (there, back) = (
+            arm.chain().nominal(&joints),
+            saved.chain().expect("whole").nominal(&joints),
+        );
+        assert!((there.to_homogeneous() - back.to_homogeneous()).abs().max() < 1e-12);
+        assert_eq!(
+            saved.chain().expect("whole").parameters(),
+            arm.chain().parameters()
+        );
+    }
+
+    #[test]
+    fn a_damaged_arm_is_refused() {
+        let sound = SavedArm::of(&ur10());
+        let error = |change: fn(&mut SavedArm)| {
+            let mut arm = sound.clone();
+            change(&mut arm);
+            arm.chain().expect_err("damaged").to_string()
+        };
+        // The first two elements of a standard DH link are its free joint offset and its joint variable.
+        let beyond = error(|arm| {
+            if let SavedElement::Joint { joint, .. } = &mut arm.elements[1] {
+                *joint = usize::MAX;
+            }
+        });
+        assert!(beyond.contains("asks for 6"), "{beyond}");
+        let unknown = error(|arm| {
+            if let SavedElement::Free { parameter, .. } = &mut arm.elements[0] {
+                "theta_99".clone_into(parameter);
+            }
+        });
+        assert!(unknown.contains("theta_99"), "{unknown}");
+        let turned = SavedPlacement {
+            xyz_mm: [0.0; 3],
+            quaternion_xyzw: [0.0; 4],
+        };
+        assert!(
+            turned
+                .isometry("base")
+                .expect_err("no rotation")
+                .to_string()
+                .contains("norm 0")
+        );
+        let later = read::<SavedCalibration>(r#"{"version": 2}"#).expect_err("later");
+        assert_eq!(later, SavedError::Version { found: 2 });
+    }
+}

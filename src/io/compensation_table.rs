@@ -1,0 +1,150 @@
+//! A Parquet file of table `compensation` → a [`CompensationTable`], its run and its verdict.
+//!
+//! 1. The file keeps the contract of `schemas/compensation.toml` ([`table::read`]).
+//! 2. What a table says of itself stands in every row, and has to be the same in each ([`terms`]).
+//! 3. The lattice follows from the positions of the nodes and has to be regular ([`nodes`]); its axes may be turned
+//!    against those of the frame of commands.
+//! 4. Each node has an error with its covariance, or the reason why it has none.
+
+mod nodes;
+mod terms;
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::schema::{self, SchemaError};
+use super::table::{self, FileError, Table};
+use crate::compensation::{CompensationTable, Misfit};
+use crate::manifest::RunKey;
+
+/// A compensation table as a run published it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PublishedTable {
+    /// The run that made it.
+    pub key: RunKey,
+    /// Whether its step meets the pipeline's tolerance.
+    pub verdict: TableVerdict,
+    /// The table.
+    pub table: CompensationTable,
+}
+
+/// Whether the step of a table meets the tolerance of its pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableVerdict {
+    /// It does.
+    Met,
+    /// It does not: the best step there was.
+    NotMet,
+    /// Too few stations judged it.
+    NotShown,
+}
+
+/// Why a file cannot be read as a compensation table.
+#[derive(Debug, Error)]
+pub enum CompensationTableError {
+    /// No such table file.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The program does not know its own table.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// No row.
+    #[error("{path} holds no node; it is not the table of a run that chose a step")]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Rows of several tables.
+    #[error(
+        "{path}, column {column:?}: node 0 has {first} and node {node} has {other}; a file holds one table of one tool \
+         orientation: take a single run's"
+    )]
+    NotOne {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// Node 0's value.
+        first: String,
+        /// The node that differs.
+        node: usize,
+        /// Its value.
+        other: String,
+    },
+    /// A value that no such table has.
+    #[error("{path}, column {column:?}: {problem}; run the session again")]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A node that does not fit.
+    #[error("{path}, node {node}: {problem}; run the session again")]
+    Node {
+        /// The file.
+        path: PathBuf,
+        /// The node, or its row where the node's number itself is wrong.
+        node: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// Nodes that do not make a table.
+    #[error("{path}: {source}; run the session again")]
+    Misfit {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: Misfit,
+    },
+}
+
+/// Reads the compensation table that a run published.
+pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
+    let file = TableFile {
+        path,
+        table: table::read(path, schema::find("compensation")?)?,
+    };
+    if file.table.rows() == 0 {
+        return Err(CompensationTableError::Empty {
+            path: path.to_owned(),
+        });
+    }
+    let (command_from_nodes, lattice) = file.lattice()?;
+    let table = CompensationTable::new(file.terms()?, command_from_nodes, lattice, file.nodes()?);
+    Ok(PublishedTable {
+        key: file.key()?,
+        verdict: file.verdict()?,
+        table: table.map_err(|source| CompensationTableError::Misfit {
+            path: path.to_owned(),
+            source,
+        })?,
+    })
+}
+
+/// A file that keeps the schema, with at least one row.
+struct TableFile<'a> {
+    path: &'a Path,
+    table: Table,
+}
+
+impl TableFile<'_> {
+    fn value_error(&self, column: &str, problem: String) -> CompensationTableError {
+        CompensationTableError::Value {
+            path: self.path.to_owned(),
+            column: column.to_owned(),
+            problem,
+        }
+    }
+
+    fn node_error(&self, node: usize, problem: String) -> CompensationTableError {
+        CompensationTableError::Node {
+            path: self.path.to_owned(),
+            node,
+            problem,
+        }
+    }
+}

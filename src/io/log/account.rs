@@ -1,0 +1,73 @@
+//! The account of one log: what was found in it besides its messages, and what was left out.
+
+use std::collections::BTreeMap;
+
+use super::record::ChunkRecord;
+use super::registry::Channel;
+use crate::ingest::LogReject;
+
+/// Rejects of one log that are listed one by one; the rest is told together.
+const MOST_REJECTS: usize = 10_000;
+
+/// What was found in a log besides its messages.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Account {
+    /// The file, as it was named.
+    pub file: String,
+    /// Its size.
+    pub bytes: u64,
+    /// Conventions of the log, such as `ros2`.
+    pub profile: String,
+    /// What wrote it.
+    pub library: String,
+    /// Sound chunks, by compression.
+    pub chunks: BTreeMap<String, u64>,
+    /// Sound chunks without a checksum.
+    pub chunks_unchecked: u64,
+    /// Messages outside chunks: no checksum covers them one by one.
+    pub messages_outside_chunks: u64,
+    /// Messages in sound blocks.
+    pub messages: u64,
+    /// Channels, by id.
+    pub channels: Vec<Channel>,
+    /// Metadata records: name, key, value.
+    pub metadata: Vec<(String, String, String)>,
+    /// What was left out.
+    pub rejects: Vec<LogReject>,
+}
+
+impl Account {
+    /// Counts a sound block.
+    pub(super) fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
+        self.messages += messages;
+        match chunk {
+            None => self.messages_outside_chunks += messages,
+            Some(chunk) => {
+                *self.chunks.entry(chunk.compression.clone()).or_default() += 1;
+                self.chunks_unchecked += u64::from(chunk.crc == 0);
+            }
+        }
+    }
+
+    /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
+    pub(super) fn reject(&mut self, reject: LogReject) {
+        let full = self.rejects.len() >= MOST_REJECTS;
+        match self.rejects.last_mut() {
+            Some(last) if full => {
+                last.join(&reject);
+                "many more losses, told together; see the first ones".clone_into(&mut last.reason);
+            }
+            Some(last)
+                if last.byte_end == reject.byte_start
+                    && last.byte_start != last.byte_end
+                    && last.reason == reject.reason
+                    && last.topic == reject.topic
+                    && last.messages.is_none()
+                    && reject.messages.is_none() =>
+            {
+                last.join(&reject);
+            }
+            _ => self.rejects.push(reject),
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What a piece of work found → its published tables: one file here for each table, one function for each file.
+//!
+//! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are
+//! checked [`Table`]s. [`publish`] writes all of a run and then the row of `runs` that makes it exist:
+//! 1. for each session: `stations`, `rejects`, `clocks`;
+//! 2. of the run: `calibrations`, `parameters`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
+//!    `compensation`, `accuracy`;
+//! 3. `runs`, with what came into each stage and what became of it ([`counts`]).
+
+pub mod accuracy;
+pub mod calibrations;
+pub mod clocks;
+pub mod compensation;
+pub mod counts;
+pub mod grid_steps;
+pub mod joint_errors;
+pub mod parameters;
+pub mod rejects;
+pub mod residuals;
+pub mod semivariograms;
+pub mod stations;
+#[cfg(test)]
+mod tests;
+mod validity;
+mod words;
+
+use thiserror::Error;
+
+use super::lake::{Commit, Lake, LakeError};
+use super::schema::SchemaError;
+use super::table::{Table, TableError};
+use crate::fit::FitSettings;
+use crate::fit::full::FullSettings;
+use crate::geometry::{Base, Command, Transform};
+use crate::grid::{Tolerance, Verdict};
+use crate::kinematics::Arm;
+use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
+use crate::pipeline::outcome::{JoinedSession, Outcome};
+use crate::report::{Angles, Model, Split};
+pub use validity::Validity;
+
+/// What tables say besides what the stages found.
+#[derive(Debug, Clone)]
+pub struct PublishContext<'a> {
+    /// The nominal arm.
+    pub arm: &'a Arm,
+    /// The frame of commands, in which the compensation table is stated.
+    pub command_from_base: Transform<Command, Base>,
+    /// `[fit]`.
+    pub fit: &'a FitSettings,
+    /// `[fit.full]`.
+    pub full: &'a FullSettings,
+    /// `[tolerance]`.
+    pub tolerance: Tolerance,
+    /// What the grids are of.
+    pub grid: GridBasis,
+    /// Variance per axis of measurement and repeatability, to hold a nugget against, mm².
+    pub noise_mm2: Option<f64>,
+    /// What the results are valid for.
+    pub validity: Validity,
+    /// The run that this one takes the place of.
+    pub replaces: Option<String>,
+}
+
+/// What node values of the grids come from, and how they were judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridBasis {
+    /// The model of source `model`.
+    pub model: Model,
+    /// The joint angles it was given at the nodes.
+    pub angles: Angles,
+    /// How the stations that judge were kept from training.
+    pub split: Split,
+    /// Expanded uncertainty (k = 2) that guards verdicts, mm.
+    pub guard_mm: f64,
+}
+
+/// Why tables cannot be made or published.
+#[derive(Debug, Error)]
+pub enum PublishError {
+    /// Values break a table's contract.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// No such table.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// The lake cannot be written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// The counts do not balance, or the row of `runs` cannot be made.
+    #[error(transparent)]
+    Manifest(#[from] ManifestError),
+    /// A model cannot be written down.
+    #[error(
+        "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
+    )]
+    Model(#[from] serde_json::Error),
+}
+
+/// Writes every table of a run and then its row of `runs`.
+pub fn publish(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    lake: &Lake,
+    work: &Work,
+) -> Result<Commit, PublishError> {
+    let key = work.key();
+    let Some(mut run) = lake.start(&key)? else {
+        return Ok(Commit::AlreadyThere);
+    };
+    for session in outcome.training.iter().chain(&outcome.test) {
+        for table in of_session(session, context, &key.of_session(&session.name))? {
+            run.publish(&table)?;
+        }
+    }
+    for table in of_run(outcome, context, &key)? {
+        run.publish(&table)?;
+    }
+    let ending = ending(outcome, context);
+    let row = work.runs_table(&counts::counts(outcome), run.written(), &ending)?;
+    Ok(run.commit(&row)?)
+}
+
+/// The tables of one session.
+pub fn of_session(
+    session: &JoinedSession,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> Result<[Table; 3], PublishError> {
+    Ok([
+        stations::stations(session, context.arm, key)?,
+        rejects::rejects(session, key)?,
+        clocks::clocks(&session.joined.clock, key)?,
+    ])
+}
+
+/// The tables of the run as a whole.
+pub fn of_run(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> Result<[Table; 8], PublishError> {
+    Ok([
+        calibrations::calibrations(outcome, context, key)?,
+        parameters::parameters(outcome, context, key)?,
+        joint_errors::joint_errors(outcome, context, key)?,
+        residuals::residuals(&outcome.residuals, key)?,
+        semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,
+        grid_steps::grid_steps(&outcome.grids, context, key)?,
+        compensation::compensation(outcome, context, key)?,
+        accuracy::accuracy(&outcome.accuracy, &context.tolerance, key)?,
+    ])
+}
+
+fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
+    let choice = &outcome.grids.choice;
+    let reason = match &choice.verdict {
+        Verdict::Meets => None,
+        Verdict::DoesNotMeet => Some(choice.words.clone()),
+        Verdict::NotShown(reason) => Some(format!("{}: {reason}", choice.words)),
+    };
+    Ending {
+        verdict: words::verdict(&choice.verdict).to_owned(),
+        reason,
+        replaces: context.replaces.clone(),
+    }
+}

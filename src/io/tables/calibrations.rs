@@ -1,0 +1,331 @@
+//! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
+
+use super::validity::{joint_ranges, learnt_from};
+use super::{PublishContext, PublishError, words};
+use crate::fit::full::FullModel;
+use crate::fit::full::layout::Block;
+use crate::fit::saved::{SavedCalibration, VERSION};
+use crate::fit::{Calibration, Convergence, Frames, Loss, Observability};
+use crate::io::schema;
+use crate::io::table::{Columns, Table};
+use crate::kinematics::{Motion, Parameter};
+use crate::manifest::RunKey;
+use crate::pipeline::outcome::Outcome;
+use crate::report::{Angles, Model};
+
+/// The only convention that robot files may be written in.
+const CONVENTION: &str = "standard_dh";
+/// A station below this weight counts as weighted down.
+const DOWN: f64 = 0.5;
+
+/// One row: a calibration of geometry or frames, or the full model.
+struct Row<'a> {
+    model: Model,
+    of: Of<'a>,
+}
+
+#[derive(Clone, Copy)]
+enum Of<'a> {
+    Calibration(&'a Calibration),
+    Full(&'a FullModel),
+}
+
+/// The table of all models.
+pub fn calibrations(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> Result<Table, PublishError> {
+    let rows = rows(outcome);
+    let arm = context.arm;
+    let joints = || arm.joints().iter().map(|joint| joint.name.as_str());
+    let names: Vec<&str> = outcome
+        .training
+        .iter()
+        .map(|session| session.name.as_str())
+        .collect();
+    let parallel: Vec<&str> = arm
+        .parallel_joints()
+        .iter()
+        .filter_map(|j| joints().nth(j - 1))
+        .collect();
+    let (lower, upper): (Vec<f64>, Vec<f64>) = joint_ranges(outcome, arm.joints().len())
+        .into_iter()
+        .unzip();
+    let texts = rows
+        .iter()
+        .map(|row| row.text(context, &names))
+        .collect::<Result<Vec<_>, _>>()?;
+    let table = Columns::new(schema::find("calibrations")?, rows.len())
+        .key(key)
+        .same("arm_model", arm.model())
+        .same("convention", CONVENTION)
+        .same("parallel_joints", parallel)
+        .same("joint_names", joints().collect::<Vec<_>>())
+        .column("model_kind", rows.iter().map(|row| words::model(row.model)))
+        .column("parts", rows.iter().map(|row| row.parts(true)))
+        .column("parts_dropped", rows.iter().map(|row| row.parts(false)))
+        .same("sessions", names)
+        .column("angles", rows.iter().map(|row| words::angles(row.angles())))
+        .same("joint_lower_rad", lower)
+        .same("joint_upper_rad", upper)
+        .same("model_version", VERSION)
+        .column("model", texts);
+    let table = frames(
+        solution(structure(table, &rows, outcome, context), &rows, context),
+        &rows,
+    );
+    Ok(context.validity.columns(table, outcome).finish()?)
+}
+
+fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
+    let calibration = |(model, calibration): &'a (Model, Calibration)| Row {
+        model: *model,
+        of: Of::Calibration(calibration),
+    };
+    let full = outcome.full.as_ref().map(|full| Row {
+        model: Model::Full,
+        of: Of::Full(full),
+    });
+    outcome
+        .calibrations
+        .iter()
+        .map(calibration)
+        .chain(full)
+        .collect()
+}
+
+impl<'a> Row<'a> {
+    const fn calibration(&self) -> Option<&'a Calibration> {
+        match self.of {
+            Of::Calibration(calibration) => Some(calibration),
+            Of::Full(_) => None,
+        }
+    }
+
+    fn text(
+        &self,
+        context: &PublishContext<'_>,
+        names: &[&str],
+    ) -> Result<String, serde_json::Error> {
+        match self.of {
+            Of::Calibration(of) => {
+                serde_json::to_string(&SavedCalibration::of(of, context.arm, names))
+            }
+            Of::Full(full) => serde_json::to_string(&full.saved(context.arm, names)),
+        }
+    }
+
+    /// Parts that were kept, or those that were dropped.
+    fn parts(&self, kept: bool) -> Vec<&'static str> {
+        let mut parts = match (self.model, kept) {
+            (_, false) | (Model::BaseTarget, true) => Vec::new(),
+            (Model::Full, true) => vec!["geometry", "joint_curves"],
+            (_, true) => vec!["geometry"],
+        };
+        if let Of::Full(full) = self.of {
+            let own = full.parts.iter().filter(|part| part.kept == kept);
+            parts.extend(own.map(|part| part_name(part.name)));
+        }
+        parts
+    }
+
+    fn angles(&self) -> Angles {
+        match self.of {
+            Of::Full(full) if full.layout().columns(Block::Blend).is_some() && self.blends() => {
+                Angles::Blended
+            }
+            Of::Full(_) | Of::Calibration(_) => Angles::Reported,
+        }
+    }
+
+    fn blends(&self) -> bool {
+        self.parts(true).contains(&"command_blend")
+    }
+
+    fn weights(&self) -> &'a [f64] {
+        match self.of {
+            Of::Calibration(calibration) => &calibration.solution.weights,
+            Of::Full(full) => &full.weights,
+        }
+    }
+
+    /// The frames where there is one session, and whether the target's orientation was fitted.
+    fn frames(&self) -> Option<(Frames, bool)> {
+        let (frames, unknowns) = match self.of {
+            Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
+            Of::Full(full) => (full.fitted_frames(), full.unknowns()),
+        };
+        let turn = |parameter| matches!(parameter, Parameter::Target(Motion::Rotation(_)));
+        let turned = unknowns.iter().any(|unknown| turn(unknown.parameter));
+        (frames.len() == 1).then(|| (frames[0], turned))
+    }
+
+    fn parameters(&self) -> usize {
+        match self.of {
+            Of::Calibration(calibration) => calibration.unknowns.len(),
+            Of::Full(full) => full.layout().size(),
+        }
+    }
+
+    fn loss(&self, context: &PublishContext<'_>) -> &'static str {
+        match (self.of, context.fit.loss) {
+            (Of::Full(_), _) if context.full.student_t > 0.0 => "student_t",
+            (Of::Full(_), _) | (Of::Calibration(_), Loss::Squares) => "squares",
+            (Of::Calibration(_), Loss::Huber { .. }) => "huber",
+            (Of::Calibration(_), Loss::Cauchy { .. }) => "cauchy",
+        }
+    }
+}
+
+fn part_name(name: &'static str) -> &'static str {
+    match name {
+        "blend" => "command_blend",
+        "drift" => "base_drift",
+        "session_changes" => "session_change",
+        other => other,
+    }
+}
+
+fn structure(
+    columns: Columns,
+    rows: &[Row<'_>],
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+) -> Columns {
+    let of = || rows.iter().map(Row::calibration);
+    let observability = |index: fn(&Observability) -> f64| {
+        let value = move |row: &Row<'_>| Some(index(&row.calibration()?.observability()?));
+        rows.iter().map(value)
+    };
+    let down = |row: &Row<'_>| {
+        row.weights()
+            .iter()
+            .filter(|weight| **weight < DOWN)
+            .count()
+    };
+    let condition = |calibration: Option<&Calibration>| {
+        Some(calibration?.structure.condition()).filter(|condition| condition.is_finite())
+    };
+    columns
+        .column("stations", rows.iter().map(|row| row.weights().len()))
+        .column("stations_downweighted", rows.iter().map(down))
+        .same("observations", observations(outcome, context))
+        .column("parameters", rows.iter().map(Row::parameters))
+        .column("rank", of().map(|c| c.map(|c| c.nominal_structure.rank)))
+        .column("condition", of().map(condition))
+        .column("o1", observability(|o| o.o1))
+        .column("o2", observability(|o| o.o2))
+        .column("o3", observability(|o| o.o3))
+        .column("o4", observability(|o| o.o4))
+        .column("o5", observability(|o| o.o5))
+}
+
+/// Three rows for each position, three more where an orientation was fitted.
+fn observations(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> usize {
+    let of_model = |(_, calibration): &(Model, Calibration)| {
+        let turn = |parameter| matches!(parameter, Parameter::Target(Motion::Rotation(_)));
+        calibration
+            .unknowns
+            .iter()
+            .any(|unknown| turn(unknown.parameter))
+    };
+    let turned = context.fit.orientations && outcome.calibrations.iter().any(of_model);
+    let oriented = |station: &&crate::join::Station| {
+        turned
+            && station
+                .attained
+                .as_ref()
+                .is_some_and(|attained| attained.orientation.is_some())
+    };
+    3 * learnt_from(outcome).count() + 3 * learnt_from(outcome).filter(oriented).count()
+}
+
+fn solution(columns: Columns, rows: &[Row<'_>], context: &PublishContext<'_>) -> Columns {
+    let of = || {
+        rows.iter()
+            .map(|row| row.calibration().map(|calibration| &calibration.solution))
+    };
+    let some = |value: f64| (value > 0.0).then_some(value);
+    let convergence = |row: &Row<'_>| {
+        row.calibration().map_or("a fixed number of rounds", |c| {
+            in_words(c.solution.convergence)
+        })
+    };
+    let evidence = |row: &Row<'_>| match row.of {
+        Of::Calibration(_) => None,
+        Of::Full(full) => Some(full.log_evidence()),
+    };
+    columns
+        .column(
+            "variance_factor",
+            of().map(|s| s.map(|s| s.variance_factor)),
+        )
+        .column("loss", rows.iter().map(|row| row.loss(context)))
+        .same("prior_length_mm", some(context.fit.prior_length_mm))
+        .same("prior_angle_rad", some(context.fit.prior_angle_mrad * 1e-3))
+        .column(
+            "converged",
+            of().map(|s| s.map(|s| s.convergence == Convergence::Converged)),
+        )
+        .column("convergence", rows.iter().map(convergence))
+        .column("iterations", of().map(|s| s.map(|s| s.iterations)))
+        .column("cost_start", of().map(|s| s.map(|s| 0.5 * s.cost[0])))
+        .column("cost_end", of().map(|s| s.map(|s| 0.5 * s.cost[1])))
+        .column("log_evidence", rows.iter().map(evidence))
+}
+
+const fn in_words(convergence: Convergence) -> &'static str {
+    match convergence {
+        Convergence::Converged => {
+            "the last step changed no unknown by a millionth of its standard error"
+        }
+        Convergence::IterationLimit => "the limit of iterations was reached",
+        Convergence::Stalled => "no step lowered the cost any more",
+    }
+}
+
+fn frames(columns: Columns, rows: &[Row<'_>]) -> Columns {
+    let bases: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            row.frames()
+                .map(|(frames, _)| words::placement(frames.tracker_from_base.isometry()))
+        })
+        .collect();
+    let targets: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            row.frames().map(|(frames, turned)| {
+                (
+                    words::placement(frames.flange_from_target.isometry()),
+                    turned,
+                )
+            })
+        })
+        .collect();
+    let place = |frame: &str| ["x", "y", "z"].map(|axis| format!("{frame}_{axis}_mm"));
+    let turn = |frame: &str| ["x", "y", "z", "w"].map(|axis| format!("{frame}_q{axis}"));
+    columns
+        .group(
+            place("tracker_from_base").each_ref().map(String::as_str),
+            bases.iter().map(|base| base.map(|(origin, _)| origin)),
+        )
+        .group(
+            turn("tracker_from_base").each_ref().map(String::as_str),
+            bases.iter().map(|base| base.map(|(_, rotation)| rotation)),
+        )
+        .group(
+            place("flange_from_target").each_ref().map(String::as_str),
+            targets
+                .iter()
+                .map(|target| target.map(|((origin, _), _)| origin)),
+        )
+        .group(
+            turn("flange_from_target").each_ref().map(String::as_str),
+            targets.iter().map(|target| {
+                let turned = target.filter(|(_, turned)| *turned);
+                turned.map(|((_, rotation), _)| rotation)
+            }),
+        )
+}

@@ -1,0 +1,135 @@
+//! What came into each stage and what became of it, for the row of `runs`: in = kept + rejected.
+
+use std::collections::BTreeMap;
+
+use super::{stations, validity};
+use crate::join::{Pairing, ReadingCounts};
+use crate::manifest::StageCount;
+use crate::pipeline::outcome::{JoinedSession, Outcome};
+use crate::report::Model;
+
+/// The counts of a run, over all its sessions.
+pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
+    let sessions: Vec<&JoinedSession> = outcome.training.iter().chain(&outcome.test).collect();
+    let mut counts = messages(&sessions);
+    counts.push(readings(&sessions));
+    counts.push(dwells(&sessions));
+    counts.extend(fit(outcome));
+    counts.push(grid(outcome));
+    counts
+}
+
+const STREAMS: [(&str, &str); 4] = [
+    ("joints", "joint messages"),
+    ("commands", "command messages"),
+    ("readings", "reading messages"),
+    ("temperatures", "temperature messages"),
+];
+
+/// Messages of each stream that the pipeline file maps, where logs were read.
+fn messages(sessions: &[&JoinedSession]) -> Vec<StageCount> {
+    let sum = |name: String| -> Option<u64> {
+        let found: Vec<u64> = sessions
+            .iter()
+            .filter_map(|s| s.counts.get(&name).copied())
+            .collect();
+        (!found.is_empty()).then(|| found.iter().sum())
+    };
+    let stream = |(stream, of): (&'static str, &'static str)| {
+        Some(StageCount {
+            stage: "ingest",
+            of,
+            read: sum(format!("{stream}.messages"))?,
+            kept: sum(format!("{stream}.kept")).unwrap_or(0),
+            rejected: nonzero([(
+                "not_decoded_or_not_finite",
+                sum(format!("{stream}.rejected")).unwrap_or(0),
+            )]),
+        })
+    };
+    STREAMS.into_iter().filter_map(stream).collect()
+}
+
+fn readings(sessions: &[&JoinedSession]) -> StageCount {
+    let sum =
+        |of: fn(&ReadingCounts) -> u64| sessions.iter().map(|s| of(&s.joined.counts)).sum::<u64>();
+    let rejected = [
+        ("settling", sum(|c| c.settling)),
+        ("outlier", sum(|c| c.outlier)),
+        ("moving", sum(|c| c.moving)),
+        ("unpaired", sum(|c| c.unpaired)),
+        ("missing", sum(|c| c.missing)),
+    ];
+    let kept = sum(|c| c.kept);
+    StageCount {
+        stage: "join",
+        of: "readings",
+        read: kept + rejected.iter().map(|(_, count)| count).sum::<u64>(),
+        kept,
+        rejected: nonzero(rejected),
+    }
+}
+
+fn dwells(sessions: &[&JoinedSession]) -> StageCount {
+    let all = || sessions.iter().flat_map(|session| &session.joined.stations);
+    let mut rejected = BTreeMap::new();
+    for reason in all().filter_map(|station| stations::reason(&station.pairing)) {
+        *rejected.entry(reason.to_owned()).or_default() += 1;
+    }
+    StageCount {
+        stage: "join",
+        of: "dwells",
+        read: all().count() as u64,
+        kept: all()
+            .filter(|station| station.pairing == Pairing::Paired)
+            .count() as u64,
+        rejected,
+    }
+}
+
+/// Stations offered to each geometric fit, and poses it is of.
+fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
+    let offered = validity::learnt_from(outcome).count() as u64;
+    let count = |(model, of): (Model, &'static str)| {
+        let (_, calibration) = outcome.calibrations.iter().find(|(own, _)| *own == model)?;
+        let kept = calibration.poses as u64;
+        Some(StageCount {
+            stage: "fit",
+            of,
+            read: offered,
+            kept,
+            rejected: nonzero([("not_used", offered.saturating_sub(kept))]),
+        })
+    };
+    let models = [
+        (Model::BaseTarget, "stations of the base + target model"),
+        (Model::Geometric, "stations of the geometric model"),
+    ];
+    models.into_iter().filter_map(count).collect()
+}
+
+/// Held-out stations offered to the chosen step.
+fn grid(outcome: &Outcome<'_>) -> StageCount {
+    let held_out = &outcome.grids.judged[outcome.grids.choice.row].held_out;
+    let mut rejected = nonzero([
+        ("outside", held_out.outside as u64),
+        ("unlike", held_out.unlike as u64),
+    ]);
+    for (refusal, count) in &held_out.refused {
+        rejected.insert(refusal.name().to_owned(), *count as u64);
+    }
+    let kept = held_out.stations as u64;
+    StageCount {
+        stage: "grid",
+        of: "held-out stations of the chosen step",
+        read: kept + rejected.values().sum::<u64>(),
+        kept,
+        rejected,
+    }
+}
+
+fn nonzero<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {
+    let some = counts.into_iter().filter(|(_, count)| *count > 0);
+    some.map(|(reason, count)| (reason.to_owned(), count))
+        .collect()
+}

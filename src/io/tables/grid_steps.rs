@@ -1,0 +1,153 @@
+//! `grid_steps`: every step, node source, interpolation and judgement, and which was chosen.
+
+use super::{PublishContext, PublishError, words};
+use crate::figures::{Figures, bound_rank, least_count};
+use crate::grid::{Grids, Interpolation, Judged, Judgement, Refusal, Source};
+use crate::io::schema;
+use crate::io::table::{Columns, Table};
+use crate::kinematics::Configuration;
+use crate::manifest::RunKey;
+
+/// The table of all judged steps.
+pub fn grid_steps(
+    grids: &Grids,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> Result<Table, PublishError> {
+    let judged = &grids.judged;
+    let configuration = grids
+        .table
+        .configuration
+        .as_ref()
+        .map(Configuration::to_string);
+    let of_table = |row: &Judged| row.judgement == Judgement::Table;
+    let model =
+        |row: &Judged| (row.source == Source::Model).then(|| words::model(context.grid.model));
+    let table = Columns::new(schema::find("grid_steps")?, judged.len())
+        .key(key)
+        .column("source", judged.iter().map(|row| row.source.name()))
+        .column(
+            "interpolation",
+            judged.iter().map(|row| row.interpolation.name()),
+        )
+        .column(
+            "idw_power",
+            judged.iter().map(|row| power(row.interpolation, grids)),
+        )
+        .column("model", judged.iter().map(model))
+        .same("angles", words::angles(context.grid.angles))
+        .column("judgement", judged.iter().map(judgement))
+        .same("split", words::split(context.grid.split))
+        .column(
+            "orientation",
+            judged.iter().map(|row| of_table(row).then_some(0_i64)),
+        )
+        .column(
+            "configuration",
+            judged
+                .iter()
+                .map(|row| configuration.clone().filter(|_| of_table(row))),
+        )
+        .column("step_mm", judged.iter().map(|row| row.step_mm))
+        .group(
+            ["step_x_mm", "step_y_mm", "step_z_mm"],
+            judged.iter().map(|row| [row.step_mm; 3]),
+        )
+        .column("chosen", judged.iter().map(|row| row.chosen));
+    Ok(verdicts(figures(counts(table, judged), judged), judged, context).finish()?)
+}
+
+/// The power where values are weighted by inverse distance.
+pub(super) fn power(interpolation: Interpolation, grids: &Grids) -> Option<f64> {
+    (interpolation == Interpolation::Idw).then_some(grids.table.idw_power)
+}
+
+const fn judgement(row: &Judged) -> &'static str {
+    match row.judgement {
+        Judgement::LocalCell => "local_cell",
+        Judgement::Table => "table",
+    }
+}
+
+fn counts(columns: Columns, judged: &[Judged]) -> Columns {
+    let cells = |row: &Judged, of: &[Refusal]| -> usize {
+        of.iter()
+            .filter_map(|refusal| row.refused_cells.get(refusal))
+            .sum()
+    };
+    let mixed = [Refusal::OtherConfiguration, Refusal::Branches];
+    let unreachable = [Refusal::OutOfReach, Refusal::Unmeasured];
+    let all = || judged.iter();
+    columns
+        .column("nodes", all().map(|row| row.nodes))
+        .column(
+            "nodes_refused",
+            all().map(|row| row.refused_nodes.values().sum::<usize>()),
+        )
+        .column("cells", all().map(|row| row.cells))
+        .column(
+            "cells_singular",
+            all().map(|row| cells(row, &[Refusal::Singularity])),
+        )
+        .column("cells_mixed", all().map(|row| cells(row, &mixed)))
+        .column(
+            "cells_unreachable",
+            all().map(|row| cells(row, &unreachable)),
+        )
+        .column("held_out", all().map(|row| row.held_out.stations))
+        .column("errors", all().map(|row| row.held_out.norms.len()))
+        .column(
+            "held_out_refused",
+            all().map(|row| row.held_out.refused.values().sum::<usize>()),
+        )
+        .column("held_out_outside", all().map(|row| row.held_out.outside))
+        .column("held_out_unlike", all().map(|row| row.held_out.unlike))
+        .absent(["phases", "blocks"])
+}
+
+fn figures(columns: Columns, judged: &[Judged]) -> Columns {
+    let figure =
+        |of: fn(&Figures) -> f64| judged.iter().map(move |row| row.figures.as_ref().map(of));
+    columns
+        .column("mean_mm", figure(|f| f.mean))
+        .column("rms_mm", figure(|f| f.rms))
+        .column("p95_mm", figure(|f| f.p95))
+        .column("p99_mm", figure(|f| f.p99))
+        .column("max_mm", figure(|f| f.max))
+        .column("mean_plus_3sd_mm", figure(Figures::mean_plus_3_sd))
+        .column("bound_mm", judged.iter().map(|row| row.bound))
+        .absent(["excess_mm", "excess_se_mm"])
+}
+
+fn verdicts(columns: Columns, judged: &[Judged], context: &PublishContext<'_>) -> Columns {
+    let coverage = context.tolerance.coverage();
+    columns
+        .same("bound_share", coverage.share)
+        .same("bound_confidence", coverage.confidence)
+        .column(
+            "bound_rank",
+            judged
+                .iter()
+                .map(|row| bound_rank(row.held_out.stations, coverage)),
+        )
+        .same("held_out_needed", whole(least_count(coverage)))
+        .same("expanded_uncertainty_mm", context.grid.guard_mm)
+        .same("tolerance_mm", context.tolerance.mm)
+        .column(
+            "verdict",
+            judged.iter().map(|row| words::verdict(&row.verdict)),
+        )
+        .column(
+            "reason",
+            judged.iter().map(|row| words::reason(&row.verdict)),
+        )
+}
+
+/// A count as a whole number.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a count; the cast saturates where a share of one asks for infinitely many"
+)]
+pub(super) const fn whole(count: f64) -> i64 {
+    count as i64
+}

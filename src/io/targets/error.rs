@@ -1,0 +1,138 @@
+//! What can be wrong with a file of targets.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::Place;
+use crate::io::schema::SchemaError;
+use crate::io::table::FileError;
+
+/// Why a file of targets cannot be read.
+#[derive(Debug, Error)]
+pub enum TargetsError {
+    /// Neither of the forms there are.
+    #[error("{}: files of targets are .csv or .parquet", .0.display())]
+    UnknownForm(PathBuf),
+    /// No row.
+    #[error("{} holds no target", .0.display())]
+    Empty(PathBuf),
+    /// Not a CSV file, or one that cannot be read.
+    #[error("cannot read {} as CSV: {source}", path.display())]
+    Csv {
+        /// The file.
+        path: PathBuf,
+        /// What the reader says.
+        source: csv::Error,
+    },
+    /// Not a Parquet file of targets.
+    #[error(transparent)]
+    Parquet(#[from] FileError),
+    /// The program does not know its own table.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// Columns that every target needs.
+    #[error(
+        "{}: missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
+        path.display(),
+        missing.join(", ")
+    )]
+    MissingColumns {
+        /// The file.
+        path: PathBuf,
+        /// The columns.
+        missing: Vec<&'static str>,
+        /// What the first line names.
+        found: Vec<String>,
+    },
+    /// The same column twice.
+    #[error("{}: column {column:?} stands twice in its first line", path.display())]
+    SameColumn {
+        /// The file.
+        path: PathBuf,
+        /// The column.
+        column: String,
+    },
+    /// A row with a wrong value.
+    #[error("{}, {place}: {problem}", path.display())]
+    Row {
+        /// The file.
+        path: PathBuf,
+        /// The row.
+        place: Place,
+        /// What is wrong with it.
+        problem: RowProblem,
+    },
+}
+
+/// What is wrong with a row of a file of targets.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum RowProblem {
+    /// Text where a number stands.
+    #[error(
+        "column {column:?} holds {text:?}, which is no finite number (decimal point, unit mm, no unit written)"
+    )]
+    NoNumber {
+        /// The column.
+        column: &'static str,
+        /// What stands there.
+        text: String,
+    },
+    /// Nothing where something has to be.
+    #[error("column {column:?} is empty, and every target has a value there")]
+    NoValue {
+        /// The column.
+        column: &'static str,
+    },
+    /// Two targets of one name.
+    #[error("target {target:?} stands in {first} already; names are unique within a file")]
+    SameName {
+        /// Where it stands first.
+        first: Place,
+        /// Its name.
+        target: String,
+    },
+    /// Some of a quaternion's four numbers.
+    #[error(
+        "an orientation is four numbers, qx qy qz qw, and some of them are missing; give all or none"
+    )]
+    PartOfQuaternion,
+    /// A quaternion that is no rotation.
+    #[error("qx qy qz qw have norm {norm}, a rotation has norm 1")]
+    NotUnit {
+        /// The norm.
+        norm: f64,
+    },
+    /// A target that is a command already.
+    #[error(
+        "target {target:?} is corrected already, with table {table_id:?}; correct the targets themselves, a second \
+         correction would move the tool by the error once more"
+    )]
+    Corrected {
+        /// The target.
+        target: String,
+        /// The table that it was corrected with.
+        table_id: String,
+    },
+}
+
+impl RowProblem {
+    /// This problem of a row of a file.
+    pub(super) fn at(self, path: &Path, place: Place) -> TargetsError {
+        TargetsError::Row {
+            path: path.to_owned(),
+            place,
+            problem: self,
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Row(row) => write!(f, "row {row}"),
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! How much more than plain decompression ingest costs, on a log of 2.2 million messages.
+//!
+//! `cargo bench --bench ingest` writes the log (2.0 M joint states of 6 joints, 0.2 M poses, zstd) into a temporary
+//! folder and prints user CPU seconds of each step side by side, from one run. Without `--bench` (as `cargo test`
+//! calls it) a small log shows that it works.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Read, Seek, SeekFrom};
+use std::path::Path;
+use std::time::Instant;
+
+use mcap::records::{MessageHeader, op};
+use mcap::{Compression, WriteOptions, Writer};
+use posegrid::ingest::{
+    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
+    TrackerSettings,
+};
+use posegrid::io::inspect::inspect;
+use posegrid::io::log::{Limits, decode, read_recording};
+use posegrid::progress::Quiet;
+
+const JOINTS: [&str; 6] = [
+    "joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6",
+];
+const JOINT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+const POSE_STAMPED: &str = "std_msgs/Header header\ngeometry_msgs/Pose pose\n";
+const SHARED: &str = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n\
+    ================\nMSG: geometry_msgs/Pose\nPoint position\nQuaternion orientation\n\
+    ================\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n\
+    ================\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
+
+fn main() {
+    let joint_states = if std::env::args().any(|arg| arg == "--bench") {
+        2_000_000
+    } else {
+        2_000
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("log.mcap");
+    write_log(&path, joint_states);
+    let stored = fs::metadata(&path).expect("just written").len();
+    // Also warms the page cache: its first touch is no step's own.
+    let unpacked = decompress(&path);
+    println!(
+        "{} messages, {:.1} MB stored, {:.1} MB decompressed",
+        joint_states + joint_states / 10,
+        stored as f64 / 1e6,
+        unpacked as f64 / 1e6
+    );
+    println!(
+        "{:<44} {:>8} {:>8} {:>8} {:>8}",
+        "step", "user s", "system s", "wall s", "ratio"
+    );
+    let floor = measure("zstd decompression alone", None, || decompress(&path));
+    let limits = Limits::default();
+    let mapping = mapping();
+    measure("decode to columns", Some(floor), || {
+        let decoded = decode(&path, &path, &mapping, limits, &Quiet).expect("a sound log");
+        decoded.joints.stamps.len() as u64
+    });
+    let kept = measure_kept(&path, &mapping, floor);
+    assert_eq!(kept, joint_states, "all joint states are kept");
+    measure("inspect", Some(floor), || {
+        inspect(&path, limits, &Quiet)
+            .expect("a sound log")
+            .account
+            .messages
+    });
+    println!("peak memory {} MB", peak_memory_mb());
+}
+
+fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {
+    let mut kept = 0;
+    measure(
+        "decode, check, order, convert (read_recording)",
+        Some(floor),
+        || {
+            let recording = read_recording(path, path, mapping, Limits::default(), &Quiet)
+                .expect("a sound log");
+            kept = recording.joints.stamps.len() as u64;
+            kept
+        },
+    );
+    kept
+}
+
+/// Runs a step, prints its times, returns its user seconds.
+fn measure(step: &str, floor: Option<f64>, run: impl FnOnce() -> u64) -> f64 {
+    let (start, (user, system)) = (Instant::now(), cpu_seconds());
+    let result = run();
+    let (wall, (user_after, system_after)) = (start.elapsed().as_secs_f64(), cpu_seconds());
+    assert!(result > 0, "{step} did something");
+    let (user, system) = (user_after - user, system_after - system);
+    let ratio = floor.map_or_else(String::new, |floor| format!("{:.2}", user / floor));
+    println!("{step:<44} {user:>8.2} {system:>8.2} {wall:>8.2} {ratio:>8}");
+    user
+}
+
+/// User and system CPU seconds of this process, all threads.
+fn cpu_seconds() -> (f64, f64) {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // Fields 14 and 15, counted behind the command's closing parenthesis, in hundredths of a second.
+    let mut ticks = stat
+        .rsplit(')')
+        .next()
+        .unwrap_or("")
+        .split_whitespace()
+        .skip(11);
+    let mut next = || {
+        ticks
+            .next()
+            .and_then(|ticks| ticks.parse::<f64>().ok())
+            .unwrap_or(f64::NAN)
+            / 100.0
+    };
+    (next(), next())
+}
+
+fn peak_memory_mb() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    peak.and_then(|peak| peak.split_whitespace().next()?.parse::<u64>().ok())
+        .unwrap_or(0)
+        / 1024
+}
+
+/// Decompresses every chunk into one buffer; returns how many bytes.
+fn decompress(path: &Path) -> u64 {
+    let mut file = File::open(path).expect("just written");
+    let mut zstd = zstd::bulk::Decompressor::new().expect("memory");
+    let (mut stored, mut records, mut total) = (Vec::new(), Vec::new(), 0);
+    file.seek(SeekFrom::Start(8)).expect("a file");
+    let mut header = [0; 9];
+    while file.read_exact(&mut header).is_ok() {
+        let length = u64::from_le_bytes(header[1..].try_into().expect("eight bytes"));
+        if header[0] == op::CHUNK {
+            stored.clear();
+            (&mut file)
+                .take(length)
+                .read_to_end(&mut stored)
+                .expect("a sound log");
+            let Ok(mcap::records::Record::Chunk { header, data }) =
+                mcap::parse_record(op::CHUNK, &stored)
+            else {
+                panic!("a sound chunk")
+            };
+            records.clear();
+            records.reserve(usize::try_from(header.uncompressed_size).expect("small"));
+            zstd.decompress_to_buffer(&data[..], &mut records)
+                .expect("a sound chunk");
+            total += records.len() as u64;
+        } else {
+            file.seek_relative(i64::try_from(length).expect("small"))
+                .expect("a file");
+        }
+    }
+    total
+}
+
+fn mapping() -> Mapping {
+    let time = TimeSource::Header;
+    let (controller, commanded, tracker) = ("/joint_states", "/commanded", "/pose");
+    Mapping {
+        controller: ControllerSettings {
+            topic: controller.to_owned(),
+            time,
+            unit: AngleUnit::Rad,
+        },
+        commanded: Some(CommandedSettings {
+            topic: commanded.to_owned(),
+            time,
+            unit: LengthUnit::M,
+        }),
+        tracker: TrackerSettings {
+            topic: tracker.to_owned(),
+            time,
+            unit: LengthUnit::M,
+            temperature: None,
+            ignore_orientation: false,
+        },
+        joints: JOINTS.map(str::to_owned).to_vec(),
+    }
+}
+
+fn write_log(path: &Path, joint_states: u64) {
+    let file = BufWriter::new(File::create(path).expect("a temporary file"));
+    let options = WriteOptions::new()
+        .compression(Some(Compression::Zstd))
+        .compression_level(1)
+        .chunk_size(Some(1 << 20));
+    let mut log = options.create(file).expect("a temporary file");
+    let joints = channel(
+        &mut log,
+        "/joint_states",
+        "sensor_msgs/msg/JointState",
+        JOINT_STATE,
+    );
+    let pose = channel(
+        &mut log,
+        "/pose",
+        "geometry_msgs/msg/PoseStamped",
+        POSE_STAMPED,
+    );
+    let commanded = channel(
+        &mut log,
+        "/commanded",
+        "geometry_msgs/msg/PoseStamped",
+        POSE_STAMPED,
+    );
+    let mut noise = 1_u64;
+    for i in 0..joint_states {
+        let ns = 1_600_000_000_000_000_000 + i * 2_000_000;
+        write(
+            &mut log,
+            joints,
+            ns,
+            &joint_state(ns, i as f64 * 1e-4, &mut noise),
+        );
+        if i % 10 == 0 {
+            write(
+                &mut log,
+                pose,
+                ns,
+                &pose_stamped(ns, i as f64 * 1e-4, &mut noise),
+            );
+        }
+        if i % 100_000 == 0 {
+            write(
+                &mut log,
+                commanded,
+                ns,
+                &pose_stamped(ns, i as f64, &mut noise),
+            );
+        }
+    }
+    log.finish().expect("room in the temporary folder");
+}
+
+fn channel(log: &mut Writer<BufWriter<File>>, topic: &str, name: &str, text: &str) -> u16 {
+    let schema = log
+        .add_schema(name, "ros2msg", format!("{text}{SHARED}").as_bytes())
+        .expect("few schemas");
+    log.add_channel(schema, topic, "cdr", &std::collections::BTreeMap::new())
+        .expect("few channels")
+}
+
+fn write(log: &mut Writer<BufWriter<File>>, channel_id: u16, log_time: u64, message: &[u8]) {
+    let header = MessageHeader {
+        channel_id,
+        sequence: 0,
+        log_time,
+        publish_time: log_time,
+    };
+    log.write_to_known_channel(&header, message)
+        .expect("room in the temporary folder");
+}
+
+/// Readings of a real encoder: a slow motion with noise in the last digits.
+fn number(message: &mut Vec<u8>, slow: f64, noise: &mut u64) {
+    *noise = noise
+        .wrapping_mul(6_364_136_223_846_793_005)
+        .wrapping_add(1_442_695_040_888_963_407);
+    let number = slow.sin() + (*noise >> 40) as f64 * 1e-12;
+    message.extend(number.to_le_bytes());
+}
+
+fn text(message: &mut Vec<u8>, text: &str) {
+    message.resize(message.len().next_multiple_of(4), 0);
+    message.extend(u32::try_from(text.len() + 1).expect("short").to_le_bytes());
+    message.extend(text.as_bytes());
+    message.push(0);
+}
+
+fn header(ns: u64) -> Vec<u8> {
+    let mut message = vec![0, 1, 0, 0];
+    message.extend(
+        u32::try_from(ns / 1_000_000_000)
+            .expect("before 2106")
+            .to_le_bytes(),
+    );
+    message.extend(
+        u32::try_from(ns % 1_000_000_000)
+            .expect("below a second")
+            .to_le_bytes(),
+    );
+    text(&mut message, "base_link");
+    message
+}
+
+fn joint_state(ns: u64, slow: f64, noise: &mut u64) -> Vec<u8> {
+    let mut message = header(ns);
+    message.resize(message.len().next_multiple_of(4), 0);
+    message.extend(6_u32.to_le_bytes());
+    for name in JOINTS {
+        text(&mut message, name);
+    }
+    for filled in [true, true, false] {
+        message.resize(message.len().next_multiple_of(4), 0);
+        message.extend((if filled { 6_u32 } else { 0 }).to_le_bytes());
+        if filled {
+            message.resize((message.len() - 4).next_multiple_of(8) + 4, 0);
+            for joint in 0..6 {
+                number(&mut message, slow + f64::from(joint), noise);
+            }
+        }
+    }
+    message
+}
+
+fn pose_stamped(ns: u64, slow: f64, noise: &mut u64) -> Vec<u8> {
+    let mut message = header(ns);
+    message.resize((message.len() - 4).next_multiple_of(8) + 4, 0);
+    for coordinate in 0..7 {
+        number(&mut message, slow + f64::from(coordinate), noise);
+    }
+    message
+}
