@@ -33,7 +33,7 @@ pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(
     numbers(file, joints).map_err(told)?;
     file.join.check().map_err(|source| PlanError::Join {
         path: path.to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
         return Err(PlanError::Missing {

@@ -67,7 +67,7 @@ pub enum PlanError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: JoinError,
+        source: Box<JoinError>,
     },
     /// The robot file cannot be read.
     #[error("cannot read the robot file {}, which {} names under [robot] file: {source}; nominal arms stand in pipelines/robots/", robot.display(), path.display())]
