@@ -14,7 +14,7 @@ pub mod table;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 pub use refused::{Gap, Reason, Refused};
-pub use table::{CompensationTable, Known, Misfit, Nodes, Terms, Validity};
+pub use table::{CompensationTable, Known, Misfit, Terms, Validity};
 
 use crate::geometry::{Command, Position};
 

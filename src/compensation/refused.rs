@@ -38,12 +38,15 @@ pub enum Reason {
         limit_deg: f64,
     },
     /// Another arm configuration.
-    #[error("asks for arm configuration {wanted:?}, the table is for {table:?}")]
+    #[error("asks for arm configuration {wanted:?}, the table is for {}", match table {
+        Some(table) => format!("{table:?}"),
+        None => "an arm that has no configurations; leave the targets' configuration out".to_owned(),
+    })]
     Configuration {
         /// The target's.
         wanted: String,
-        /// The table's.
-        table: String,
+        /// The table's, where its arm has any.
+        table: Option<String>,
     },
     /// Another tool.
     #[error("is for tool {wanted:?}, the table is for {}", match table {

@@ -13,10 +13,6 @@ use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
 use crate::grid::{self, Interpolation, Lattice, Refusal};
 
-/// The frame along whose axes the nodes of a table lie.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Nodes {}
-
 /// What a table was measured with, and is valid for. `None`: the pipeline file or the log did not say.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Validity {
@@ -45,8 +41,8 @@ pub struct Terms {
     pub orientation: UnitQuaternion<f64>,
     /// The largest turn of a target's orientation from the table's, rad.
     pub orientation_tolerance_rad: f64,
-    /// The arm configuration at every node.
-    pub configuration: String,
+    /// The arm configuration at every node; `None` for arms without six axes.
+    pub configuration: Option<String>,
     /// How values inside a cell follow.
     pub interpolation: Interpolation,
     /// IDW's power; of no effect on trilinear interpolation.
@@ -70,7 +66,7 @@ pub struct Known {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompensationTable {
     terms: Terms,
-    command_from_nodes: Transform<Command, Nodes>,
+    command_from_base: Transform<Command, Base>,
     lattice: Lattice,
     nodes: Vec<Result<Known, Refusal>>,
 }
@@ -113,7 +109,7 @@ impl Terms {
         if let Some(wanted) = target
             .configuration
             .as_ref()
-            .filter(|c| **c != self.configuration)
+            .filter(|_| target.configuration != self.configuration)
         {
             return Err(Reason::Configuration {
                 wanted: wanted.clone(),
@@ -144,10 +140,10 @@ impl Terms {
 }
 
 impl CompensationTable {
-    /// The table of `nodes` in the lattice's order, which lies in a frame of its own.
+    /// The table of `nodes` in the order of the lattice, which lies in the base frame.
     pub fn new(
         terms: Terms,
-        command_from_nodes: Transform<Command, Nodes>,
+        command_from_base: Transform<Command, Base>,
         lattice: Lattice,
         nodes: Vec<Result<Known, Refusal>>,
     ) -> Result<Self, Misfit> {
@@ -171,7 +167,7 @@ impl CompensationTable {
         }
         Ok(Self {
             terms,
-            command_from_nodes,
+            command_from_base,
             lattice,
             nodes,
         })
@@ -190,9 +186,7 @@ impl CompensationTable {
             table_id,
             orientation: turn * table.orientation,
             orientation_tolerance_rad: table.orientation_tolerance_rad,
-            configuration: table
-                .configuration
-                .map_or_else(String::new, |c| c.to_string()),
+            configuration: table.configuration.map(|c| c.to_string()),
             interpolation: table.interpolation,
             idw_power: table.idw_power,
             validity,
@@ -205,10 +199,9 @@ impl CompensationTable {
                 covariance: matrix * covariance * matrix.transpose(),
             })
         };
-        let command_from_nodes = Transform::claim(*command_from_base.isometry());
         Self::new(
             terms,
-            command_from_nodes,
+            *command_from_base,
             table.lattice,
             table.nodes.iter().map(known).collect(),
         )
@@ -224,19 +217,19 @@ impl CompensationTable {
         &self.nodes
     }
 
-    /// Where the nodes lie, in a frame of their own.
+    /// Where the nodes lie, in the base frame.
     pub const fn lattice(&self) -> &Lattice {
         &self.lattice
     }
 
     /// Where node `number` lies.
     pub fn position(&self, number: usize) -> Position<Command> {
-        self.command_from_nodes * Position::claim(self.lattice.position(number))
+        self.command_from_base * Position::claim(self.lattice.position(number))
     }
 
     /// The error of the arm at a command, or why the table cannot tell.
     pub fn error_at(&self, command: &Position<Command>) -> Result<Estimate, Gap> {
-        let place = *(self.command_from_nodes.inverse() * *command).point();
+        let place = *(self.command_from_base.inverse() * *command).point();
         let cell = self
             .lattice
             .locate(&place)
@@ -289,7 +282,7 @@ impl CompensationTable {
             inside - inside.clamp(0.0, high)
         });
         Gap::Outside {
-            beyond_mm: self.command_from_nodes.isometry().rotation * beyond,
+            beyond_mm: self.command_from_base.isometry().rotation * beyond,
         }
     }
 }

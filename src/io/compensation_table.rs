@@ -2,8 +2,8 @@
 //!
 //! 1. The file keeps the contract of `schemas/compensation.toml` ([`table::read`]).
 //! 2. What a table says of itself stands in every row, and has to be the same in each ([`terms`]).
-//! 3. The lattice follows from the positions of the nodes and has to be regular ([`nodes`]); its axes may be turned
-//!    against those of the frame of commands.
+//! 3. The nodes are a lattice in the base frame, which may be turned against the frame of commands ([`nodes`]); every
+//!    position is held against it.
 //! 4. Each node has an error with its covariance, or the reason why it has none.
 
 mod nodes;
@@ -113,8 +113,9 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
             path: path.to_owned(),
         });
     }
-    let (command_from_nodes, lattice) = file.lattice()?;
-    let table = CompensationTable::new(file.terms()?, command_from_nodes, lattice, file.nodes()?);
+    let command_from_base = file.command_from_base()?;
+    let lattice = file.lattice(&command_from_base)?;
+    let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {
         key: file.key()?,
         verdict: file.verdict()?,

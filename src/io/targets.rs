@@ -86,6 +86,9 @@ pub enum Place {
     Row(usize),
 }
 
+/// The rows of a file, each with its place, and the names of columns that no correction uses.
+type Rows = (Vec<(Place, Row)>, Vec<String>);
+
 /// A row as it stands in the file.
 struct Row {
     target: String,

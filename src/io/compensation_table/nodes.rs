@@ -1,18 +1,16 @@
-//! The nodes of a table: where they lie, and what they hold.
+//! The nodes of a table: where they lie, and what each holds.
 
 use arrow::array::{Array as _, AsArray as _};
 use arrow::datatypes::Float64Type;
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{CompensationTableError, TableFile};
-use crate::compensation::{Known, Nodes};
-use crate::geometry::{Command, Transform};
+use crate::compensation::Known;
+use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::{Lattice, Refusal};
 
 /// A node further than this from its place in the lattice is not on it, mm.
 const ON_LATTICE_MM: f64 = 1e-6;
-/// Axes less perpendicular than this are none of a lattice.
-const PERPENDICULAR: f64 = 1e-9;
 
 const INDICES: [&str; 3] = ["index_x", "index_y", "index_z"];
 const STEPS: [&str; 3] = ["step_x_mm", "step_y_mm", "step_z_mm"];
@@ -26,34 +24,32 @@ const COVARIANCE: [&str; 6] = [
     "error_cov_zz_mm2",
 ];
 
-type Placed = (Transform<Command, Nodes>, Lattice);
-
 impl TableFile<'_> {
-    /// The lattice from its first node on, along axes of its own.
-    pub(super) fn lattice(&self) -> Result<Placed, CompensationTableError> {
-        let counts = self.counts()?;
+    /// The lattice of the nodes in the base frame.
+    pub(super) fn lattice(
+        &self,
+        command_from_base: &Transform<Command, Base>,
+    ) -> Result<Lattice, CompensationTableError> {
+        let base_from_command = command_from_base.inverse();
+        let in_base = |row| *(base_from_command * self.position(row)).point();
         let mut step = [0.0; 3];
-        for axis in 0..3 {
-            step[axis] = self.not_negative(STEPS[axis])?;
+        for (step, column) in step.iter_mut().zip(STEPS) {
+            *step = self.positive(column)?;
         }
         let lattice = Lattice {
-            origin: Point3::origin(),
+            origin: in_base(0),
             step,
-            counts,
+            counts: self.counts()?,
         };
-        let command_from_nodes =
-            Isometry3::from_parts(Translation3::from(self.position(0)), self.axes(&lattice)?);
-        for node in 0..self.table.rows() {
-            let place = command_from_nodes * lattice.position(node);
-            let off_mm = (place.coords - self.position(node)).norm();
+        for row in 0..self.table.rows() {
+            let off_mm = (in_base(row) - lattice.position(row)).norm();
             if off_mm > ON_LATTICE_MM {
-                return Err(self.node_error(
-                    node,
-                    format!("it lies {off_mm:.6} mm off the lattice of the table's steps"),
-                ));
+                let problem =
+                    format!("it lies {off_mm:.6} mm off the lattice of the table's steps");
+                return Err(self.node_error(row, problem));
             }
         }
-        Ok((Transform::claim(command_from_nodes), lattice))
+        Ok(lattice)
     }
 
     /// Nodes along each axis: every one is there, in its order.
@@ -93,29 +89,9 @@ impl TableFile<'_> {
         Ok([nx, ny, nz])
     }
 
-    fn axes(&self, lattice: &Lattice) -> Result<UnitQuaternion<f64>, CompensationTableError> {
-        let direction = |axis: usize| {
-            let mut index = [0; 3];
-            index[axis] = lattice.counts[axis] - 1;
-            (self.position(lattice.number(index)) - self.position(0)).normalize()
-        };
-        let axes = Matrix3::from_columns(&[direction(0), direction(1), direction(2)]);
-        let skew = (axes.transpose() * axes - Matrix3::identity()).abs().max();
-        // Nodes in one place have no direction: not a number is no small number either.
-        if skew < PERPENDICULAR && axes.determinant() > 0.0 {
-            Ok(UnitQuaternion::from_rotation_matrix(
-                &Rotation3::from_matrix_unchecked(axes),
-            ))
-        } else {
-            Err(self.node_error(
-                0,
-                "the axes from it on are not perpendicular and right-handed".to_owned(),
-            ))
-        }
-    }
-
-    fn position(&self, row: usize) -> Vector3<f64> {
-        Vector3::from(["x_mm", "y_mm", "z_mm"].map(|column| self.table.f64(column).value(row)))
+    fn position(&self, row: usize) -> Position<Command> {
+        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(|column| self.table.f64(column).value(row));
+        Position::claim(Point3::new(x, y, z))
     }
 
     /// The nodes in the lattice's order.
@@ -168,9 +144,11 @@ impl TableFile<'_> {
 /// The schema's words for why a node has no value.
 fn refusal(word: &str) -> Refusal {
     match word {
-        "unreachable" | "joint_limits" => Refusal::OutOfReach,
+        "out_of_reach" => Refusal::OutOfReach,
+        "singularity" => Refusal::Singularity,
         "other_configuration" => Refusal::OtherConfiguration,
-        "near_singularity" => Refusal::Singularity,
-        _ => Refusal::Unmeasured,
+        "unmeasured" => Refusal::Unmeasured,
+        // The schema allows these five words only.
+        _ => Refusal::Branches,
     }
 }

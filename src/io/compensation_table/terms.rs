@@ -3,10 +3,11 @@
 use std::fmt::Debug;
 
 use arrow::array::Array as _;
-use nalgebra::{Quaternion, UnitQuaternion};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::{CompensationTableError, TableFile, TableVerdict};
 use crate::compensation::{Terms, Validity};
+use crate::geometry::{Base, Command, Transform};
 use crate::grid::Interpolation;
 use crate::manifest::RunKey;
 
@@ -15,7 +16,6 @@ const UNIT_NORM: f64 = 1e-6;
 
 impl TableFile<'_> {
     pub(super) fn terms(&self) -> Result<Terms, CompensationTableError> {
-        let tolerance = "orientation_tolerance_deg";
         // The schema allows the two words only.
         let interpolation = match self.text("interpolation")?.as_str() {
             "idw" => Interpolation::Idw,
@@ -24,8 +24,8 @@ impl TableFile<'_> {
         Ok(Terms {
             table_id: self.text("table_id")?,
             orientation: self.orientation()?,
-            orientation_tolerance_rad: self.not_negative(tolerance)?.to_radians(),
-            configuration: self.text("configuration")?,
+            orientation_tolerance_rad: self.number("orientation_tolerance_deg")?.to_radians(),
+            configuration: self.optional_text("configuration")?,
             interpolation,
             idw_power: self.idw_power(interpolation)?,
             validity: self.validity()?,
@@ -49,14 +49,28 @@ impl TableFile<'_> {
         self.one("orientation", |row| {
             Some(self.table.i64("orientation").value(row))
         })?;
-        let [x, y, z, w] = ["qx", "qy", "qz", "qw"].map(|part| self.number(part));
+        self.rotation(["qx", "qy", "qz", "qw"])
+    }
+
+    /// Where the base frame lies in the frame of commands.
+    pub(super) fn command_from_base(
+        &self,
+    ) -> Result<Transform<Command, Base>, CompensationTableError> {
+        let [x, y, z] =
+            ["x", "y", "z"].map(|axis| self.number(&format!("command_from_base_{axis}_mm")));
+        let turn = ["x", "y", "z", "w"].map(|part| format!("command_from_base_q{part}"));
+        let rotation = self.rotation(turn.each_ref().map(String::as_str))?;
+        let origin = Translation3::new(x?, y?, z?);
+        Ok(Transform::claim(Isometry3::from_parts(origin, rotation)))
+    }
+
+    fn rotation(&self, columns: [&str; 4]) -> Result<UnitQuaternion<f64>, CompensationTableError> {
+        let [x, y, z, w] = columns.map(|part| self.number(part));
         let quaternion = Quaternion::new(w?, x?, y?, z?);
         let norm = quaternion.norm();
         if (norm - 1.0).abs() > UNIT_NORM {
-            return Err(self.value_error(
-                "qw",
-                format!("the quaternion has norm {norm}, a rotation has norm 1"),
-            ));
+            let problem = format!("the quaternion has norm {norm}, a rotation has norm 1");
+            return Err(self.value_error(columns[3], problem));
         }
         Ok(UnitQuaternion::from_quaternion(quaternion))
     }
@@ -90,15 +104,15 @@ impl TableFile<'_> {
         })
     }
 
-    pub(super) fn not_negative(&self, column: &str) -> Result<f64, CompensationTableError> {
+    pub(super) fn positive(&self, column: &str) -> Result<f64, CompensationTableError> {
         let value = self.number(column)?;
-        if value < 0.0 {
-            return Err(self.value_error(column, format!("{value} is negative")));
+        if value > 0.0 {
+            return Ok(value);
         }
-        Ok(value)
+        Err(self.value_error(column, format!("{value} is not positive")))
     }
 
-    pub(super) fn number(&self, column: &str) -> Result<f64, CompensationTableError> {
+    fn number(&self, column: &str) -> Result<f64, CompensationTableError> {
         let value = self.optional_number(column)?;
         Ok(value.expect("the schema has no nulls in this column"))
     }

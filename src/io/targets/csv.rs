@@ -4,15 +4,15 @@ use std::path::Path;
 
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::{Place, Row, RowProblem, TargetsError};
+use super::{Place, Row, RowProblem, Rows, TargetsError};
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const TARGET: &str = "target";
 const TEXTS: [&str; 3] = ["configuration", "tool", "table_id"];
 
-/// Reads the rows with their lines, and the names of columns that no correction uses.
-pub(super) fn rows(path: &Path) -> Result<(Vec<(Place, Row)>, Vec<String>), TargetsError> {
+/// Reads the rows with their lines.
+pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsError::Csv {
         path: path.to_owned(),
         source,
@@ -87,12 +87,12 @@ impl Header {
         };
         let [x, y, z] = POSITION.map(|column| {
             let number = cells.number(column)?;
-            cells.there(column, number)
+            there(column, number)
         });
         let [qx, qy, qz, qw] = QUATERNION.map(|column| cells.number(column));
         let [configuration, tool, table_id] = TEXTS.map(|column| cells.text(column));
         Ok(Row {
-            target: cells.there(TARGET, cells.text(TARGET))?,
+            target: there(TARGET, cells.text(TARGET))?,
             position: [x?, y?, z?],
             quaternion: [qx?, qy?, qz?, qw?],
             configuration,
@@ -124,10 +124,10 @@ impl Cells<'_> {
             _ => Err(RowProblem::NoNumber { column, text }),
         }
     }
+}
 
-    fn there<T>(self, column: &'static str, value: Option<T>) -> Result<T, RowProblem> {
-        value.ok_or(RowProblem::NoValue { column })
-    }
+fn there<T>(column: &'static str, value: Option<T>) -> Result<T, RowProblem> {
+    value.ok_or(RowProblem::NoValue { column })
 }
 
 #[cfg(test)]

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use arrow::array::{Array as _, StringArray};
 
-use super::{Place, Row, TargetsError};
+use super::{Place, Row, Rows, TargetsError};
 use crate::io::schema;
 use crate::io::table::{self, Table};
 
-/// Reads the rows, and the names of columns that no correction uses.
-pub(super) fn rows(path: &Path) -> Result<(Vec<(Place, Row)>, Vec<String>), TargetsError> {
+/// Reads the rows.
+pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
     let table = table::read(path, schema::find("targets")?)?;
     let rows = (0..table.rows()).map(|row| (Place::Row(row), row_of(&table, row)));
     let given = |column: &&str| table.list(column).null_count() < table.rows();
