@@ -18,6 +18,11 @@ const MOST_PRINTED: usize = 20;
 
 /// Show what is in MCAP logs, and how a pipeline file would read them.
 #[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Example:
+  posegrid inspect controller.mcap tracker.mcap
+
+Exit codes: 0 every log is sound; 3 some log is damaged; 1 some file cannot be read as a log.")]
 pub struct InspectArgs {
     /// The logs.
     #[arg(required = true, value_name = "LOG")]

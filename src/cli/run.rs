@@ -156,11 +156,10 @@ fn summary(plan: &Plan, endings: &[Ending]) -> String {
         count(|ending| matches!(ending, Ending::Done(done) if done.verdict == Verdict::Meets));
     writeln!(
         text,
-        "{} of {} within {} mm, {failed} without a result; tables under {}",
+        "{} of {} within {} mm, {failed} without a result",
         met,
         endings.len(),
-        plan.stages.tolerance.mm,
-        near(&plan.lake).display()
+        plan.stages.tolerance.mm
     )
     .expect("a string");
     text
@@ -213,7 +212,7 @@ fn exit_code(endings: &[Ending]) -> u8 {
     };
     let codes: Vec<u8> = endings.iter().map(code).collect();
     // A session without a result outranks one that misses its tolerance.
-    let worst = [NO_RESULT, NOT_MET].into_iter();
+    let worst = [NO_RESULT, NOT_MET];
     worst
         .into_iter()
         .find(|code| codes.contains(code))

@@ -1,0 +1,476 @@
+//! Pipeline files: those in `pipelines/` load, and bad ones get a clear error and exit code 2.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use posegrid::kinematics::RobotFile;
+use posegrid::pipeline::file::PipelineFile;
+use posegrid::pipeline::plan::{Overrides, Plan, PlanError};
+
+/// TOML files of a folder, by name.
+fn files(folder: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).expect("the folder is part of the project");
+    let mut paths: Vec<_> = entries
+        .map(|entry| entry.expect("readable").path())
+        .collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "toml"));
+    paths.sort();
+    assert!(!paths.is_empty(), "{folder} has no TOML file");
+    paths
+}
+
+#[test]
+fn every_robot_file_makes_an_arm() {
+    for path in files("pipelines/robots") {
+        let text = fs::read_to_string(&path).expect("readable");
+        let file: RobotFile =
+            toml::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        file.arm()
+            .unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    }
+}
+
+#[test]
+fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
+    let recordings = common::recording("README.md").is_some();
+    for path in files("pipelines") {
+        let text = fs::read_to_string(&path).expect("readable");
+        toml::from_str::<PipelineFile>(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        if !recordings && text.contains("shared/recordings") {
+            eprintln!("SKIPPED: the sessions of {} are absent", path.display());
+            continue;
+        }
+        let plan = Plan::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(plan.stages.grid.steps_mm.len() >= 6, "{}", path.display());
+        assert_eq!(plan.remarks, Vec::<&str>::new(), "{}", path.display());
+    }
+}
+
+#[test]
+fn the_settings_of_a_run_do_not_know_where_it_ran() {
+    let cell = Cell::new(&[]);
+    let plan = cell.plan(&Overrides::default()).expect("a good file");
+    let elsewhere = Cell::new(&[])
+        .plan(&Overrides::default())
+        .expect("a good file");
+    assert_eq!(plan.settings, elsewhere.settings);
+    for hidden in [cell.folder(), "arm.toml", "cell-3", "controller.mcap"] {
+        assert!(
+            !plan.settings.contains(hidden),
+            "{hidden} in {}",
+            plan.settings
+        );
+    }
+    let stricter = Cell::new(&[("mm = 0.5", "mm = 0.4")]);
+    let stricter = stricter.plan(&Overrides::default()).expect("a good file");
+    assert_ne!(plan.settings, stricter.settings);
+}
+
+#[test]
+fn sessions_are_the_folders_with_both_logs_and_others_are_told() {
+    let plan = Cell::new(&[]).plan(&Overrides::default()).expect("good");
+    let names: Vec<_> = plan
+        .pieces
+        .iter()
+        .map(|piece| piece.session.as_str())
+        .collect();
+    assert_eq!(names, ["mon", "tue"]);
+    let left: Vec<_> = plan
+        .left_out
+        .iter()
+        .map(|left| left.folder.as_str())
+        .collect();
+    assert_eq!(left, ["half"], "it has a controller's log only");
+    assert_eq!(plan.left_out[0].reason, "it has no tracker.mcap");
+}
+
+#[test]
+fn pools_learn_from_each_all_or_everything_until() {
+    let pieces = |pool: &str| {
+        let pool = format!("folder = \"cell\"\npool = \"{pool}\"");
+        let cell = Cell::new(&[("folder = \"cell\"", &pool)]);
+        let plan = cell.plan(&Overrides::default()).expect("good");
+        let piece = |p: &posegrid::pipeline::plan::WorkPiece| {
+            let training: Vec<_> = p.training.iter().map(|s| s.name.clone()).collect();
+            format!("{}: {}", p.session, training.join(" "))
+        };
+        plan.pieces.iter().map(piece).collect::<Vec<_>>()
+    };
+    assert_eq!(pieces("each"), ["mon: mon", "tue: tue"]);
+    assert_eq!(pieces("all"), ["pooled: mon tue"]);
+    assert_eq!(pieces("until"), ["mon: mon", "tue: mon tue"]);
+}
+
+#[test]
+fn a_test_session_is_not_learnt_from() {
+    let test = |sessions: &[&str]| {
+        Cell::new(&[]).plan(&Overrides {
+            sessions: sessions.iter().map(ToString::to_string).collect(),
+            test: vec!["tue".to_owned()],
+            lake: None,
+        })
+    };
+    let plan = test(&[]).expect("good");
+    assert_eq!(plan.pieces.len(), 1);
+    assert_eq!(plan.pieces[0].training[0].name, "mon");
+    assert_eq!(plan.pieces[0].test[0].name, "tue");
+    let both = test(&["tue"]).expect_err("learnt from and judging");
+    assert!(matches!(both, PlanError::NamedTwice { .. }), "{both}");
+}
+
+/// Each change to a good file, and what the message has to hold.
+const BAD: [(&str, &str, &[&str]); 22] = [
+    (
+        "mm = 0.5",
+        "mm = 0.5\ntolerence = 1",
+        &["line 36", "unknown field `tolerence`", "confidence"],
+    ),
+    (
+        "topic = \"/p\"\ntime = \"header\"\nunit = \"m\"",
+        "topic = \"/p\"\ntime = \"header\"",
+        &["[tracker]", "`unit`", "\"m\" or \"mm\""],
+    ),
+    (
+        "unit = \"rad\"",
+        "unit = \"grad\"",
+        &["line 14", "`grad`", "`rad` or `deg`"],
+    ),
+    (
+        "uncertainty = ",
+        "# ",
+        &["[tracker] has no `uncertainty`", "range_um = 10"],
+    ),
+    (
+        "target_is_tool = true",
+        "",
+        &["[commanded] has no `target_is_tool`", "true where"],
+    ),
+    (
+        "target_is_tool = true",
+        "target_is_tool = false",
+        &["[commanded] flange_from_tool is missing"],
+    ),
+    (
+        "quaternion_xyzw = [0, 0, 0, 1]",
+        "euler_deg = [0, 0, 90]",
+        &["base_from_command", "euler_order", "moving-zyx"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, 250]",
+        &["[grid] steps_mm = 250", "300 × 400 × 200 mm"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = []",
+        &["[grid] steps_mm = []", "one step or more"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, -1]",
+        &["[grid] steps_mm = -1", "above 0"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, 50.0]",
+        &["[grid] steps_mm = 50", "given once"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, nan]",
+        &["grid.steps_mm = NaN", "finite"],
+    ),
+    (
+        "share = 0.95",
+        "share = 95",
+        &["[tolerance] share = 95", "between 0 and 1"],
+    ),
+    (
+        "confidence = 0.95",
+        "confidence = 1.0",
+        &["[tolerance] confidence = 1"],
+    ),
+    (
+        "up = [0, 0, 1]",
+        "up = [0, 0, 9.81]",
+        &["[robot] up", "9.81", "length 1"],
+    ),
+    (
+        "up = [0, 0, 1]",
+        "up = [0, 0, 0]",
+        &["[robot] up", "length 0"],
+    ),
+    (
+        "file = \"arm.toml\"",
+        "file = \"arn.toml\"",
+        &["arn.toml", "[robot] file", "No such file"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cel\"",
+        &["cel,", "[input] folder", "No such file"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cell\"\nsessions = [\"wed\"]",
+        &["session \"wed\"", "no such folder", "mon, tue"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cell\"\nsessions = [\"half\"]",
+        &["session \"half\"", "no tracker.mcap"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cell\"\nsessions = [\"../cell/mon\"]",
+        &["not by a path"],
+    ),
+    (
+        "[tolerance]",
+        "[fit]\norientation = true\n[tolerance]",
+        &["unknown field `orientation`", "orientations"],
+    ),
+];
+
+#[test]
+fn a_bad_file_is_told_what_is_wrong_where_and_what_would_do() {
+    for (good, bad, told) in BAD {
+        let cell = Cell::new(&[(good, bad)]);
+        let error = cell.plan(&Overrides::default());
+        let error = error.expect_err(bad).to_string();
+        for part in told {
+            assert!(error.contains(part), "{bad}: no {part:?} in: {error}");
+        }
+    }
+}
+
+#[test]
+fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
+    for (section, key) in [
+        ("[join]\nwindow_s = 0", "[join] window_s = 0"),
+        (
+            "[fit]\nrepeatability_mm = -0.1",
+            "[fit] repeatability_mm = -0.1",
+        ),
+        (
+            "[fit]\nloss = { kind = \"huber\", tuning = 0 }",
+            "[fit] loss.tuning = 0",
+        ),
+        (
+            "[fit]\norientations = true",
+            "uncertainty.orientation_rad is missing",
+        ),
+        ("[fit.full]\nnoise_mm = 0", "[fit.full] noise_mm = 0"),
+        (
+            "[similarity]\njoint_weights = [1, 1]",
+            "joint_weights = 2 weights",
+        ),
+        ("[limits]\nchunk_bytes = 0", "[limits] chunk_bytes = 0"),
+    ] {
+        let cell = Cell::new(&[("[tolerance]", &format!("{section}\n[tolerance]"))]);
+        let error = cell.plan(&Overrides::default());
+        let error = error.expect_err(section).to_string();
+        assert!(error.contains(key), "{section}: {error}");
+    }
+}
+
+#[test]
+fn the_command_line_exits_with_2_on_bad_usage_and_says_why_on_stderr() {
+    let cell = Cell::new(&[("share = 0.95", "share = 95")]);
+    for command in ["run", "check"] {
+        let output = posegrid()
+            .arg(command)
+            .arg(&cell.file)
+            .output()
+            .expect("runs");
+        assert_eq!(output.status.code(), Some(2));
+        assert!(output.stdout.is_empty(), "results only on stdout");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(message.contains("[tolerance] share = 95"), "{message}");
+    }
+    for bad in [
+        &["run"][..],
+        &["fly"],
+        &["run", "p.toml", "--jobs", "0"],
+        &["run", "absent.toml"],
+    ] {
+        posegrid().args(bad).assert().code(2);
+    }
+}
+
+#[test]
+fn an_unknown_session_on_the_command_line_is_bad_usage() {
+    let cell = Cell::new(&[]);
+    let output = posegrid()
+        .arg("run")
+        .arg(&cell.file)
+        .arg("wed")
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(2));
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("mon, tue"), "{message}");
+}
+
+#[test]
+fn messages_for_a_scheduler_are_json_lines() {
+    let output = posegrid()
+        .args(["run", "absent.toml", "--log-format", "json"])
+        .output()
+        .expect("runs");
+    let text = String::from_utf8(output.stderr).expect("UTF-8");
+    let message: serde_json::Value = serde_json::from_str(text.trim()).expect("one JSON object");
+    assert_eq!(message["level"], "ERROR");
+    let told = message["fields"]["message"].as_str().expect("a text");
+    assert!(told.contains("absent.toml"), "{told}");
+}
+
+#[test]
+fn a_dry_run_lists_the_work_and_makes_no_lake() {
+    let cell = Cell::new(&[]);
+    let output = posegrid()
+        .args(["run", "--dry-run", "--test", "tue"])
+        .arg(&cell.file)
+        .output();
+    let output = output.expect("runs");
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        "mon: learns from mon; judged on tue\n"
+    );
+    assert!(!cell.root.path().join("lake").exists());
+}
+
+#[test]
+fn a_check_shows_the_arm_with_its_parallel_joint() {
+    let cell = Cell::new(&[]);
+    let output = posegrid()
+        .arg("check")
+        .arg(&cell.file)
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(0));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let second = text
+        .lines()
+        .find(|line| line.contains("joint_a2"))
+        .expect("named");
+    assert!(
+        second.contains("Hayati"),
+        "axes 2 and 3 of a KR 210 are parallel: {second}"
+    );
+    assert_eq!(text.matches("Hayati").count(), 1, "{text}");
+}
+
+#[test]
+fn a_session_without_a_result_does_not_stop_the_others() {
+    let cell = Cell::new(&[]);
+    let output = posegrid()
+        .arg("run")
+        .arg(&cell.file)
+        .args(["--jobs", "2"])
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(1), "both logs are empty files");
+    let text = String::from_utf8_lossy(&output.stdout);
+    for session in ["mon: no result", "tue: no result", "0 of 2 within"] {
+        assert!(text.contains(session), "{text}");
+    }
+}
+
+fn posegrid() -> Command {
+    Command::cargo_bin("posegrid").expect("built with the tests")
+}
+
+/// A folder with a pipeline file, a robot file and two sessions whose logs are empty files.
+struct Cell {
+    root: tempfile::TempDir,
+    file: PathBuf,
+}
+
+const GOOD: &str = r#"[robot]
+file = "arm.toml"
+name = "cell-3"
+up = [0, 0, 1]
+
+[input]
+folder = "cell"
+
+
+
+[controller]
+topic = "/j"
+time = "header"
+unit = "rad"
+
+[commanded]
+topic = "/c"
+time = "header"
+unit = "m"
+base_from_command = { xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] }
+target_is_tool = true
+
+[tracker]
+topic = "/p"
+time = "header"
+unit = "m"
+uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, divisor = 2 }
+tracker_from_base = "fitted"
+
+[grid]
+steps_mm = [50, 100]
+box = { low_mm = [0, 0, 0], high_mm = [300, 400, 200] }
+
+[tolerance]
+mm = 0.5
+share = 0.95
+confidence = 0.95
+
+[output]
+lake = "lake"
+"#;
+
+impl Cell {
+    /// A good cell with texts of its pipeline file replaced.
+    fn new(changes: &[(&str, &str)]) -> Self {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let mut text = GOOD.to_owned();
+        for (good, other) in changes {
+            assert!(text.contains(good), "{good:?} is not in the file");
+            text = text.replacen(good, other, 1);
+        }
+        let write = |path: &str, text: &str| {
+            let path = root.path().join(path);
+            fs::create_dir_all(path.parent().expect("in a folder")).expect("writable");
+            fs::write(path, text).expect("writable");
+        };
+        write("pipeline.toml", &text);
+        let arm = Path::new("pipelines/robots/kr210-r2700-extra.toml");
+        write(
+            "arm.toml",
+            &fs::read_to_string(arm).expect("part of the project"),
+        );
+        for log in [
+            "mon/controller",
+            "mon/tracker",
+            "tue/controller",
+            "tue/tracker",
+            "half/controller",
+        ] {
+            write(&format!("cell/{log}.mcap"), "");
+        }
+        let file = root.path().join("pipeline.toml");
+        Self { root, file }
+    }
+
+    fn plan(&self, overrides: &Overrides) -> Result<Plan, PlanError> {
+        Plan::load(&self.file, overrides)
+    }
+
+    fn folder(&self) -> &str {
+        self.root.path().to_str().expect("UTF-8")
+    }
+}
