@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
 use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
@@ -47,7 +47,7 @@ fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> {
     let query = |o: &Observation| {
         let query = Query {
             axes: &o.axes,
-            shortfall: o.shortfall.as_deref(),
+            known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
             lever: Vector3::zeros(),
             session: 0,
             own: false,

@@ -22,13 +22,14 @@ mod rows;
 pub mod saved;
 pub mod settings;
 pub mod spectrum;
+pub mod standing;
 pub mod train;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
-use crate::kinematics::{Arm, Parameter};
+use crate::kinematics::{Arm, Parameter, Twist};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
@@ -37,6 +38,7 @@ use noise::Repeatability;
 pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
+use standing::Standing;
 
 /// The whole model of an arm, trained.
 #[derive(Debug)]
@@ -50,6 +52,7 @@ pub struct FullModel {
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
+    standing: Option<Standing>,
     student_t: f64,
     mean: DVector<f64>,
     posterior: Posterior,
@@ -64,13 +67,24 @@ pub struct FullModel {
     pub parts: Vec<PartEvidence>,
 }
 
+/// What the axis variables of a query are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Known<'q> {
+    /// Reported angles, the command not known.
+    Reported,
+    /// Reported angles, with what they fell short of the command, rad.
+    Both(&'q [f64]),
+    /// Commanded angles: all an off-line programmer has.
+    Commanded,
+}
+
 /// A pose to predict at.
 #[derive(Debug, Clone, Copy)]
 pub struct Query<'q> {
     /// Axis variables, rad.
     pub axes: &'q [f64],
-    /// Commanded minus reported axis variables, rad; `None` where only one of them is known.
-    pub shortfall: Option<&'q [f64]>,
+    /// What the axis variables are.
+    pub known: Known<'q>,
     /// From the target to the predicted point, along the flange's axes, mm.
     pub lever: Vector3<f64>,
     /// The session whose frames are used.
@@ -91,6 +105,8 @@ pub struct Predicted {
     pub flange: UnitQuaternion<f64>,
     /// How it moves with every column.
     pub rows: DMatrix<f64>,
+    /// Covariance by not knowing where the joints come to stand against their command, mm².
+    pub standing: Matrix3<f64>,
 }
 
 impl FullModel {
@@ -126,6 +142,7 @@ impl FullModel {
         let mut settled = train::train(&problem, start, settings, up)?;
         let parts = settled.weigh_parts();
         let mean = settled.posterior.mean() + &settled.prior_mean;
+        let standing = standing(observations, &settled.state.layout, &mean);
         let train::Settled {
             state,
             posterior,
@@ -145,6 +162,7 @@ impl FullModel {
             frames: problem.frames(&state.offsets),
             // The basis has variance one half at a random time.
             drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
+            standing,
             student_t: settings.student_t,
             layout: state.layout,
             offsets: state.offsets,
@@ -181,19 +199,46 @@ impl FullModel {
             up: self.up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: query.axes,
-            shortfall: query.shortfall,
+            shortfall: match query.known {
+                Known::Both(shortfall) => Some(shortfall),
+                Known::Reported | Known::Commanded => None,
+            },
             session: query.own.then_some(query.session),
             time: query.station.map(|station| station as f64 / self.span),
         };
         let rows = pose.rows(&self.layout, 3);
         let moved: DVector<f64> = &rows * &self.mean;
-        let position =
-            Point3::from(view.end.translation.vector + Vector3::new(moved[0], moved[1], moved[2]));
+        let (shift, standing) = self.stands(query, &view.joints);
+        let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
+        let position = Point3::from(view.end.translation.vector + moved);
         Predicted {
             position,
             flange,
             rows,
+            standing,
         }
+    }
+
+    /// Mean and covariance of how the point is moved by where joints come to stand against their command.
+    fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
+        let zero = (Vector3::zeros(), Matrix3::zeros());
+        let Some(standing) = self
+            .standing
+            .as_ref()
+            .filter(|_| query.known == Known::Commanded)
+        else {
+            return zero;
+        };
+        let sizes = standing.mean.iter().zip(&standing.variance);
+        joints
+            .iter()
+            .zip(sizes)
+            .fold(zero, |(shift, covariance), (twist, (mean, variance))| {
+                (
+                    shift + twist.linear * *mean,
+                    covariance + twist.linear * twist.linear.transpose() * *variance,
+                )
+            })
     }
 
     /// Covariance of predicted positions whose rows are stacked, three each, mm².
@@ -270,4 +315,17 @@ impl FullModel {
     pub const fn drift_variance(&self) -> f64 {
         self.drift_variance
     }
+}
+
+/// Where joints stand against their command, where the model has the parts that say it.
+fn standing(
+    observations: &[Observation],
+    layout: &Layout,
+    mean: &DVector<f64>,
+) -> Option<Standing> {
+    let of = |block| {
+        let columns = layout.columns(block)?;
+        Some(mean.rows(columns.start, columns.len()).into_owned())
+    };
+    Standing::of(observations, &of(Block::Blend)?, &of(Block::StopShort)?)
 }

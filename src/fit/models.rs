@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
 
-use super::full::{FullModel, FullSettings, Query};
+use super::full::{FullModel, FullSettings, Known, Query};
 use super::gauge::{ErrorModel, Gauge};
 use super::observation::Observation;
 use super::{Calibration, FitError, FitSettings, Freedom, identify};
@@ -91,7 +91,7 @@ impl<'m> ToolErrors<'m> {
         let session = self.session;
         Query {
             axes,
-            shortfall: None,
+            known: Known::Commanded,
             lever: self.gauge.lever(),
             session,
             own: true,
@@ -146,7 +146,7 @@ impl ErrorModel for ToolErrors<'_> {
             .isometry()
             .rotation
             .to_rotation_matrix();
-        let covariance = full.covariances(&predicted.rows)[0];
+        let covariance = full.covariances(&predicted.rows)[0] + predicted.standing;
         (
             self.in_gauge(joints, &predicted.position),
             rotation.transpose() * covariance * rotation,

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, Vec
 
 use super::refit::{self, Placed};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::fit::full::Query;
+use crate::fit::full::{Known, Query};
 use crate::fit::{Models, Observation};
 use crate::kinematics::Arm;
 
@@ -31,6 +31,8 @@ struct Prediction {
     position: Point3<f64>,
     flange: UnitQuaternion<f64>,
     rows: Option<DMatrix<f64>>,
+    /// Covariance by not knowing where joints stand against their command, mm².
+    standing: Matrix3<f64>,
 }
 
 /// Models with the angles each is given.
@@ -199,10 +201,18 @@ impl Unseen<'_> {
             rows -= &q * q.tr_mul(&rows);
         }
         let drift = Matrix3::identity() * full.drift_variance();
-        let models = full.covariances(&rows).into_iter().zip(observations);
+        let models = full
+            .covariances(&rows)
+            .into_iter()
+            .zip(self.predictions)
+            .zip(observations);
+        let to_tracker = self.to_base.inverse();
+        let in_base = |prediction: &Prediction, o: &Observation| {
+            turned(&(full.noise(o) + prediction.standing), &to_tracker)
+        };
         Some(
             models
-                .map(|(model, o)| model + turned(&full.noise(o), &self.to_base.inverse()) + drift)
+                .map(|((model, prediction), o)| model + in_base(prediction, o) + drift)
                 .collect(),
         )
     }
@@ -236,10 +246,13 @@ fn predictions(
         )
     };
     let of = |o: &Observation| {
-        let (axes, shortfall) = match angles {
-            Angles::Commanded => (commanded(o)?, None),
-            Angles::Reported => (o.axes.clone(), None),
-            Angles::Blended => (o.axes.clone(), o.shortfall.as_deref()),
+        let (axes, known) = match angles {
+            Angles::Commanded => (commanded(o)?, Known::Commanded),
+            Angles::Reported => (o.axes.clone(), Known::Reported),
+            Angles::Blended => (
+                o.axes.clone(),
+                o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+            ),
         };
         let session = if own { o.session } else { 0 };
         predict(
@@ -248,7 +261,7 @@ fn predictions(
             model,
             &Query {
                 axes: &axes,
-                shortfall,
+                known,
                 lever: Vector3::zeros(),
                 session,
                 own,
@@ -267,6 +280,7 @@ fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Optio
                 position: predicted.position,
                 flange: predicted.flange,
                 rows: Some(predicted.rows),
+                standing: predicted.standing,
             });
         }
         Model::BaseTarget => &models.base_target,
@@ -281,6 +295,7 @@ fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Optio
         position,
         flange: flange.rotation,
         rows: None,
+        standing: Matrix3::zeros(),
     })
 }
 
@@ -312,8 +327,9 @@ fn own_covariances(
     Some(
         full.covariances(&rows)
             .into_iter()
+            .zip(predictions)
             .zip(observations)
-            .map(|(model, o)| model + full.noise(o))
+            .map(|((model, prediction), o)| model + prediction.standing + full.noise(o))
             .collect(),
     )
 }

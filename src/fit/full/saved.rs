@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::regression::Posterior;
+use super::standing::Standing;
 use super::{FullModel, PartEvidence};
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{
@@ -51,6 +52,8 @@ pub struct SavedFull {
     pub student_t: f64,
     /// Variance per axis of a session's own drift.
     pub drift_variance_mm2: f64,
+    /// Where joints come to stand against their command, where it is known.
+    pub standing: Option<Standing>,
     /// Log marginal likelihood, nats.
     pub log_evidence: f64,
     /// What is left beside the model.
@@ -163,6 +166,7 @@ impl FullModel {
             span_stations: self.span,
             student_t: self.student_t,
             drift_variance_mm2: self.drift_variance,
+            standing: self.standing.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
             parts: self.parts.iter().map(part).collect(),
@@ -196,6 +200,7 @@ impl FullModel {
             mean,
             student_t: saved.student_t,
             drift_variance: saved.drift_variance_mm2,
+            standing: saved.standing.clone(),
             posterior,
             span: saved.span_stations,
             repeatability: saved.repeatability.repeatability(),

@@ -8,7 +8,7 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::*;
 use crate::fit::full::saved::SavedFull;
-use crate::fit::full::{FullModel, Query};
+use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::manifest::canonical;
 use example::{ARM, OUTCOME, SESSION, context};
@@ -172,7 +172,7 @@ fn parameters_say_what_was_told_apart() {
 fn query(joints: &[f64]) -> Query<'_> {
     Query {
         axes: joints,
-        shortfall: None,
+        known: Known::Commanded,
         lever: Vector3::new(1.0, -2.0, 30.0),
         session: 0,
         own: true,
