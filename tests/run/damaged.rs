@@ -27,6 +27,8 @@ fn a_log_cut_anywhere_gives_a_result_with_its_loss_or_a_clear_error() {
             let run = cell.run(&[]);
             run.no_defect();
             match run.code {
+                // All messages stand before the closing magic bytes.
+                0 if kept + 8 > whole.len() => run.expect(0, &["637 stations, 632 measured"]),
                 0 | 3 => assert!(lost(&cell, log, kept), "{what}: {}", run.results),
                 1 => run.expect(1, &["mon: no result: "]),
                 code => panic!("{what}: exit code {code}: {}", run.messages),
