@@ -87,7 +87,7 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
     };
     let mut settings = SimulateSettings::realistic(7, home.to_vec(), poses);
     settings.tracker.lost_share = 0.0;
-    let cell = settings.cell.clone();
+    let cell = settings.cell;
     let simulated = simulate(arm, &settings).expect("reachable poses");
     let joined = join(&simulated.recording, arm, &JoinSettings::default()).expect("one session");
     let frames = CommandFrames {

@@ -8,10 +8,10 @@ use super::cell::{Cell, undisturbed};
 use super::same_work::assert_same;
 
 #[test]
-fn a_killed_run_leaves_no_run_and_the_next_one_finishes_the_work() {
+fn a_killed_run_is_finished_by_the_next_one_with_the_same_bytes() {
     let cell = Cell::new().with_quickstart("mon");
     // In the middle of the stages, then as soon as tables appear in the lake: three moments, one after the other.
-    killed(&cell, |age, _| age > Duration::from_millis(600));
+    killed(&cell, |age, _| age > Duration::from_millis(300));
     assert!(cell.lake().is_empty(), "stages write nothing");
     for tables in [1, 6] {
         killed(&cell, |_, files| files >= tables);

@@ -41,7 +41,7 @@ impl Nodes {
         found.expect("a node of the lattice")
     }
 
-    /// The trilinear error in the first cell: Σ over its 8 nodes of Π (1 − |x − x_node|/step) · error, mm.
+    /// The trilinear error in the first cell: Σ over its 8 nodes of Π (1 − distance/step) · error, mm.
     fn error(&self, place: [f64; 3]) -> [f64; 3] {
         let mut error = [0.0; 3];
         for corner in 0..8 {
@@ -50,8 +50,8 @@ impl Nodes {
                 1.0 - (place[axis] - self.places[node][axis]).abs() / self.step_mm[axis]
             };
             let weight = share(0) * share(1) * share(2);
-            for axis in 0..3 {
-                error[axis] += weight * self.errors[node][axis];
+            for (sum, part) in error.iter_mut().zip(self.errors[node]) {
+                *sum += weight * part;
             }
         }
         error
