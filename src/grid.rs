@@ -14,7 +14,9 @@ pub mod judge;
 pub mod lattice;
 pub mod measured;
 pub mod node;
+mod rows;
 pub mod settings;
+mod table;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -27,7 +29,7 @@ pub use measured::{MeasuredGrid, NotOnGrid};
 pub use node::{GridStation, PlacedGrid, Reach, Refusal};
 pub use settings::GridSettings;
 
-use crate::figures::{Figures, upper_tolerance_bound_of};
+use crate::figures::Figures;
 use crate::fit::ErrorModel;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
@@ -215,7 +217,7 @@ pub fn grids(
         let cells = judge::local_cells(reach, input.stations, [step_mm; 3]);
         for &interpolation in &settings.interpolations {
             if settings.sources.contains(&Source::Model) {
-                judged.push(local_row(
+                judged.push(rows::local_row(
                     input,
                     step_mm,
                     &cells,
@@ -223,7 +225,7 @@ pub fn grids(
                     settings,
                     tolerance,
                 ));
-                judged.push(table_row(
+                judged.push(rows::table_row(
                     input,
                     step_mm,
                     &grid,
@@ -234,7 +236,7 @@ pub fn grids(
                 ));
             }
             if settings.sources.contains(&Source::Measured) {
-                judged.push(measured_row(
+                judged.push(rows::measured_row(
                     input,
                     step_mm,
                     interpolation,
@@ -248,264 +250,11 @@ pub fn grids(
     progress.end();
     let choice = choose::choose(&judged)?;
     judged[choice.row].chosen = true;
-    let table = table(input, reach, &plan, &like, &judged[choice.row], settings)?;
+    let table = table::table(input, reach, &plan, &like, &judged[choice.row], settings)?;
     Ok(Grids {
         judged,
         table,
         choice,
         guard_mm: input.guard_mm,
     })
-}
-
-fn local_row(
-    input: &GridInput<'_>,
-    step_mm: f64,
-    cells: &[judge::LocalCell],
-    interpolation: Interpolation,
-    settings: &GridSettings,
-    tolerance: &Tolerance,
-) -> Judged {
-    let step = [step_mm; 3];
-    let held_out = judge::by_local_cell(
-        input.stations,
-        cells,
-        input.folds,
-        &step,
-        interpolation,
-        settings.idw_power,
-    );
-    let refused_cells = held_out.refused.clone();
-    let frame = Row {
-        step_mm,
-        source: Source::Model,
-        interpolation,
-        judgement: Judgement::LocalCell,
-    };
-    let counts = Counts {
-        nodes: 8 * cells.len(),
-        cells: cells.len(),
-        refused_cells,
-        ..Counts::default()
-    };
-    frame.judged(counts, held_out, tolerance, input.guard_mm)
-}
-
-fn table_row(
-    input: &GridInput<'_>,
-    step_mm: f64,
-    grid: &PlacedGrid,
-    plan: &settings::GridPlan,
-    interpolation: Interpolation,
-    settings: &GridSettings,
-    tolerance: &Tolerance,
-) -> Judged {
-    let like = |station: &GridStation| plan.is_like(station);
-    let held_out = judge::by_table(
-        input.stations,
-        grid,
-        like,
-        input.folds,
-        interpolation,
-        settings.idw_power,
-    );
-    let frame = Row {
-        step_mm,
-        source: Source::Model,
-        interpolation,
-        judgement: Judgement::Table,
-    };
-    let counts = Counts {
-        nodes: grid.nodes.len(),
-        refused_nodes: grid.refused_nodes(),
-        cells: grid.lattice.cell_count(),
-        refused_cells: grid.refused_cells(),
-    };
-    frame.judged(counts, held_out, tolerance, input.guard_mm)
-}
-
-fn measured_row(
-    input: &GridInput<'_>,
-    step_mm: f64,
-    interpolation: Interpolation,
-    settings: &GridSettings,
-    tolerance: &Tolerance,
-) -> Judged {
-    let frame = Row {
-        step_mm,
-        source: Source::Measured,
-        interpolation,
-        judgement: Judgement::Table,
-    };
-    let not_shown = |reason: String| Judged {
-        verdict: Verdict::NotShown(reason),
-        ..frame.empty()
-    };
-    let own = match MeasuredGrid::of(input.stations) {
-        Ok(own) => own,
-        Err(reason) => return not_shown(format!("the session is not on a grid: {reason}")),
-    };
-    let Some(multiples) = own.multiples(step_mm) else {
-        let [x, y, z] = own.lattice.step;
-        return not_shown(format!(
-            "the step is no multiple of the pitch {x:.1} × {y:.1} × {z:.1} mm with a cell left"
-        ));
-    };
-    let held_out = own.judge(input.stations, multiples, interpolation, settings.idw_power);
-    let Some(first) = own.decimated(multiples, [0; 3]) else {
-        return not_shown("the decimated grid has no cell".to_owned());
-    };
-    let unmeasured = first.nodes.iter().filter(|node| node.is_none()).count();
-    let refused = |count: usize| {
-        (count > 0)
-            .then_some((Refusal::Unmeasured, count))
-            .into_iter()
-            .collect()
-    };
-    let counts = Counts {
-        nodes: first.nodes.len(),
-        refused_nodes: refused(unmeasured),
-        cells: first.lattice.cell_count(),
-        refused_cells: held_out.refused.clone(),
-    };
-    frame.judged(counts, held_out, tolerance, input.guard_mm)
-}
-
-/// What names a row.
-#[derive(Clone, Copy)]
-struct Row {
-    step_mm: f64,
-    source: Source,
-    interpolation: Interpolation,
-    judgement: Judgement,
-}
-
-#[derive(Default)]
-struct Counts {
-    nodes: usize,
-    refused_nodes: std::collections::BTreeMap<Refusal, usize>,
-    cells: usize,
-    refused_cells: std::collections::BTreeMap<Refusal, usize>,
-}
-
-impl Row {
-    fn empty(self) -> Judged {
-        Judged {
-            step_mm: self.step_mm,
-            source: self.source,
-            interpolation: self.interpolation,
-            judgement: self.judgement,
-            nodes: 0,
-            refused_nodes: std::collections::BTreeMap::new(),
-            cells: 0,
-            refused_cells: std::collections::BTreeMap::new(),
-            held_out: HeldOut::default(),
-            figures: None,
-            bound: None,
-            verdict: Verdict::NotShown(String::new()),
-            chosen: false,
-        }
-    }
-
-    fn judged(
-        self,
-        counts: Counts,
-        held_out: HeldOut,
-        tolerance: &Tolerance,
-        guard_mm: f64,
-    ) -> Judged {
-        let bound =
-            upper_tolerance_bound_of(&held_out.norms, held_out.stations, tolerance.coverage());
-        Judged {
-            nodes: counts.nodes,
-            refused_nodes: counts.refused_nodes,
-            cells: counts.cells,
-            refused_cells: counts.refused_cells,
-            figures: Figures::of(&held_out.norms),
-            bound,
-            verdict: tolerance.verdict(bound, held_out.stations, guard_mm),
-            held_out,
-            ..self.empty()
-        }
-    }
-}
-
-/// The nodes of the chosen row, with their values and covariances.
-fn table(
-    input: &GridInput<'_>,
-    reach: &Reach<'_>,
-    plan: &settings::GridPlan,
-    like: &[&GridStation],
-    chosen: &Judged,
-    settings: &GridSettings,
-) -> Result<Table, GridError> {
-    let (lattice, nodes) = match chosen.source {
-        Source::Model => model_nodes(input, reach, plan, like, chosen.step_mm)?,
-        Source::Measured => measured_nodes(input, plan, chosen.step_mm)?,
-    };
-    Ok(Table {
-        step_mm: chosen.step_mm,
-        lattice,
-        orientation: plan.orientation,
-        configuration: plan.configuration,
-        source: chosen.source,
-        interpolation: chosen.interpolation,
-        idw_power: settings.idw_power,
-        orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
-        nodes,
-    })
-}
-
-fn model_nodes(
-    input: &GridInput<'_>,
-    reach: &Reach<'_>,
-    plan: &settings::GridPlan,
-    like: &[&GridStation],
-    step_mm: f64,
-) -> Result<(Lattice, Vec<TableNode>), GridError> {
-    let lattice =
-        Lattice::new(&plan.bounds, [step_mm; 3]).ok_or_else(|| plan.too_large(step_mm))?;
-    let grid = PlacedGrid::new(reach, lattice, plan.orientation, like);
-    let nodes = grid.nodes.into_iter().map(|node| TableNode {
-        error: node
-            .joints
-            .as_ref()
-            .map(|joints| input.model.error_with_covariance(joints))
-            .map_err(|refusal| *refusal),
-        joints: node.joints,
-        nearest_mm: node.nearest_mm,
-    });
-    Ok((lattice, nodes.collect()))
-}
-
-fn measured_nodes(
-    input: &GridInput<'_>,
-    plan: &settings::GridPlan,
-    step_mm: f64,
-) -> Result<(Lattice, Vec<TableNode>), GridError> {
-    let no_table = |reason: String| GridError::NoTable { reason };
-    let own = MeasuredGrid::of(input.stations).map_err(|reason| no_table(reason.to_string()))?;
-    let multiples = own
-        .multiples(step_mm)
-        .ok_or_else(|| no_table(format!("{step_mm} mm is no multiple of the pitch")))?;
-    let grid = own
-        .decimated(multiples, [0; 3])
-        .ok_or_else(|| no_table("no cell is left".to_owned()))?;
-    let variance = (input.guard_mm / 2.0).powi(2);
-    let refused = |refusal: Refusal, nearest_mm: f64| TableNode {
-        joints: Err(refusal),
-        error: Err(refusal),
-        nearest_mm,
-    };
-    let node = |place: &Option<usize>| match place.map(|place| &input.stations[place]) {
-        None => refused(Refusal::Unmeasured, f64::INFINITY),
-        Some(station) if station.configuration != plan.configuration => {
-            refused(Refusal::OtherConfiguration, 0.0)
-        }
-        Some(station) => TableNode {
-            joints: Ok(station.joints.clone()),
-            error: Ok((station.error, Matrix3::identity() * variance)),
-            nearest_mm: 0.0,
-        },
-    };
-    Ok((grid.lattice, grid.nodes.iter().map(node).collect()))
 }

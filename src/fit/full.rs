@@ -8,13 +8,17 @@
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.
 
+mod columns;
 pub mod components;
 pub mod curves;
 pub mod design;
 pub mod layout;
+mod leave_one_out;
 pub mod lines;
 pub mod noise;
+mod parts;
 pub mod regression;
+mod rows;
 pub mod saved;
 pub mod settings;
 pub mod spectrum;
@@ -28,10 +32,11 @@ use crate::kinematics::{Arm, Parameter};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
+pub use leave_one_out::LeftOut;
 use noise::Repeatability;
+pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
-pub use train::{LeftOut, PartEvidence};
 
 /// The whole model of an arm, trained.
 #[derive(Debug)]

@@ -57,8 +57,9 @@ pub struct Choice {
 pub fn choose(judged: &[Judged]) -> Result<Choice, GridError> {
     if let Some(row) = largest_that_holds(judged) {
         let words = format!(
-            "{}: the largest step that holds, with all smaller ones",
-            named(&judged[row])
+            "{}: the largest step that holds, with all smaller ones{}",
+            named(&judged[row]),
+            cost(&judged[row])
         );
         return Ok(Choice {
             row,
@@ -75,8 +76,9 @@ pub fn choose(judged: &[Judged]) -> Result<Choice, GridError> {
     let least = tables().filter_map(|(place, row)| Some((place, row.bound?)));
     if let Some((row, bound)) = least.min_by(|a, b| a.1.total_cmp(&b.1)) {
         let words = format!(
-            "no step meets the tolerance; {} comes nearest with a bound of {bound:.3} mm",
-            named(&judged[row])
+            "no step meets the tolerance; {} comes nearest with a bound of {bound:.3} mm{}",
+            named(&judged[row]),
+            cost(&judged[row])
         );
         return Ok(Choice {
             row,
@@ -97,6 +99,19 @@ pub fn choose(judged: &[Judged]) -> Result<Choice, GridError> {
         verdict,
         words,
     })
+}
+
+/// What the grid costs beside the model without one, and whether it helps at all, in words.
+fn cost(row: &Judged) -> String {
+    if row.held_out.is_no_help() {
+        return "; a grid does not help here: on held-out stations it leaves no less than was there".to_owned();
+    }
+    match row.held_out.excess() {
+        Some((excess, error)) if excess > error => {
+            format!("; it leaves {excess:.3} ± {error:.3} mm more than the model without a grid")
+        }
+        _ => String::new(),
+    }
 }
 
 fn named(row: &Judged) -> String {
@@ -179,4 +194,87 @@ fn reasons(judged: &[Judged]) -> String {
     reasons.sort_unstable();
     reasons.dedup();
     reasons.join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
+    use super::*;
+    use crate::figures::{Figures, upper_tolerance_bound};
+    use crate::grid::HeldOut;
+
+    /// A table row of `n` held-out stations that all keep the same error.
+    fn row(step_mm: f64, left_mm: f64, uncorrected_mm: f64, n: usize) -> Judged {
+        let tolerance = Tolerance {
+            mm: 0.5,
+            share: 0.95,
+            confidence: 0.95,
+        };
+        let norms = vec![left_mm; n];
+        let bound = upper_tolerance_bound(&norms, tolerance.coverage());
+        Judged {
+            step_mm,
+            source: Source::Model,
+            interpolation: Interpolation::Trilinear,
+            judgement: Judgement::Table,
+            nodes: 8,
+            refused_nodes: BTreeMap::new(),
+            cells: 1,
+            refused_cells: BTreeMap::new(),
+            figures: Figures::of(&norms),
+            bound,
+            verdict: tolerance.verdict(bound, n, 0.0),
+            held_out: HeldOut {
+                uncorrected: vec![uncorrected_mm; n],
+                direct: vec![0.1; n],
+                norms,
+                stations: n,
+                blocks: BTreeSet::from([0]),
+                ..HeldOut::default()
+            },
+            chosen: false,
+        }
+    }
+
+    #[test]
+    fn the_largest_step_that_holds_without_a_gap_is_chosen() {
+        // 300 mm holds by itself, but 200 mm below it does not.
+        let judged = [
+            row(100.0, 0.3, 1.0, 100),
+            row(200.0, 0.6, 1.0, 100),
+            row(300.0, 0.4, 1.0, 100),
+        ];
+        let choice = choose(&judged).expect("rows");
+        assert_eq!((choice.row, choice.verdict), (0, Verdict::Meets));
+        assert!(
+            choice
+                .words
+                .contains("0.200 ± 0.000 mm more than the model"),
+            "{}",
+            choice.words
+        );
+    }
+
+    #[test]
+    fn none_meets_it_and_no_help_are_answers_in_words() {
+        let choice = choose(&[row(100.0, 0.9, 0.8, 100)]).expect("a row");
+        assert_eq!(choice.verdict, Verdict::DoesNotMeet);
+        assert!(
+            choice.words.contains("no step meets the tolerance"),
+            "{}",
+            choice.words
+        );
+        assert!(
+            choice.words.contains("a grid does not help here"),
+            "{}",
+            choice.words
+        );
+    }
+
+    #[test]
+    fn too_few_stations_show_nothing() {
+        let verdict = row(100.0, 0.1, 1.0, 58).verdict;
+        assert!(matches!(verdict, Verdict::NotShown(reason) if reason.contains("59 are needed")));
+    }
 }

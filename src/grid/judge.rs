@@ -5,13 +5,13 @@
 //! that would be published, for held-out stations in the box, of the same configuration and within the orientation
 //! tolerance. Only *table* gives the verdict (METHOD.md 5).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::interpolation::Interpolation;
-use super::node::{GridStation, PlacedGrid, Reach, Refusal, count, on_one_branch};
+use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::fit::ErrorModel;
 
 /// Errors that are left on held-out stations, and the stations that could not be judged.
@@ -19,6 +19,12 @@ use crate::fit::ErrorModel;
 pub struct HeldOut {
     /// Norm of measured minus interpolated error, in station order, mm.
     pub norms: Vec<f64>,
+    /// Norm of the same stations' errors with nothing subtracted, mm.
+    pub uncorrected: Vec<f64>,
+    /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
+    pub direct: Vec<f64>,
+    /// Blocks the stations come from: those of one block are not independent.
+    pub blocks: BTreeSet<usize>,
     /// How many stations the norms are of: fewer than norms where a station is judged by several decimated grids.
     pub stations: usize,
     /// Stations in a refused cell, by reason.
@@ -27,6 +33,56 @@ pub struct HeldOut {
     pub outside: usize,
     /// Stations of another configuration or beyond the orientation tolerance.
     pub unlike: usize,
+}
+
+/// What one station's error is left at: by the grid, by nothing, and by the model without a grid.
+struct Left {
+    norm: f64,
+    uncorrected: f64,
+    direct: f64,
+    fold: usize,
+}
+
+impl Left {
+    fn new(station: &GridStation, interpolated: &Vector3<f64>, model: &dyn ErrorModel) -> Self {
+        Self {
+            norm: (station.error - interpolated).norm(),
+            uncorrected: station.error.norm(),
+            direct: (station.error - model.error(&station.joints)).norm(),
+            fold: station.fold,
+        }
+    }
+}
+
+impl HeldOut {
+    fn add(&mut self, left: &Left) {
+        self.norms.push(left.norm);
+        self.uncorrected.push(left.uncorrected);
+        self.direct.push(left.direct);
+        self.blocks.insert(left.fold);
+        self.stations += 1;
+    }
+
+    /// Mean of what the grid leaves beyond what the model itself leaves, and its standard error, mm; `None` for measured
+    /// nodes and with fewer than two stations.
+    pub fn excess(&self) -> Option<(f64, f64)> {
+        let excess: Vec<f64> = self
+            .norms
+            .iter()
+            .zip(&self.direct)
+            .map(|(grid, model)| grid - model)
+            .collect();
+        let mean = excess.iter().sum::<f64>() / excess.len() as f64;
+        let squares: f64 = excess.iter().map(|e| (e - mean).powi(2)).sum();
+        let n = excess.len() as f64;
+        (excess.len() > 1).then(|| (mean, (squares / (n - 1.0) / n).sqrt()))
+    }
+
+    /// Whether what is left is, on average, no less than what was there: the grid does not help.
+    pub fn is_no_help(&self) -> bool {
+        !self.norms.is_empty()
+            && self.norms.iter().sum::<f64>() >= self.uncorrected.iter().sum::<f64>()
+    }
 }
 
 /// The eight joint vectors of a local cell around one station.
@@ -89,16 +145,17 @@ pub fn by_local_cell(
             .zip(weights)
             .map(|(error, weight)| error * weight)
             .sum();
-        Ok((station.error - interpolated).norm())
+        Ok(Left::new(station, &interpolated, folds[station.fold]))
     };
-    let found: Vec<Result<f64, Refusal>> = stations.par_iter().zip(cells).map(left).collect();
-    let norms: Vec<f64> = found.iter().filter_map(|left| left.ok()).collect();
-    HeldOut {
-        stations: norms.len(),
-        norms,
-        refused: count(found.iter().filter_map(|left| left.err())),
-        ..HeldOut::default()
+    let found: Vec<Result<Left, Refusal>> = stations.par_iter().zip(cells).map(left).collect();
+    let mut held_out = HeldOut::default();
+    for left in found {
+        match left {
+            Ok(left) => held_out.add(&left),
+            Err(refusal) => *held_out.refused.entry(refusal).or_default() += 1,
+        }
     }
+    held_out
 }
 
 /// Judges `stations` by the nodes that would be published, the node values by the model of each station's fold.
@@ -138,8 +195,7 @@ pub fn by_table(
                     .zip(weights)
                     .map(|(&vertex, weight)| errors[vertex] * weight)
                     .sum();
-                held_out.norms.push((station.error - interpolated).norm());
-                held_out.stations += 1;
+                held_out.add(&Left::new(station, &interpolated, folds[station.fold]));
             }
         }
     }

@@ -1,8 +1,8 @@
 //! A Parquet file of table `compensation` → a [`CompensationTable`], its run and its verdict.
 //!
 //! 1. The file keeps the contract of `schemas/compensation.toml` ([`table::read`]).
-//! 2. What a table says of itself stands in every row, and has to be the same in each ([`terms`]).
-//! 3. The nodes are a lattice in the base frame, which may be turned against the frame of commands ([`nodes`]); every
+//! 2. What a table says of itself stands in every row, and has to be the same in each (`terms`).
+//! 3. The nodes are a lattice in the base frame, which may be turned against the frame of commands (`nodes`); every
 //!    position is held against it.
 //! 4. Each node has an error with its covariance, or the reason why it has none.
 

@@ -8,6 +8,7 @@
 //! What a run left that never committed is overwritten by the next that does the same work, or stays unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone.
 
+mod current;
 mod error;
 mod name;
 mod run;

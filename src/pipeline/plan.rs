@@ -3,9 +3,9 @@
 //! Input is the path of a pipeline file and what the command line says besides; output is a [`Plan`]. Steps:
 //! 1. the file is parsed ([`super::file`]); paths in it are relative to it;
 //! 2. the robot file becomes an arm;
-//! 3. numbers are checked ([`checks`]);
+//! 3. numbers are checked (`checks`);
 //! 4. placements and directions become transforms;
-//! 5. sessions are looked for and become pieces of work ([`sessions`]).
+//! 5. sessions are looked for and become pieces of work (`sessions`).
 
 mod checks;
 mod error;

@@ -111,6 +111,12 @@ pub fn run_piece(
     if lake.exists(&key)? {
         return already_there(&lake, &key);
     }
+    for leftover in lake.clean()? {
+        tracing::info!(
+            "removed what a run that was stopped left behind: {}",
+            leftover.display()
+        );
+    }
     let mut joined =
         |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
     let training = piece
@@ -124,7 +130,8 @@ pub fn run_piece(
         .map(&mut joined)
         .collect::<Result<Vec<_>, _>>()?;
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
-    let commit = tables::publish(&outcome, &context(plan, &outcome), &lake, &work)?;
+    let context = context(plan, &outcome, lake.current(&key)?);
+    let commit = tables::publish(&outcome, &context, &lake, &work)?;
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
@@ -293,7 +300,11 @@ fn joined(
     })
 }
 
-fn context<'a>(plan: &'a Plan, outcome: &Outcome<'_>) -> PublishContext<'a> {
+fn context<'a>(
+    plan: &'a Plan,
+    outcome: &Outcome<'_>,
+    replaces: Option<String>,
+) -> PublishContext<'a> {
     let base_from_command = plan
         .command_frames
         .map_or_else(Isometry3::identity, |frames| frames.base_from_command);
@@ -323,7 +334,7 @@ fn context<'a>(plan: &'a Plan, outcome: &Outcome<'_>) -> PublishContext<'a> {
             controller_model: valid_for.controller_model.clone(),
             absolute_accuracy_option: valid_for.absolute_accuracy_option,
         },
-        replaces: None,
+        replaces,
     }
 }
 

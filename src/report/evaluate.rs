@@ -108,7 +108,9 @@ pub fn unseen_session(
         };
         let to_base = frames_of_arm(models, model);
         let placed: Vec<Placed> = predictions.iter().map(|p| placed(p, &to_base)).collect();
-        for base_refit in [BaseRefit::None, BaseRefit::First, BaseRefit::All] {
+        // A session with a mounting of its own has no base without a refit.
+        let refits = [BaseRefit::None, BaseRefit::First, BaseRefit::All];
+        for &base_refit in &refits[usize::from(settings.with_target)..] {
             let subject = Subject {
                 split: Split::Session,
                 of_session: stations.session.to_owned(),

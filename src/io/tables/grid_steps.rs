@@ -102,7 +102,11 @@ fn counts(columns: Columns, judged: &[Judged]) -> Columns {
         )
         .column("held_out_outside", all().map(|row| row.held_out.outside))
         .column("held_out_unlike", all().map(|row| row.held_out.unlike))
-        .absent(["phases", "blocks"])
+        .column(
+            "blocks",
+            judged.iter().map(|row| Some(row.held_out.blocks.len())),
+        )
+        .absent(["phases"])
 }
 
 fn figures(columns: Columns, judged: &[Judged]) -> Columns {
@@ -116,7 +120,14 @@ fn figures(columns: Columns, judged: &[Judged]) -> Columns {
         .column("max_mm", figure(|f| f.max))
         .column("mean_plus_3sd_mm", figure(Figures::mean_plus_3_sd))
         .column("bound_mm", judged.iter().map(|row| row.bound))
-        .absent(["excess_mm", "excess_se_mm"])
+        .column(
+            "excess_mm",
+            judged.iter().map(|row| Some(row.held_out.excess()?.0)),
+        )
+        .column(
+            "excess_se_mm",
+            judged.iter().map(|row| Some(row.held_out.excess()?.1)),
+        )
 }
 
 fn verdicts(columns: Columns, judged: &[Judged], context: &PublishContext<'_>) -> Columns {

@@ -1,0 +1,115 @@
+//! Which columns a training starts with, and how far its geometry and frames may be off.
+
+use nalgebra::DVector;
+
+use super::design::gravity_columns;
+use super::layout::{Block, Layout};
+use super::settings::FullSettings;
+use super::train::FEW_HARMONICS;
+use crate::fit::problem::Problem;
+
+/// A joint moves the target little when its lever is below this share of the largest.
+const LITTLE: f64 = 0.05;
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a small positive count"
+)]
+pub(super) fn layout(
+    problem: &Problem<'_>,
+    offsets: &DVector<f64>,
+    settings: &FullSettings,
+    has_up: bool,
+    span: f64,
+) -> Layout {
+    let sessions = problem.starts().len();
+    let observations = problem.observations();
+    let joints = observations.first().map_or(0, |o| o.axes.len());
+    let mut layout = Layout::default();
+    layout.push(Block::Unknowns, problem.unknowns().len());
+    if settings.gravity && has_up {
+        layout.push(Block::Gravity, gravity_columns(joints));
+    }
+    if settings.blend && observations.iter().any(|o| o.shortfall.is_some()) {
+        layout.push(Block::Blend, joints);
+        layout.push(Block::StopShort, joints);
+        (0..sessions)
+            .filter(|_| sessions > 1)
+            .for_each(|session| layout.push(Block::SessionBlend(session), joints));
+    }
+    if settings.drift {
+        // Beyond this order the prior leaves nothing.
+        let orders = (1.5 * span / settings.drift_length_stations)
+            .ceil()
+            .clamp(2.0, 40.0) as usize;
+        layout.push(Block::WarmUp, 3 * orders);
+        (0..sessions).for_each(|session| layout.push(Block::Drift(session), 3 * orders));
+    }
+    for (joint, harmonics) in harmonics(problem, offsets, settings, joints)
+        .into_iter()
+        .enumerate()
+    {
+        layout.push(Block::Curve(joint), 2 * harmonics);
+        for session in (0..sessions).filter(|_| sessions > 1) {
+            layout.push(
+                Block::SessionCurve { session, joint },
+                2 * FEW_HARMONICS.min(harmonics) + 1,
+            );
+        }
+    }
+    layout
+}
+
+/// Full harmonics for joints that move the target, fewer for those that hardly do.
+fn harmonics(
+    problem: &Problem<'_>,
+    offsets: &DVector<f64>,
+    settings: &FullSettings,
+    joints: usize,
+) -> Vec<usize> {
+    let observations = problem.observations();
+    let views = observations
+        .iter()
+        .map(|o| problem.view(o.session, &o.axes, offsets).joints);
+    let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
+        largest
+            .iter()
+            .zip(twists)
+            .map(|(lever, twist)| lever.max(twist.linear.norm()))
+            .collect()
+    });
+    let longest = levers.iter().copied().fold(0.0, f64::max);
+    // An orientation shows what a position near the axis does not.
+    let turned = observations.iter().any(|o| o.orientation.is_some());
+    let few = if turned {
+        2 * settings.harmonics / 3
+    } else {
+        FEW_HARMONICS
+    };
+    let count = |lever: &f64| {
+        if *lever > LITTLE * longest {
+            settings.harmonics
+        } else {
+            few
+        }
+    };
+    levers.iter().map(count).collect()
+}
+
+/// Prior variances of the problem's unknowns; those without a prior get one far wider than any frame can be off.
+pub(super) fn unknown_variances(problem: &Problem<'_>) -> Vec<f64> {
+    const WIDE_MM: f64 = 300.0;
+    const WIDE_RAD: f64 = 0.3;
+    let wide = |angle: bool| if angle { WIDE_RAD } else { WIDE_MM };
+    let precisions = problem.prior_precision().iter().zip(problem.unknowns());
+    precisions
+        .map(|(&p, unknown)| {
+            if p > 0.0 {
+                p.recip()
+            } else {
+                wide(unknown.parameter.is_angle()).powi(2)
+            }
+        })
+        .collect()
+}

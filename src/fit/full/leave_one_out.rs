@@ -1,0 +1,161 @@
+//! Leave-one-out residuals in closed form, and what follows from them: weights and gear lines.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::layout::{Block, Layout};
+use super::lines::{self, FoundLine};
+use super::noise::NoiseEvidence;
+use super::regression::Posterior;
+use super::rows::Row;
+use super::settings::FullSettings;
+use super::train::{CHUNK, FEW_HARMONICS, State};
+use crate::fit::problem::Problem;
+
+/// Gear lines taken per joint in one round.
+const LINES_PER_ROUND: usize = 3;
+
+/// What one observation says when it is left out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    /// Measured minus predicted by all others.
+    pub residual: DVector<f64>,
+    /// Inverse of its covariance.
+    pub information: DMatrix<f64>,
+    /// Squared Mahalanobis distance at weight 1, of position and orientation together.
+    pub distance_squared: f64,
+    /// What it says of the sizes of the noise.
+    pub noise: NoiseEvidence,
+}
+
+/// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
+pub(super) fn leave_one_out(
+    state: &State,
+    rows: &[Row],
+    prior_mean: &DVector<f64>,
+    covariances: &[DMatrix<f64>],
+    posterior: &Posterior,
+) -> Vec<LeftOut> {
+    let mean = posterior.mean() + prior_mean;
+    let chunk = |chunk: usize| {
+        let range = chunk * CHUNK..((chunk + 1) * CHUNK).min(rows.len());
+        let stacked = stack(&rows[range.clone()]);
+        let half = posterior.half(&stacked);
+        let mut first = 0;
+        let mut left_out = Vec::with_capacity(CHUNK);
+        for place in range {
+            let row = &rows[place];
+            let own = half.columns(first, row.value.len());
+            first += row.value.len();
+            let noise = &covariances[place];
+            let explained = own.tr_mul(&own);
+            left_out.push(left_out_of(
+                row,
+                &mean,
+                noise,
+                &explained,
+                state.weights[place],
+            ));
+        }
+        left_out
+    };
+    (0..rows.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .flat_map_iter(chunk)
+        .collect()
+}
+
+fn left_out_of(
+    row: &Row,
+    mean: &DVector<f64>,
+    noise: &DMatrix<f64>,
+    explained: &DMatrix<f64>,
+    weight: f64,
+) -> LeftOut {
+    let inverse = |matrix: &DMatrix<f64>| {
+        matrix
+            .clone()
+            .try_inverse()
+            .expect("a positive definite covariance")
+    };
+    let noise_inverse = inverse(noise);
+    let left = &row.value - &row.rows * mean;
+    let alpha = &noise_inverse * left;
+    let information = &noise_inverse - &noise_inverse * explained * &noise_inverse;
+    let covariance = inverse(&information);
+    let residual = &covariance * &alpha;
+    let at_weight_one = &covariance - noise + noise * weight;
+    let distance_squared = residual.dot(&(inverse(&at_weight_one) * &residual));
+    LeftOut {
+        noise: NoiseEvidence::new(&alpha, &information, &row.joints, weight),
+        residual,
+        information,
+        distance_squared,
+    }
+}
+
+fn stack(rows: &[Row]) -> DMatrix<f64> {
+    let count = rows.iter().map(|row| row.value.len()).sum();
+    let mut stacked = DMatrix::zeros(count, rows[0].rows.ncols());
+    let mut first = 0;
+    for row in rows {
+        stacked
+            .rows_mut(first, row.value.len())
+            .copy_from(&row.rows);
+        first += row.value.len();
+    }
+    stacked
+}
+
+/// `(ν + r)/(ν + d²)`: a station far from what all others say counts little.
+pub(super) fn student_weights(left_out: &[LeftOut], freedom: f64) -> Vec<f64> {
+    let weight = |l: &LeftOut| (freedom + l.residual.len() as f64) / (freedom + l.distance_squared);
+    left_out
+        .iter()
+        .map(|l| if freedom > 0.0 { weight(l) } else { 1.0 })
+        .collect()
+}
+
+pub(super) fn find_lines(
+    problem: &Problem<'_>,
+    layout: &Layout,
+    rows: &[Row],
+    left_out: &[LeftOut],
+    settings: &FullSettings,
+) -> Vec<FoundLine> {
+    let joints = rows.first().map_or(0, |row| row.joints.len());
+    let of_joint = |joint: usize| {
+        let stations = problem.observations().iter().zip(rows).zip(left_out).map(
+            |((observation, row), left_out)| {
+                let twist = &row.joints[joint];
+                let column = DVector::from_fn(row.value.len(), |i, _| {
+                    if i < 3 {
+                        twist.linear[i]
+                    } else {
+                        twist.angular[i - 3]
+                    }
+                });
+                lines::evidence(
+                    &column,
+                    &left_out.residual,
+                    &left_out.information,
+                    observation.axes[joint],
+                )
+            },
+        );
+        let stations: Vec<_> = stations.collect();
+        // A joint that hardly moves the target says nothing of its gears.
+        let moves = layout
+            .columns(Block::Curve(joint))
+            .is_some_and(|c| c.len() > 2 * FEW_HARMONICS);
+        let most = if moves { LINES_PER_ROUND } else { 0 };
+        lines::find(
+            joint,
+            &stations,
+            &layout.lines(joint),
+            settings.line_threshold,
+            most,
+        )
+    };
+    (0..joints).flat_map(of_joint).collect()
+}

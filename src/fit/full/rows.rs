@@ -1,0 +1,116 @@
+//! Rows of all observations at the current geometry, whitened and summed.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use rayon::prelude::*;
+
+use super::design::PoseView;
+use super::regression::Sums;
+use super::train::{CHUNK, State};
+use crate::fit::observation::Observation;
+use crate::fit::problem::{Problem, residual};
+use crate::kinematics::Twist;
+
+/// One observation's rows and residual at the current offsets.
+pub struct Row {
+    /// Unwhitened rows.
+    pub rows: DMatrix<f64>,
+    /// Measured minus predicted.
+    pub value: DVector<f64>,
+    /// Motion by each joint.
+    pub joints: Vec<Twist>,
+}
+
+/// What the prior expects of the columns, relative to the offsets the rows are taken at.
+pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
+    let mut mean = DVector::zeros(state.layout.size());
+    for (place, precision) in problem.prior_precision().iter().enumerate() {
+        if *precision > 0.0 {
+            mean[place] = problem.prior_mean()[place] - state.offsets[place];
+        }
+    }
+    mean
+}
+
+pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
+    let frames = problem.frames(&state.offsets);
+    let row = |observation: &Observation| {
+        let view = problem.view(observation.session, &observation.axes, &state.offsets);
+        let root = frames[observation.session]
+            .tracker_from_base
+            .isometry()
+            .rotation;
+        let pose = PoseView {
+            unknowns: &view.unknowns,
+            joints: &view.joints,
+            axes: &view.axes,
+            end: view.end.translation.vector.into(),
+            up: up.map(|up| root * up),
+            base: *root.to_rotation_matrix().matrix(),
+            angles: &observation.axes,
+            shortfall: observation.shortfall.as_deref(),
+            session: Some(observation.session),
+            time: Some(observation.station as f64 / state.span),
+        };
+        let left = residual(observation, &view.end);
+        let mut value = left.position.as_slice().to_vec();
+        value.extend(left.rotation.iter().flat_map(|rotation| rotation.iter()));
+        Row {
+            rows: pose.rows(&state.layout, value.len()),
+            value: DVector::from_vec(value),
+            joints: view.joints,
+        }
+    };
+    problem
+        .observations()
+        .par_iter()
+        .with_min_len(CHUNK)
+        .map(row)
+        .collect()
+}
+
+/// Whitens all rows and sums them; also the covariance of each observation at its weight.
+pub(super) fn sums(
+    problem: &Problem<'_>,
+    state: &State,
+    rows: &[Row],
+    prior_mean: &DVector<f64>,
+) -> (Sums, Vec<DMatrix<f64>>) {
+    let whiten = |((observation, row), weight): ((&Observation, &Row), &f64)| {
+        let covariance = state.repeatability.covariance(observation, &row.joints) / *weight;
+        let factor = covariance
+            .clone()
+            .cholesky()
+            .expect("an instrument's covariance plus repeatability is positive")
+            .l();
+        let value = &row.value - &row.rows * prior_mean;
+        let white = |matrix: &DMatrix<f64>| {
+            factor
+                .solve_lower_triangular(matrix)
+                .expect("a factor has no zero pivot")
+        };
+        let value = factor
+            .solve_lower_triangular(&value)
+            .expect("a factor has no zero pivot");
+        let ln = 2.0 * factor.diagonal().map(f64::ln).sum();
+        (white(&row.rows), value, ln, covariance)
+    };
+    let observations = problem
+        .observations()
+        .par_iter()
+        .zip(rows)
+        .zip(&state.weights);
+    let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
+    let count: usize = parts.iter().map(|part| part.1.len()).sum();
+    let mut stacked = DMatrix::zeros(count, state.layout.size());
+    let mut values = DVector::zeros(count);
+    let (mut first, mut ln_noise) = (0, 0.0);
+    let mut covariances = Vec::with_capacity(parts.len());
+    for (white, value, ln, covariance) in parts {
+        stacked.rows_mut(first, value.len()).copy_from(&white);
+        values.rows_mut(first, value.len()).copy_from(&value);
+        first += value.len();
+        ln_noise += ln;
+        covariances.push(covariance);
+    }
+    (Sums::new(&stacked, &values, ln_noise), covariances)
+}

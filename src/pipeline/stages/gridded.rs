@@ -1,0 +1,96 @@
+//! Stations and models as the grid stage takes them.
+
+use nalgebra::{Point3, Vector3};
+
+use super::StageSettings;
+use crate::fit::commanded::CommandedPose;
+use crate::fit::{ErrorModel, Gauge, Models, Noise, ToolErrors};
+use crate::grid::{self, GridError, GridInput, GridStation, Reach};
+use crate::join::{Pairing, Station};
+use crate::pipeline::outcome::JoinedSession;
+use crate::progress::Progress;
+
+/// The session's paired stations as grids see them: commanded tool poses, and what was attained against them.
+pub(super) fn grid_stations(
+    session: &JoinedSession,
+    gauge: &Gauge<'_>,
+    folds: &[usize],
+) -> Vec<GridStation> {
+    let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
+    let paired = session
+        .joined
+        .stations
+        .iter()
+        .zip(&session.commanded.poses)
+        .filter(|(station, _)| station.pairing == Pairing::Paired && station.attained.is_some());
+    let station = |((station, pose), &fold): ((&Station, &Option<CommandedPose>), &usize)| {
+        let nominal = gauge.nominal_tool(&station.joints);
+        let position = pose.map_or_else(
+            || Point3::from(nominal.translation.vector),
+            |pose| pose.position,
+        );
+        let attained = gauge.attained_tool(&station.joints, station.attained.as_ref()?);
+        Some(GridStation {
+            number: station.number,
+            position,
+            orientation: nominal.rotation,
+            configuration: reach.configuration(&station.joints),
+            joints: station.joints.clone(),
+            error: attained - position,
+            fold,
+        })
+    };
+    paired.zip(folds).filter_map(station).collect()
+}
+
+pub(super) fn grids(
+    stations: &[GridStation],
+    gauge: &Gauge<'_>,
+    models: &Models,
+    folds: &[Option<Models>],
+    session: usize,
+    settings: &StageSettings,
+    progress: &dyn Progress,
+) -> Result<grid::Grids, GridError> {
+    let own = ToolErrors::new(models, gauge, session);
+    // A fold that holds nothing out is never asked.
+    let of_folds: Vec<ToolErrors<'_>> = folds
+        .iter()
+        .map(|fold| ToolErrors::new(fold.as_ref().unwrap_or(models), gauge, session))
+        .collect();
+    let folds: Vec<&dyn ErrorModel> = of_folds
+        .iter()
+        .map(|errors| errors as &dyn ErrorModel)
+        .collect();
+    let guard_mm = guard_mm(stations, gauge, &settings.noise);
+    let input = GridInput {
+        stations,
+        folds: &folds,
+        model: &own,
+        guard_mm,
+    };
+    let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
+    grid::grids(
+        &input,
+        &reach,
+        &settings.grid,
+        &settings.tolerance,
+        progress,
+    )
+}
+
+/// Expanded uncertainty (k = 2) of a measured error along the instrument's worst direction, mm, at the stations' middle.
+pub(super) fn guard_mm(stations: &[GridStation], gauge: &Gauge<'_>, noise: &Noise) -> f64 {
+    let sum = stations.iter().fold(Vector3::zeros(), |sum, station| {
+        sum + station.position.coords
+    });
+    let middle = Point3::from(sum / stations.len().max(1) as f64);
+    let in_tracker = gauge.frames().tracker_from_base.isometry() * middle;
+    2.0 * noise
+        .tracker
+        .covariance(&in_tracker)
+        .symmetric_eigenvalues()
+        .max()
+        .max(0.0)
+        .sqrt()
+}

@@ -1,0 +1,140 @@
+//! Models held against the stations that judge them.
+
+use rayon::prelude::*;
+
+use super::RawCommandBase;
+use super::observed::Observed;
+use crate::fit::commanded::CommandedPose;
+use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
+use crate::join::{Pairing, Station};
+use crate::kinematics::Arm;
+use crate::pipeline::outcome::JoinedSession;
+use crate::progress::Progress;
+use crate::report::evaluate::{self, Stations};
+use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
+
+/// The models of every fold that holds a station out, in fold order.
+pub(super) fn train_folds(
+    arm: &Arm,
+    observed: &Observed,
+    sessions: usize,
+    settings: &TrainingSettings<'_>,
+    progress: &dyn Progress,
+) -> Result<Vec<Option<Models>>, FitError> {
+    progress.begin("folds", holdout::FOLDS as u64);
+    let train = |fold: usize| {
+        let held_out = observed.folds.contains(&fold);
+        let models =
+            held_out.then(|| fit::models::train(arm, &observed.without(fold), sessions, settings));
+        progress.advance(1);
+        models.transpose()
+    };
+    let folds = (0..holdout::FOLDS).into_par_iter().map(train).collect();
+    progress.end();
+    folds
+}
+
+/// Models and what judges them.
+pub(super) struct Judged<'j> {
+    pub(super) arm: &'j Arm,
+    pub(super) observed: &'j Observed,
+    pub(super) models: &'j Models,
+    pub(super) folds: &'j [Option<Models>],
+}
+
+impl Judged<'_> {
+    pub(super) fn training(&self, training: &[JoinedSession]) -> Vec<ResidualSet> {
+        let of = |(place, session): (usize, &JoinedSession)| {
+            let own: Vec<_> = self
+                .observed
+                .of_session(place)
+                .map(|(o, _)| o.clone())
+                .collect();
+            let stations = Stations {
+                session: &session.name,
+                observations: &own,
+            };
+            evaluate::own_session(self.arm, self.models, stations, Split::None, None)
+        };
+        training.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// Every station judged once, by the models of the fold that held it out.
+    pub(super) fn blocks(&self, training: &[JoinedSession]) -> Vec<ResidualSet> {
+        let mut sets: Vec<ResidualSet> = Vec::new();
+        for (place, session) in training.iter().enumerate() {
+            for (fold, models) in self.folds.iter().enumerate() {
+                let Some(models) = models else { continue };
+                let held_out = self
+                    .observed
+                    .of_session(place)
+                    .filter(|(_, own)| *own == fold);
+                let own: Vec<_> = held_out.map(|(o, _)| o.clone()).collect();
+                let stations = Stations {
+                    session: &session.name,
+                    observations: &own,
+                };
+                for set in
+                    evaluate::own_session(self.arm, models, stations, Split::Blocks, Some(fold))
+                {
+                    merge(&mut sets, set);
+                }
+            }
+        }
+        sets
+    }
+}
+
+/// Adds residuals to the set of their subject, in station order.
+pub(super) fn merge(sets: &mut Vec<ResidualSet>, set: ResidualSet) {
+    match sets.iter_mut().find(|own| own.subject == set.subject) {
+        None => sets.push(set),
+        Some(own) => {
+            own.residuals.extend(set.residuals);
+            own.residuals.sort_by_key(|residual| residual.station);
+        }
+    }
+}
+
+/// Errors against the raw command, where command and target are one point and the base is known or said to be fitted.
+pub(super) fn raw_command(
+    session: &JoinedSession,
+    gauge: &Gauge<'_>,
+    base: Option<RawCommandBase>,
+) -> Option<ResidualSet> {
+    let tracker_from_base = match base? {
+        RawCommandBase::Surveyed(tracker_from_base) => tracker_from_base,
+        RawCommandBase::Fitted => *gauge.frames().tracker_from_base.isometry(),
+    };
+    let residual = |(station, pose): (&Station, &Option<CommandedPose>)| {
+        let commanded = pose.as_ref()?.position;
+        let attained = station
+            .attained
+            .as_ref()
+            .filter(|_| station.pairing == Pairing::Paired)?;
+        Some(Residual {
+            station: station.number,
+            fold: None,
+            used_for_refit: false,
+            predicted: commanded,
+            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+            covariance: None,
+            weight: None,
+        })
+    };
+    let residuals = session
+        .joined
+        .stations
+        .iter()
+        .zip(&session.commanded.poses)
+        .filter_map(residual)
+        .collect();
+    let subject = Subject {
+        split: Split::None,
+        of_session: session.name.clone(),
+        model: Model::RawCommand,
+        angles: Angles::Commanded,
+        base_refit: BaseRefit::None,
+    };
+    Some(ResidualSet { subject, residuals })
+}

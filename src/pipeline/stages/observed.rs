@@ -1,0 +1,62 @@
+//! Observations of the training sessions, with the fold that holds each out.
+
+use nalgebra::Point3;
+
+use super::StageSettings;
+use crate::fit::{self, Observation};
+use crate::kinematics::Arm;
+use crate::pipeline::outcome::JoinedSession;
+
+/// Observations of all training sessions, with the fold that holds each out.
+pub(super) struct Observed {
+    pub(super) all: Vec<Observation>,
+    pub(super) folds: Vec<usize>,
+}
+
+impl Observed {
+    pub(super) fn new(arm: &Arm, training: &[JoinedSession], settings: &StageSettings) -> Self {
+        let own =
+            |(place, session): (usize, &JoinedSession)| observations(arm, place, session, settings);
+        let all: Vec<Observation> = training.iter().enumerate().flat_map(own).collect();
+        let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
+        let folds = settings.fit.blocks.folds(&positions);
+        Self { all, folds }
+    }
+
+    pub(super) fn of_session(&self, session: usize) -> impl Iterator<Item = (&Observation, usize)> {
+        self.all
+            .iter()
+            .zip(self.folds.iter().copied())
+            .filter(move |(o, _)| o.session == session)
+    }
+
+    pub(super) fn folds_of(&self, session: usize) -> Vec<usize> {
+        self.of_session(session).map(|(_, fold)| fold).collect()
+    }
+
+    pub(super) fn without(&self, fold: usize) -> Vec<Observation> {
+        let kept = self
+            .all
+            .iter()
+            .zip(&self.folds)
+            .filter(|(_, own)| **own != fold);
+        kept.map(|(observation, _)| observation.clone()).collect()
+    }
+}
+
+pub(super) fn observations(
+    arm: &Arm,
+    place: usize,
+    session: &JoinedSession,
+    settings: &StageSettings,
+) -> Vec<Observation> {
+    let stations = &session.joined.stations;
+    let mut observations = fit::observations(place, stations, arm, &settings.noise);
+    fit::add_shortfalls(&mut observations, stations, &session.commanded);
+    observations
+}
+
+/// Where the nominal flange is: blocks are cut on it.
+pub(super) fn flange_position(arm: &Arm, observation: &Observation) -> Point3<f64> {
+    Point3::from(arm.chain().nominal(&observation.axes).translation.vector)
+}
