@@ -102,7 +102,7 @@ pub enum FitError {
     },
     /// Stations on a point or a line do not determine a base frame.
     #[error(
-        "the measured stations of session {session} lie in one place or on a line (spread {spread_mm:.3} mm across \
+        "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \
          the longest direction's normal): the base frame cannot be found, spread the poses"
     )]
     Degenerate {

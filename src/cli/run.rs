@@ -13,6 +13,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
+use crate::io::lake::Lake;
 use crate::pipeline::plan::{Overrides, Plan, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
@@ -78,9 +79,22 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         messages::result(work(&plan));
         return DONE;
     }
+    clean(&Lake::new(&plan.lake));
     let endings = all(&plan, args.jobs, bars);
     messages::result(summary(&plan, &endings));
     exit_code(&endings)
+}
+
+/// Removes what killed runs left under temporary names; where that fails, the lake is as sound as before.
+fn clean(lake: &Lake) {
+    match lake.clean() {
+        Ok(removed) if removed.is_empty() => {}
+        Ok(removed) => tracing::info!(
+            "removed {} unfinished files that killed runs left in the lake",
+            removed.len()
+        ),
+        Err(error) => tracing::warn!("{error}"),
+    }
 }
 
 /// The pieces of work in words.

@@ -1,0 +1,225 @@
+//! What the fits cost: geometry alone, the whole error model, its predictions, beside a dense Gaussian process.
+//!
+//! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
+//! the identification of 1000 stations, the training of the whole model on 800 and on 200, one evaluation of the
+//! evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of the same short and long kernels on
+//! 200, of which a search of hyper-parameters needs tens, and predictions a second. Without `--bench` (as `cargo test`
+//! calls it) small sessions show that it works.
+
+use std::time::Instant;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use posegrid::fit::commanded::{CommandFrames, commanded};
+use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::{
+    self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
+};
+use posegrid::geometry::isometry_from_rpy;
+use posegrid::join::{JoinSettings, join};
+use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::simulate::{Poses, SimulateSettings, simulate};
+
+/// Reported joint angles about which poses are drawn, and how far to either side, degrees.
+const HOME_DEG: [f64; 6] = [0.0, -70.0, 90.0, -110.0, -90.0, 0.0];
+const SPREAD_DEG: f64 = 40.0;
+
+fn main() {
+    let full_size = std::env::args().any(|arg| arg == "--bench");
+    let [many, most, few] = if full_size {
+        [1000, 800, 200]
+    } else {
+        [60, 50, 40]
+    };
+    let arm = ur10();
+    let stations = observed(&arm, many);
+    println!("{:<58} {:>12} {:>10}", "step", "wall ms", "ratio");
+
+    let repeats = if full_size { 9 } else { 1 };
+    let calibration = identified(&arm, &stations);
+    let unknowns = calibration.unknowns.len();
+    let base = median_ms(repeats, || identified(&arm, &stations).frames.len());
+    let what = format!("identify: {} stations, {unknowns} unknowns", stations.len());
+    row(&what, base, base);
+
+    let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
+    row(&format!("whole model: {most} stations"), large, base);
+    let (_, small) = timed_ms(|| trained(&arm, &stations[..few], &calibration));
+    row(&format!("whole model: {few} stations"), small, base);
+    let jacobians: Vec<DMatrix<f64>> = stations[..few].iter().map(|o| jacobian(&arm, o)).collect();
+    let dense = median_ms(repeats.min(3), || {
+        dense_evidence(&stations[..few], &jacobians)
+    });
+    row(
+        &format!("one evidence of a dense process: {few} stations"),
+        dense,
+        base,
+    );
+
+    let (rows, mean) = timed_ms(|| predicted(&model, &stations));
+    per_second("predictions, mean", stations.len(), mean);
+    let (_, covariance) = timed_ms(|| {
+        rows.iter()
+            .map(|rows| model.covariances(rows).len())
+            .sum::<usize>()
+    });
+    per_second(
+        "predictions, mean and covariance",
+        stations.len(),
+        mean + covariance,
+    );
+}
+
+fn ur10() -> Arm {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/pipelines/robots/ur10.toml");
+    let text = std::fs::read_to_string(path).expect("part of the project");
+    let file: RobotFile = toml::from_str(&text).expect("a robot file");
+    file.arm().expect("an arm")
+}
+
+/// A simulated session, joined: observations with what their commands fell short of.
+fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
+    let home = HOME_DEG.map(f64::to_radians);
+    let spread = SPREAD_DEG.to_radians();
+    let poses = Poses::Joints {
+        count,
+        lower: home.iter().map(|q| q - spread).collect(),
+        upper: home.iter().map(|q| q + spread).collect(),
+    };
+    let mut settings = SimulateSettings::realistic(7, home.to_vec(), poses);
+    settings.tracker.lost_share = 0.0;
+    let cell = settings.cell;
+    let simulated = simulate(arm, &settings).expect("reachable poses");
+    let joined = join(&simulated.recording, arm, &JoinSettings::default()).expect("one session");
+    let frames = CommandFrames {
+        base_from_command: isometry_from_rpy([0.0; 3], [0.0; 3]),
+        flange_from_tool: Some(isometry_from_rpy(
+            cell.flange_from_target_mm,
+            cell.flange_from_target_rpy,
+        )),
+    };
+    let noise = Noise {
+        tracker: TrackerUncertainty {
+            range_um: 10.0,
+            range_um_per_m: 0.3,
+            transverse_um: 15.0,
+            transverse_um_per_m: 6.0,
+            divisor: 2.0,
+            orientation_rad: None,
+        },
+        repeatability_mm: 0.03,
+        orientations: false,
+    };
+    let mut observations = fit::observations(0, &joined.stations, arm, &noise);
+    let commanded = commanded(&joined.stations, arm, &frames);
+    fit::add_shortfalls(&mut observations, &joined.stations, &commanded);
+    assert_eq!(observations.len(), count, "no station is lost");
+    observations
+}
+
+fn identified(arm: &Arm, stations: &[Observation]) -> Calibration {
+    let settings = FitSettings::default();
+    fit::identify(arm, stations, 1, Freedom::Geometry, &settings).expect("a fit")
+}
+
+fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullModel {
+    FullModel::train(
+        arm,
+        stations,
+        &start.frames,
+        &start.geometry,
+        FitSettings::default().prior(),
+        &FullSettings::default(),
+        Some(Vector3::z_axis()),
+    )
+    .expect("a positive definite model")
+}
+
+/// Predicts every station; gives the rows of a hundred at a time, stacked.
+fn predicted(model: &FullModel, stations: &[Observation]) -> Vec<DMatrix<f64>> {
+    let query = |o: &Observation| {
+        let query = Query {
+            axes: &o.axes,
+            shortfall: o.shortfall.as_deref(),
+            lever: Vector3::zeros(),
+            session: 0,
+            own: true,
+            station: Some(o.station),
+        };
+        model.predict(&query).rows
+    };
+    let rows: Vec<DMatrix<f64>> = stations.iter().map(query).collect();
+    let stacked = |rows: &[DMatrix<f64>]| {
+        let columns = rows[0].ncols();
+        let row = |row: usize, column: usize| rows[row / 3][(row % 3, column)];
+        DMatrix::from_fn(3 * rows.len(), columns, row)
+    };
+    rows.chunks(100).map(stacked).collect()
+}
+
+/// How the flange moves with each joint, mm/rad, by central differences.
+fn jacobian(arm: &Arm, station: &Observation) -> DMatrix<f64> {
+    const STEP_RAD: f64 = 1e-6;
+    let chain = arm.chain();
+    let at = |joint: usize, step: f64| {
+        let mut axes = station.axes.clone();
+        axes[joint] += step;
+        chain.nominal(&axes).translation.vector
+    };
+    let column = |joint| (at(joint, STEP_RAD) - at(joint, -STEP_RAD)) / (2.0 * STEP_RAD);
+    let columns: Vec<Vector3<f64>> = (0..station.axes.len()).map(column).collect();
+    DMatrix::from_fn(3, columns.len(), |row, joint| columns[joint][row])
+}
+
+/// One evaluation of the evidence of `cov(e, e') = Σ_j J_j k_j(q_j, q'_j) J'_jᵀ`: Matérn 3/2 and squared exponential, on
+/// chords.
+fn dense_evidence(stations: &[Observation], jacobians: &[DMatrix<f64>]) -> usize {
+    let settings = FullSettings::default();
+    let short = 3.0_f64.sqrt() / settings.short_length_deg.to_radians();
+    let long = settings.long_length_deg.to_radians().recip();
+    let kernel = |difference: f64| {
+        let chord = 2.0 * (difference / 2.0).sin().abs();
+        let near = (1.0 + short * chord) * (-short * chord).exp();
+        let far = (-0.5 * (long * chord).powi(2)).exp();
+        settings.curve_sd_rad.powi(2) * (near + far)
+    };
+    let size = 3 * stations.len();
+    let mut covariance = DMatrix::identity(size, size) * settings.noise_mm.powi(2);
+    for (a, (one, left)) in stations.iter().zip(jacobians).enumerate() {
+        for (b, (other, right)) in stations.iter().zip(jacobians).enumerate() {
+            let kernels = one.axes.iter().zip(&other.axes).map(|(p, q)| kernel(p - q));
+            let kernels = DMatrix::from_diagonal(&DVector::from_iterator(one.axes.len(), kernels));
+            let mut block = covariance.view_mut((3 * a, 3 * b), (3, 3));
+            block += left * kernels * right.transpose();
+        }
+    }
+    let factor = Cholesky::new(covariance).expect("a positive definite kernel");
+    factor.solve(&DVector::from_element(size, 1.0)).len()
+}
+
+fn timed_ms<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
+
+/// Median wall time of `repeats` runs of work that has a result to show.
+fn median_ms(repeats: usize, work: impl Fn() -> usize) -> f64 {
+    let mut times: Vec<f64> = (0..repeats)
+        .map(|_| {
+            let (result, time) = timed_ms(&work);
+            assert!(result > 0, "the work was done");
+            time
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[repeats / 2]
+}
+
+fn row(step: &str, wall_ms: f64, base_ms: f64) {
+    println!("{step:<58} {wall_ms:>12.2} {:>10.1}", wall_ms / base_ms);
+}
+
+fn per_second(step: &str, count: usize, wall_ms: f64) {
+    let rate = count as f64 / wall_ms * 1e3;
+    println!("{step:<58} {wall_ms:>12.2} {rate:>10.0} a second");
+}

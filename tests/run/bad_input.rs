@@ -1,0 +1,163 @@
+//! Input that cannot be worked on: each ends with the right exit code, and a message that says what, where and what to try.
+
+use std::fs;
+
+use super::cell::{Cell, Ended, posegrid};
+
+/// A cell with one small session `mon`, of 12 random poses.
+fn small() -> Cell {
+    Cell::new().with_simulated("mon", &["--random", "12"])
+}
+
+/// Runs a cell that gives no result, and asserts that it published nothing.
+fn no_result(cell: &Cell, texts: &[&str]) {
+    let ended = cell.run(&[]);
+    ended.expect(1, texts);
+    ended.expect(1, &["1 without a result", "mon: no result"]);
+    assert!(cell.lake().is_empty(), "{:?}", cell.lake().keys());
+}
+
+fn bad_usage(cell: &Cell, texts: &[&str]) -> Ended {
+    let ended = cell.run(&[]);
+    ended.expect(2, texts);
+    assert!(ended.results.is_empty(), "{}", ended.results);
+    assert!(cell.lake().is_empty(), "{:?}", cell.lake().keys());
+    ended
+}
+
+#[test]
+fn a_missing_log_of_a_named_session_is_bad_usage() {
+    let cell = small().with("# sessions", "sessions = [\"mon\"]");
+    fs::remove_file(cell.session("mon").join("tracker.mcap")).expect("was there");
+    bad_usage(&cell, &["session \"mon\"", "no tracker.mcap"]);
+}
+
+#[test]
+fn a_missing_log_of_a_found_session_is_told_and_the_others_have_their_result() {
+    let cell = small().with_simulated("tue", &["--random", "7"]);
+    fs::remove_file(cell.session("tue").join("controller.mcap")).expect("was there");
+    // 12 stations cannot show 95 %: 3, and not 1.
+    let texts = [
+        "tue is no session: it has no controller.mcap",
+        "0 without a result",
+    ];
+    cell.run(&[]).expect(3, &texts);
+}
+
+#[test]
+fn an_empty_log_is_told() {
+    let cell = small().with_log("mon", "controller.mcap", |_| Vec::new());
+    no_result(&cell, &["mon/controller.mcap: the file is empty"]);
+}
+
+#[test]
+fn a_file_that_is_no_log_is_told() {
+    let cell = small().with_log("mon", "tracker.mcap", |_| b"time,x,y,z\n0,1,2,3\n".to_vec());
+    no_result(&cell, &["mon/tracker.mcap: not an MCAP log"]);
+}
+
+#[test]
+fn an_unknown_topic_is_told_with_those_there_are() {
+    let cell = small().with("\"/tracker/point\"", "\"/tracker/pose\"");
+    let topics = [
+        "no topic \"/tracker/pose\"",
+        "\"/tracker/point\"",
+        "\"/tracker/temperature\"",
+    ];
+    no_result(&cell, &topics);
+}
+
+#[test]
+fn a_joint_that_no_message_names_is_told() {
+    let cell = small();
+    let path = cell.path("robots/kr210-r2700-extra.toml");
+    let robot = fs::read_to_string(&path).expect("readable");
+    fs::write(&path, robot.replace("joint_a6", "joint_a7")).expect("writable");
+    no_result(&cell, &["joint_a7", "mon/controller.mcap"]);
+}
+
+#[test]
+fn an_unknown_key_of_the_pipeline_file_is_told_with_its_line() {
+    let cell = small().with("share = 0.95", "share = 0.95\nshares = 1");
+    bad_usage(&cell, &["pipeline.toml", "unknown field `shares`", "line "]);
+}
+
+#[test]
+fn a_missing_unit_is_asked_for_and_not_guessed() {
+    let cell = small().with("unit = \"rad\"", "");
+    bad_usage(&cell, &["[controller]", "`unit`", "\"rad\" or \"deg\""]);
+}
+
+#[test]
+fn a_step_larger_than_the_box_of_the_pipeline_file_is_told_before_a_log_is_opened() {
+    let bounds = "box = { low_mm = [1500, 0, 800], high_mm = [1800, 300, 1100] }\n";
+    let cell = small().with("[tolerance]", &format!("{bounds}\n[tolerance]"));
+    // [grid] ends where [tolerance] begins, so the box is in it.
+    bad_usage(&cell, &["[grid]", "360", "300"]);
+}
+
+#[test]
+fn a_step_larger_than_the_measured_box_is_told() {
+    let flags = ["--random", "12", "--size", "300,300,300"];
+    let cell = Cell::new().with_simulated("mon", &flags);
+    no_result(
+        &cell,
+        &[
+            "grid: step 360 mm does not fit into the box of 2",
+            "a larger box",
+        ],
+    );
+}
+
+#[test]
+fn too_few_stations_are_told_with_both_numbers() {
+    let cell = Cell::new().with_simulated("mon", &["--random", "5"]);
+    no_result(
+        &cell,
+        &["session mon: join: controller log: 5 dwells", "needs 6"],
+    );
+}
+
+#[test]
+fn few_stations_have_a_result_that_shows_nothing() {
+    let ended = small().run(&[]);
+    ended.expect(3, &["not shown to be within tolerance", "59 are needed"]);
+}
+
+#[test]
+fn stations_in_one_place_are_told() {
+    // One pose, again and again: nothing tells one dwell from another.
+    let flags = ["--random", "30", "--size", "0,0,0", "--cone-deg", "0"];
+    let cell = Cell::new().with_simulated("mon", &flags);
+    no_result(&cell, &["session mon: join: ", "30 dwells of the arm"]);
+}
+
+#[test]
+fn stations_on_a_line_are_told() {
+    let flags = ["--random", "30", "--size", "900,0,0", "--cone-deg", "0"];
+    let cell = Cell::new().with_simulated("mon", &flags);
+    no_result(&cell, &["fit: ", "on a line", "spread the poses"]);
+}
+
+#[test]
+fn a_bad_session_does_not_stop_the_others() {
+    let cell = small().with_simulated("sun", &["--random", "12"]).with_log(
+        "mon",
+        "controller.mcap",
+        |_| Vec::new(),
+    );
+    let ended = cell.run(&["--jobs", "2"]);
+    ended.expect(
+        1,
+        &["mon: no result", "sun: not shown", "1 without a result"],
+    );
+    assert_eq!(cell.table("runs", "sun").rows(), 1);
+    assert_eq!(cell.table("stations", "sun").rows(), 12);
+    assert!(cell.lake().keys().all(|path| !path.contains("/mon/")));
+}
+
+#[test]
+fn a_pipeline_file_that_is_not_there_is_told() {
+    let ended = super::cell::ended(posegrid().args(["run", "no/such/pipeline.toml"]));
+    ended.expect(2, &["no/such/pipeline.toml"]);
+}

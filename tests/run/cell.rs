@@ -1,0 +1,244 @@
+//! A measuring cell in a temporary folder: sessions, a pipeline file that reads them, a lake.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::OnceLock;
+
+use assert_cmd::Command;
+use posegrid::io::schema;
+use posegrid::io::table::{self, Table};
+
+/// The quickstart's pipeline file, made quick: three steps, and joint curves of a tenth of the harmonics.
+const CHANGES: [(&str, &str); 5] = [
+    ("\"../tests/recordings\"", "\"sessions\""),
+    ("sessions = [\"quickstart\"]", "# sessions"),
+    (
+        "steps_mm = [60, 90, 120, 180, 240, 360, 720]",
+        "steps_mm = [180, 240, 360]",
+    ),
+    ("[grid]", "[fit.full]\nharmonics = 12\n\n[grid]"),
+    ("lake = \"../lake\"", "lake = \"lake\""),
+];
+
+/// A cell whose folder goes with it.
+pub struct Cell {
+    root: tempfile::TempDir,
+    text: String,
+}
+
+/// How a command ended.
+pub struct Ended {
+    /// Its exit code.
+    pub code: i32,
+    /// Its results.
+    pub results: String,
+    /// Its messages.
+    pub messages: String,
+}
+
+impl Cell {
+    /// A cell with the quickstart's pipeline file and robot, and no session yet.
+    pub fn new() -> Self {
+        let root = tempfile::tempdir().expect("a temporary folder");
+        let text = read("pipelines/quickstart.toml");
+        let cell = Self { root, text };
+        let robots = cell.path("robots");
+        fs::create_dir(&robots).expect("writable");
+        let robot = "kr210-r2700-extra.toml";
+        fs::copy(
+            Path::new("pipelines/robots").join(robot),
+            robots.join(robot),
+        )
+        .expect("copied");
+        CHANGES
+            .iter()
+            .fold(cell, |cell, (from, to)| cell.with(from, to))
+    }
+
+    /// The same cell with a text of its pipeline file replaced.
+    pub fn with(mut self, from: &str, to: &str) -> Self {
+        assert!(self.text.contains(from), "{from:?} is not in {}", self.text);
+        self.text = self.text.replacen(from, to, 1);
+        fs::write(self.pipeline(), &self.text).expect("writable");
+        self
+    }
+
+    /// The same cell with the quickstart's logs as a session of this name.
+    pub fn with_quickstart(self, name: &str) -> Self {
+        let folder = self.session(name);
+        fs::create_dir_all(&folder).expect("writable");
+        for log in ["controller.mcap", "tracker.mcap"] {
+            let from = Path::new("tests/recordings/quickstart").join(log);
+            fs::copy(from, folder.join(log)).expect("copied");
+        }
+        self
+    }
+
+    /// The same cell with a session of this name that `posegrid simulate` made of the poses that the flags say.
+    pub fn with_simulated(self, name: &str, flags: &[&str]) -> Self {
+        let made = ended(
+            posegrid()
+                .args(["simulate", "pipelines/robots/kr210-r2700-extra.toml"])
+                .args([
+                    "--seed",
+                    "3",
+                    "--home",
+                    "0,-75,100,25,55,-15",
+                    "--session",
+                    name,
+                ])
+                .arg("--out")
+                .arg(self.session(name))
+                .args(flags),
+        );
+        assert_eq!(made.code, 0, "{}", made.messages);
+        self
+    }
+
+    /// The same cell with a log of a session replaced by what `change` makes of it.
+    pub fn with_log(
+        self,
+        session: &str,
+        log: &str,
+        change: impl FnOnce(Vec<u8>) -> Vec<u8>,
+    ) -> Self {
+        let path = self.session(session).join(log);
+        let bytes = fs::read(&path).expect("a log");
+        fs::write(&path, change(bytes)).expect("writable");
+        self
+    }
+
+    /// A path in the cell's folder.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.root.path().join(name)
+    }
+
+    /// The folder of a session.
+    pub fn session(&self, name: &str) -> PathBuf {
+        self.path("sessions").join(name)
+    }
+
+    /// The pipeline file.
+    pub fn pipeline(&self) -> PathBuf {
+        self.path("pipeline.toml")
+    }
+
+    /// `posegrid run` on the pipeline file, not started yet.
+    pub fn command(&self) -> Command {
+        let mut command = posegrid();
+        command.arg("run").arg(self.pipeline());
+        command
+    }
+
+    /// Runs the pipeline with more arguments.
+    pub fn run(&self, arguments: &[&str]) -> Ended {
+        ended(self.command().args(arguments))
+    }
+
+    /// The only file of a table of a session in the cell's lake.
+    pub fn table_file(&self, table: &str, session: &str) -> PathBuf {
+        let folder = self
+            .path("lake")
+            .join(table)
+            .join("kr210-demo")
+            .join(session);
+        let files: Vec<_> = files(&folder).into_keys().collect();
+        assert_eq!(files.len(), 1, "{files:?} in {}", folder.display());
+        folder.join(&files[0])
+    }
+
+    /// The only table of its kind of a session in the cell's lake.
+    pub fn table(&self, table: &str, session: &str) -> Table {
+        let schema = schema::find(table).expect("a published table");
+        table::read(&self.table_file(table, session), schema).expect("a table by its schema")
+    }
+
+    /// Every file of the cell's lake, by path in it.
+    pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
+        files(&self.path("lake"))
+    }
+}
+
+impl Ended {
+    /// Asserts the exit code, and that the results or messages hold all these texts.
+    pub fn expect(&self, code: i32, texts: &[&str]) {
+        let told = format!("{}{}", self.results, self.messages);
+        assert_eq!(self.code, code, "{told}");
+        for text in texts {
+            assert!(told.contains(text), "{text:?} is not in:\n{told}");
+        }
+        self.no_defect();
+    }
+
+    /// Asserts that nothing panicked: a panic of a session is caught and told.
+    pub fn no_defect(&self) {
+        for word in ["panicked", "defect of posegrid"] {
+            assert!(!self.messages.contains(word), "{}", self.messages);
+        }
+    }
+}
+
+/// Two sessions with the same logs, and the lake that one undisturbed run made of them.
+pub fn undisturbed() -> &'static Cell {
+    static CELL: OnceLock<Cell> = OnceLock::new();
+    CELL.get_or_init(|| {
+        let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
+        cell.run(&[]).expect(0, &["2 of 2 within 0.5 mm"]);
+        cell
+    })
+}
+
+/// The command, not started yet.
+pub fn posegrid() -> Command {
+    Command::cargo_bin("posegrid").expect("built with the tests")
+}
+
+/// Runs a command to its end.
+pub fn ended(command: &mut Command) -> Ended {
+    Ended::from(command.output().expect("started"))
+}
+
+impl From<Output> for Ended {
+    fn from(output: Output) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
+        let messages = text(&output.stderr);
+        Self {
+            code: output
+                .status
+                .code()
+                .unwrap_or_else(|| panic!("ended by a signal: {messages}")),
+            results: text(&output.stdout),
+            messages,
+        }
+    }
+}
+
+/// Every file under a folder that need not exist, by its path there.
+pub fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let Ok(entries) = fs::read_dir(folder) else {
+        return found;
+    };
+    for entry in entries {
+        let path = entry.expect("readable").path();
+        let name = path
+            .file_name()
+            .expect("named")
+            .to_string_lossy()
+            .into_owned();
+        if path.is_dir() {
+            let below = files(&path).into_iter();
+            found.extend(below.map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
+        } else {
+            // A temporary may be renamed between listing and reading.
+            found.extend(fs::read(&path).ok().map(|bytes| (name, bytes)));
+        }
+    }
+    found
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}

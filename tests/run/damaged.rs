@@ -1,0 +1,116 @@
+//! Damaged logs: what can be read is read, what is lost is counted and placed, and no damage ends in a panic.
+
+use std::fs;
+use std::path::Path;
+
+use arrow::array::Array as _;
+
+use super::cell::{Cell, ended, posegrid};
+
+/// A cell with a session `mon` whose logs may lose anything before it fails.
+fn tolerant() -> Cell {
+    Cell::new()
+        .with("# sessions", "max_lost_share = 1.0")
+        .with("harmonics = 12", "enabled = false")
+        .with_quickstart("mon")
+}
+
+#[test]
+fn a_log_cut_anywhere_gives_a_result_with_its_loss_or_a_clear_error() {
+    for log in ["controller.mcap", "tracker.mcap"] {
+        let whole = fs::read(Path::new("tests/recordings/quickstart").join(log)).expect("a log");
+        let cell = tolerant();
+        for kept in cuts(whole.len()) {
+            fs::write(cell.session("mon").join(log), &whole[..kept]).expect("writable");
+            let _ = fs::remove_dir_all(cell.path("lake"));
+            let what = format!("{log} cut to {kept} of {} bytes", whole.len());
+            let run = cell.run(&[]);
+            run.no_defect();
+            match run.code {
+                // All messages stand before the closing magic bytes.
+                0 if kept + 8 > whole.len() => run.expect(0, &["637 stations, 632 measured"]),
+                0 | 3 => assert!(lost(&cell, log, kept), "{what}: {}", run.results),
+                1 => run.expect(1, &["mon: no result: "]),
+                code => panic!("{what}: exit code {code}: {}", run.messages),
+            }
+        }
+    }
+}
+
+/// Five places of a log of this length: in its magic, behind it, in its first and in its last chunk, in its last magic.
+fn cuts(length: usize) -> [usize; 5] {
+    [5, 8, length / 3, length * 9 / 10, length - 3]
+}
+
+/// Whether the rejects name the log and where it ends too early.
+fn lost(cell: &Cell, log: &str, kept: usize) -> bool {
+    let kept = i64::try_from(kept).expect("a file's length");
+    let rejects = cell.table("rejects", "mon");
+    let (file, start) = (rejects.text("file"), rejects.i64("byte_start"));
+    (0..rejects.rows())
+        .any(|row| file.is_valid(row) && file.value(row).ends_with(log) && start.value(row) <= kept)
+}
+
+#[test]
+fn a_flipped_bit_in_a_chunk_is_placed_and_the_rest_is_read() {
+    // In the middle of the first chunk of six.
+    const PLACE: usize = 100_000;
+    let cell = tolerant().with_log("mon", "controller.mcap", |mut bytes| {
+        bytes[PLACE] ^= 0x10;
+        bytes
+    });
+    let run = cell.run(&[]);
+    assert!([0, 3].contains(&run.code), "{}", run.messages);
+    run.no_defect();
+    let rejects = cell.table("rejects", "mon");
+    let (start, end) = (rejects.i64("byte_start"), rejects.i64("byte_end"));
+    let place = i64::try_from(PLACE).expect("a small number");
+    let holding: Vec<usize> = (0..rejects.rows())
+        .filter(|&row| start.is_valid(row) && end.is_valid(row))
+        .filter(|&row| start.value(row) <= place && place < end.value(row))
+        .collect();
+    assert_eq!(holding.len(), 1, "one chunk holds byte {place}");
+    assert!(
+        rejects
+            .text("file")
+            .value(holding[0])
+            .ends_with("controller.mcap")
+    );
+    assert_eq!(rejects.text("stage").value(holding[0]), "ingest");
+}
+
+#[test]
+fn damage_beyond_the_limit_of_the_pipeline_file_fails_the_session() {
+    let half = |bytes: Vec<u8>| bytes[..bytes.len() / 2].to_vec();
+    let cell = tolerant()
+        .with("max_lost_share = 1.0", "max_lost_share = 0.001")
+        .with_log("mon", "controller.mcap", half);
+    let texts = [
+        "session mon",
+        "bytes were lost",
+        "max_lost_share = 0.001",
+        "inspect",
+    ];
+    cell.run(&[]).expect(1, &texts);
+    assert!(cell.lake().is_empty());
+}
+
+#[test]
+fn inspect_exits_with_0_on_a_sound_log_and_with_3_on_a_damaged_one() {
+    let cell = Cell::new().with_quickstart("mon");
+    let log = cell.session("mon").join("tracker.mcap");
+    let inspect = || ended(posegrid().arg("inspect").arg(&log));
+    inspect().expect(0, &["/tracker/point", "no damage"]);
+    let cell = cell.with_log("mon", "tracker.mcap", |mut bytes| {
+        bytes.truncate(bytes.len() * 9 / 10);
+        bytes
+    });
+    let damaged = inspect();
+    damaged.expect(3, &["tracker.mcap", "/tracker/point"]);
+    assert!(
+        !damaged.results.contains("no damage"),
+        "{}",
+        damaged.results
+    );
+    drop(cell);
+}

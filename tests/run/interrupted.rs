@@ -1,0 +1,53 @@
+//! Runs killed at any moment: the next one finishes the work, with the bytes of an undisturbed lake.
+
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use super::cell::{Cell, undisturbed};
+use super::same_work::assert_same;
+
+#[test]
+fn a_killed_run_is_finished_by_the_next_one_with_the_same_bytes() {
+    let cell = Cell::new().with_quickstart("mon");
+    // In the middle of the stages, then as soon as tables appear in the lake: three moments, one after the other.
+    killed(&cell, |age, _| age > Duration::from_millis(300));
+    assert!(cell.lake().is_empty(), "stages write nothing");
+    for tables in [1, 6] {
+        killed(&cell, |_, files| files >= tables);
+        let lake = cell.lake();
+        assert!(lake.len() >= tables, "{:?}", lake.keys());
+    }
+    cell.run(&[]).expect(0, &["1 of 1 within"]);
+    // Nothing more either: what the killed runs left under temporary names is gone.
+    let mut expected = undisturbed().lake();
+    expected.retain(|path, _| path.contains("/mon/"));
+    assert_same(&cell.lake(), &expected);
+}
+
+/// Starts the run and kills it as soon as `now` says so of its age and the number of files in the lake.
+fn killed(cell: &Cell, now: impl Fn(Duration, usize) -> bool) {
+    let mut child = started(cell);
+    let start = Instant::now();
+    loop {
+        let ended = child.try_wait().expect("our own child").is_some();
+        if ended || now(start.elapsed(), cell.lake().len()) {
+            break;
+        }
+        sleep(Duration::from_micros(200));
+    }
+    // Where the run was faster than we look, it is whole: then the next has nothing to do, and the bytes still have to
+    // be the same.
+    child.kill().expect("killed, or gone");
+    child.wait().expect("our own child");
+}
+
+fn started(cell: &Cell) -> Child {
+    Command::new(assert_cmd::cargo::cargo_bin!("posegrid"))
+        .arg("run")
+        .arg(cell.pipeline())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("started")
+}

@@ -1,0 +1,83 @@
+//! The same work: done once, and with the same bytes however it is done.
+
+use std::collections::BTreeMap;
+
+use super::cell::{Cell, Ended, ended, undisturbed};
+
+/// Published tables of one piece of work, `runs` among them.
+const TABLES: usize = 12;
+
+#[test]
+fn a_run_gives_every_table_of_every_session() {
+    let lake = undisturbed().lake();
+    for session in ["mon", "tue"] {
+        let folder = format!("/kr210-demo/{session}/");
+        let tables = lake.keys().filter(|path| path.contains(&folder));
+        assert_eq!(tables.count(), TABLES, "{session}: {:?}", lake.keys());
+    }
+    assert_eq!(lake.len(), 2 * TABLES, "{:?}", lake.keys());
+}
+
+#[test]
+fn the_same_work_is_not_done_again_and_that_is_said() {
+    let cell = undisturbed();
+    let before = written(cell);
+    cell.run(&[]).expect(
+        0,
+        &[
+            "the lake has this run already",
+            "nothing was done",
+            "2 of 2 within 0.5 mm",
+        ],
+    );
+    assert_eq!(written(cell), before, "no file was written again");
+}
+
+#[test]
+fn other_settings_are_other_work() {
+    let cell = Cell::new().with_simulated("few", &["--random", "12"]);
+    cell.run(&[]).expect(3, &["not shown"]);
+    assert_eq!(cell.lake().len(), TABLES);
+    let cell = cell.with("mm = 0.5", "mm = 0.4");
+    let again = cell.run(&[]);
+    again.expect(3, &["tolerance 0.4 mm"]);
+    assert!(!again.results.contains("done before"), "{}", again.results);
+    assert_eq!(
+        cell.lake().len(),
+        2 * TABLES,
+        "both runs stand side by side"
+    );
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_threads_jobs_or_folders() {
+    let expected = undisturbed().lake();
+    let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
+    let one_thread = |arguments: &[&str]| -> Ended {
+        ended(cell.command().env("RAYON_NUM_THREADS", "1").args(arguments))
+    };
+    one_thread(&["--jobs", "2"]).expect(0, &["2 of 2"]);
+    assert_same(&cell.lake(), &expected);
+}
+
+/// Asserts that two lakes are the same, naming the files that differ.
+pub fn assert_same(found: &BTreeMap<String, Vec<u8>>, expected: &BTreeMap<String, Vec<u8>>) {
+    let names = |lake: &BTreeMap<String, Vec<u8>>| lake.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(found), names(expected));
+    let differing: Vec<_> = found
+        .iter()
+        .filter(|(path, bytes)| expected[*path] != **bytes)
+        .map(|(path, _)| path)
+        .collect();
+    assert!(differing.is_empty(), "other bytes: {differing:?}");
+}
+
+/// When each file of the lake was last written.
+fn written(cell: &Cell) -> Vec<std::time::SystemTime> {
+    let lake = cell.lake();
+    let time = |path: &String| {
+        let metadata = cell.path("lake").join(path).metadata().expect("there");
+        metadata.modified().expect("known")
+    };
+    lake.keys().map(time).collect()
+}
