@@ -111,12 +111,6 @@ pub fn run_piece(
     if lake.exists(&key)? {
         return already_there(&lake, &key);
     }
-    for leftover in lake.clean()? {
-        tracing::info!(
-            "removed what a run that was stopped left behind: {}",
-            leftover.display()
-        );
-    }
     let mut joined =
         |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
     let training = piece

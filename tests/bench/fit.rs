@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
 use posegrid::fit::{
     self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
 };
@@ -139,7 +139,7 @@ fn predicted(model: &FullModel, stations: &[Observation]) -> Vec<DMatrix<f64>> {
     let query = |o: &Observation| {
         let query = Query {
             axes: &o.axes,
-            shortfall: o.shortfall.as_deref(),
+            known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
             lever: Vector3::zeros(),
             session: 0,
             own: true,
