@@ -129,3 +129,85 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
         "the least weights are the outliers'"
     );
 }
+
+/// Mean variance per axis that the model states for its predictions on `test`, mm².
+fn stated_variance(model: &FullModel, test: &[Observation]) -> f64 {
+    let variance = |o: &Observation| {
+        let known = o.shortfall.as_deref().map_or(Known::Reported, Known::Both);
+        let query = Query {
+            axes: &o.axes,
+            known,
+            lever: Vector3::zeros(),
+            session: 0,
+            own: true,
+            station: None,
+        };
+        model.covariances(&model.predict(&query).rows)[0].trace() / 3.0
+    };
+    test.iter().map(variance).sum::<f64>() / test.len() as f64
+}
+
+#[test]
+fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
+    let arm = common::arm("ur10");
+    let (Some(a), Some(b)) = (
+        observed("ur10-random-a", &arm, &NOISE),
+        observed("ur10-random-b", &arm, &NOISE),
+    ) else {
+        return;
+    };
+    let every = |stride: usize| {
+        a.iter()
+            .filter(|o| o.station.is_multiple_of(stride))
+            .cloned()
+            .collect::<Vec<_>>()
+    };
+    let (few, many) = (trained(&arm, &every(70), 1), trained(&arm, &every(7), 1));
+    let few_figures = base_refitted(&predictions(&few, &b), &b);
+    // The same ten stations with the nominal arm, base and target alone.
+    let nominal = fit::identify(
+        &arm,
+        &every(70),
+        1,
+        Freedom::BaseAndTarget,
+        &FitSettings::default(),
+    )
+    .expect("a fit");
+    let target = *nominal.frames[0].flange_from_target.origin().point();
+    let of_nominal: Vec<Point3<f64>> = b
+        .iter()
+        .map(|o| arm.chain().nominal(&o.axes) * target)
+        .collect();
+    let nominal = base_refitted(&of_nominal, &b);
+    println!("10 stations: {few_figures:?}, nominal arm {nominal:?}");
+    assert!(
+        few_figures.mean < 1.1 * nominal.mean,
+        "{few_figures:?}, nominal arm {nominal:?}"
+    );
+    assert!(stated_variance(&few, &b) > 4.0 * stated_variance(&many, &b));
+}
+
+#[test]
+fn a_station_that_stands_twice_changes_little() {
+    let arm = common::arm("ur10");
+    let (Some(a), Some(b)) = (
+        observed("ur10-random-a", &arm, &NOISE),
+        observed("ur10-random-b", &arm, &NOISE),
+    ) else {
+        return;
+    };
+    let once: Vec<_> = a
+        .iter()
+        .filter(|o| o.station.is_multiple_of(7))
+        .cloned()
+        .collect();
+    let mut twice = once.clone();
+    twice.extend(once[..5].to_vec());
+    let apart = predictions(&trained(&arm, &once, 1), &b)
+        .iter()
+        .zip(predictions(&trained(&arm, &twice, 1), &b))
+        .map(|(p, q)| (p - q).norm())
+        .sum::<f64>()
+        / b.len() as f64;
+    assert!(apart < 0.05, "{apart:.4} mm apart on average");
+}

@@ -204,7 +204,10 @@ impl FullModel {
                 Known::Reported | Known::Commanded => None,
             },
             session: query.own.then_some(query.session),
-            time: query.station.map(|station| station as f64 / self.span),
+            // A longer session than any seen stays where the longest ended.
+            time: query
+                .station
+                .map(|station| (station as f64 / self.span).min(1.0)),
         };
         let rows = pose.rows(&self.layout, 3);
         let moved: DVector<f64> = &rows * &self.mean;

@@ -14,6 +14,8 @@ const LEAST_STATIONS: usize = 4;
 const LEAST_SPREAD_MM: f64 = 1.0;
 /// Passes of base and target alone; the frames are taken in after each, so the small turns stay small.
 const PASSES: usize = 3;
+/// Offsets below this (mm and rad) leave the frames as they are.
+const SETTLED: f64 = 1e-9;
 
 /// The frames of each session with the nominal arm: base and target fitted, geometry held.
 pub fn frames(
@@ -35,6 +37,10 @@ pub fn frames(
         // With one tool orientation base and target trade freely; the solver's damping takes the shortest step there.
         let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
         frames = problem.frames(&solution.offsets);
+        // Taken in, nothing is left to move.
+        if solution.offsets.amax() < SETTLED {
+            break;
+        }
     }
     Ok(frames)
 }

@@ -428,11 +428,12 @@ fn figure_words(accuracy: &Accuracy) -> Option<String> {
             subject.of_session
         ),
     };
-    let bound = accuracy
-        .bound
-        .map_or_else(|| "not shown".to_owned(), |bound| format!("{bound:.3}"));
+    let bound = accuracy.bound.map_or_else(
+        || "bound not shown".to_owned(),
+        |bound| format!("bound {bound:.3} mm"),
+    );
     Some(format!(
-        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3}, bound {bound} mm (n = {})",
+        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} (n = {})",
         figures.mean, figures.p95, figures.max, figures.n
     ))
 }
