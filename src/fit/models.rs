@@ -123,7 +123,7 @@ impl ErrorModel for ToolErrors<'_> {
     fn error(&self, joints: &[f64]) -> Vector3<f64> {
         let axes = self.gauge.arm().axes(joints);
         let tool = match &self.models.full {
-            Some(full) => full.predict(&self.query(&axes)).position,
+            Some(full) => full.position(&self.query(&axes)),
             None => self.geometric_tool(&axes),
         };
         self.in_gauge(joints, &tool)

@@ -55,8 +55,14 @@ fn main() {
         base,
     );
 
+    let (_, mean) = timed_ms(|| {
+        stations
+            .iter()
+            .map(|o| model.position(&query(o)).x)
+            .sum::<f64>()
+    });
+    per_second("predictions, mean, one core", stations.len(), mean);
     let (rows, mean) = timed_ms(|| predicted(&model, &stations));
-    per_second("predictions, mean", stations.len(), mean);
     let (_, covariance) = timed_ms(|| {
         rows.iter()
             .map(|rows| model.covariances(rows).len())
@@ -134,20 +140,21 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
     .expect("a positive definite model")
 }
 
+fn query(o: &Observation) -> Query<'_> {
+    Query {
+        axes: &o.axes,
+        known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+        lever: Vector3::zeros(),
+        session: 0,
+        own: true,
+        station: Some(o.station),
+    }
+}
+
 /// Predicts every station; gives the rows of a hundred at a time, stacked.
 fn predicted(model: &FullModel, stations: &[Observation]) -> Vec<DMatrix<f64>> {
-    let query = |o: &Observation| {
-        let query = Query {
-            axes: &o.axes,
-            known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
-            lever: Vector3::zeros(),
-            session: 0,
-            own: true,
-            station: Some(o.station),
-        };
-        model.predict(&query).rows
-    };
-    let rows: Vec<DMatrix<f64>> = stations.iter().map(query).collect();
+    let rows = |o: &Observation| model.predict(&query(o)).rows;
+    let rows: Vec<DMatrix<f64>> = stations.iter().map(rows).collect();
     let stacked = |rows: &[DMatrix<f64>]| {
         let columns = rows[0].ncols();
         let row = |row: usize, column: usize| rows[row / 3][(row % 3, column)];

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::ops::Range;
 
-use nalgebra::{DMatrix, Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::layout::{Block, Layout};
 use crate::kinematics::Twist;
@@ -47,41 +47,57 @@ impl PoseView<'_> {
     /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
     pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(count, layout.size());
+        self.walk(layout, &mut |column, twist, amount| {
+            put(&mut rows, column, twist, amount);
+        });
+        rows
+    }
+
+    /// How the target is moved by the coefficients `mean` of all columns, mm: the rows times them, without the rows.
+    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>) -> Vector3<f64> {
+        let mut moved = Vector3::zeros();
+        self.walk(layout, &mut |column, twist, amount| {
+            moved += twist.linear * (amount * mean[column]);
+        });
+        moved
+    }
+
+    /// Every column with the twist and the amount by which its coefficient moves the target.
+    fn walk(&self, layout: &Layout, each: &mut impl FnMut(usize, &Twist, f64)) {
         for (block, columns) in layout.blocks() {
             match block {
                 Block::Unknowns => {
                     for (unknown, twist) in self.unknowns {
-                        put(&mut rows, columns.start + unknown, twist, 1.0);
+                        each(columns.start + unknown, twist, 1.0);
                     }
                 }
-                Block::Gravity => self.gravity(&mut rows, columns.start),
-                Block::Blend => self.blend(&mut rows, columns),
-                Block::StopShort => self.stop_short(&mut rows, columns),
+                Block::Gravity => self.gravity(columns.start, each),
+                Block::Blend => self.blend(columns, each),
+                Block::StopShort => self.stop_short(columns, each),
                 Block::SessionBlend(session) if self.session == Some(session) => {
-                    self.blend(&mut rows, columns);
+                    self.blend(columns, each);
                 }
-                Block::WarmUp => self.drift(&mut rows, columns),
+                Block::WarmUp => self.drift(columns, each),
                 Block::Drift(session) if self.session == Some(session) => {
-                    self.drift(&mut rows, columns);
+                    self.drift(columns, each);
                 }
-                Block::Curve(joint) => self.curve(&mut rows, columns, joint),
+                Block::Curve(joint) => self.curve(columns, joint, each),
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
-                    put(&mut rows, columns.start, &self.joints[joint], 1.0);
-                    self.curve(&mut rows, columns.start + 1..columns.end, joint);
+                    each(columns.start, &self.joints[joint], 1.0);
+                    self.curve(columns.start + 1..columns.end, joint, each);
                 }
                 Block::Line { joint, cycles } => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
-                    put(&mut rows, columns.start, &self.joints[joint], cos);
-                    put(&mut rows, columns.start + 1, &self.joints[joint], sin);
+                    each(columns.start, &self.joints[joint], cos);
+                    each(columns.start + 1, &self.joints[joint], sin);
                 }
                 Block::SessionBlend(_) | Block::Drift(_) | Block::SessionCurve { .. } => {}
             }
         }
-        rows
     }
 
     /// `J_j · z_j·((o_k − o_j) × (−up))`, lengths in m.
-    fn gravity(&self, rows: &mut DMatrix<f64>, first: usize) {
+    fn gravity(&self, first: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(up) = self.up else { return };
         let mut column = first;
         for (joint, (origin, axis)) in self.axes.iter().enumerate() {
@@ -91,64 +107,58 @@ impl PoseView<'_> {
                 .chain([self.end]);
             for mass in masses {
                 let torque = axis.dot(&(mass - origin).cross(&-up)) / MM_PER_M;
-                put(rows, column, &self.joints[joint], torque);
+                each(column, &self.joints[joint], torque);
                 column += 1;
             }
         }
     }
 
-    fn blend(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+    fn blend(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(shortfall) = self.shortfall else {
             return;
         };
         for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
-            put(rows, column, twist, *shortfall);
+            each(column, twist, *shortfall);
         }
     }
 
-    fn stop_short(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+    fn stop_short(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(shortfall) = self.shortfall else {
             return;
         };
         for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
-            put(
-                rows,
-                column,
-                twist,
-                (shortfall / SATURATION_RAD).clamp(-1.0, 1.0),
-            );
+            each(column, twist, (shortfall / SATURATION_RAD).clamp(-1.0, 1.0));
         }
     }
 
-    fn drift(&self, rows: &mut DMatrix<f64>, columns: Range<usize>) {
+    fn drift(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(time) = self.time else { return };
         let orders = columns.len() / 3;
         for axis in 0..3 {
+            let along = Twist {
+                linear: self.base.column(axis).into_owned(),
+                angular: Vector3::zeros(),
+            };
             for order in 0..orders {
                 let shape = (PI * (order + 1) as f64 * time).cos();
-                let moved = self.base.column(axis) * shape;
-                rows.fixed_view_mut::<3, 1>(0, columns.start + axis * orders + order)
-                    .copy_from(&moved);
+                each(columns.start + axis * orders + order, &along, shape);
             }
         }
     }
 
-    fn curve(&self, rows: &mut DMatrix<f64>, columns: Range<usize>, joint: usize) {
+    fn curve(
+        &self,
+        columns: Range<usize>,
+        joint: usize,
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
         let (sin, cos) = self.angles[joint].sin_cos();
         let (mut sin_k, mut cos_k) = (sin, cos);
         for pair in 0..columns.len() / 2 {
-            put(rows, columns.start + 2 * pair, &self.joints[joint], cos_k);
-            put(
-                rows,
-                columns.start + 2 * pair + 1,
-                &self.joints[joint],
-                sin_k,
-            );
+            each(columns.start + 2 * pair, &self.joints[joint], cos_k);
+            each(columns.start + 2 * pair + 1, &self.joints[joint], sin_k);
             // The angle sums of (k + 1) q.
-            (sin_k, cos_k) = (
-                sin_k.mul_add(cos, cos_k * sin),
-                cos_k.mul_add(cos, -(sin_k * sin)),
-            );
+            (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
         }
     }
 }
