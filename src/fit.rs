@@ -205,18 +205,23 @@ pub fn identify(
     settings: &FitSettings,
 ) -> Result<Calibration, FitError> {
     let starts = start::frames(arm, observations, sessions, settings)?;
-    let problem = Problem::new(
-        observations,
-        arm.chain(),
-        &starts,
-        freedom,
-        settings.prior(),
-    );
+    Ok(identify_from(arm, observations, &starts, freedom, settings))
+}
+
+/// The same from starting frames that are known already, one for each session.
+pub fn identify_from(
+    arm: &Arm,
+    observations: &[Observation],
+    starts: &[Frames],
+    freedom: Freedom,
+    settings: &FitSettings,
+) -> Calibration {
+    let problem = Problem::new(observations, arm.chain(), starts, freedom, settings.prior());
     let size = problem.unknowns().len();
     let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
-    Ok(Calibration {
+    Calibration {
         freedom,
         unknowns: problem.unknowns().to_vec(),
         prior_sd: problem
@@ -232,7 +237,7 @@ pub fn identify(
         poses: observations.len(),
         misfit_mm: misfit_mm(&problem, &solution.offsets),
         solution,
-    })
+    }
 }
 
 /// Root mean square of measured minus predicted position over all observations, per axis, mm.

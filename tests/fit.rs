@@ -2,23 +2,11 @@
 
 mod common;
 
+use common::NOISE;
 use posegrid::figures::Figures;
-use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
+use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
-
-const NOISE: Noise = Noise {
-    tracker: TrackerUncertainty {
-        range_um: 10.0,
-        range_um_per_m: 0.3,
-        transverse_um: 15.0,
-        transverse_um_per_m: 6.0,
-        divisor: 2.0,
-        orientation_rad: None,
-    },
-    repeatability_mm: 0.03,
-    orientations: false,
-};
 
 /// Mean norm of measured minus predicted on `test`, from a fit on `train` alone.
 fn held_out(arm: &Arm, train: &[Observation], test: &[Observation], freedom: Freedom) -> Figures {

@@ -4,27 +4,15 @@ mod common;
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use common::NOISE;
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
-use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
+use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation};
 use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
-
-const NOISE: Noise = Noise {
-    tracker: TrackerUncertainty {
-        range_um: 10.0,
-        range_um_per_m: 0.3,
-        transverse_um: 15.0,
-        transverse_um_per_m: 6.0,
-        divisor: 2.0,
-        orientation_rad: None,
-    },
-    repeatability_mm: 0.03,
-    orientations: false,
-};
 
 fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> FullModel {
     let settings = FitSettings::default();

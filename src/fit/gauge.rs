@@ -4,7 +4,7 @@
 //! controller's tool point follows from it by the lever between the two, turned as the flange really is where the
 //! target's orientation was measured, and as the nominal arm says where it was not.
 
-use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::problem::Frames;
 use crate::join::Attained;
@@ -109,9 +109,4 @@ impl<'a> Gauge<'a> {
             });
         measured.unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
     }
-}
-
-/// The translation part of a placement as an isometry of its own.
-pub fn translation(vector: Vector3<f64>) -> Isometry3<f64> {
-    Isometry3::from_parts(Translation3::from(vector), UnitQuaternion::identity())
 }

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
 use super::full::{FullModel, FullSettings, Known, Query};
 use super::gauge::{ErrorModel, Gauge};
 use super::observation::Observation;
-use super::{Calibration, FitError, FitSettings, Freedom, identify};
+use super::{Calibration, FitError, FitSettings, Freedom, identify_from, start};
 use crate::kinematics::Arm;
 
 /// What a training is set to.
@@ -37,14 +37,12 @@ pub fn train(
     sessions: usize,
     settings: &TrainingSettings<'_>,
 ) -> Result<Models, FitError> {
-    let base_target = identify(
-        arm,
-        observations,
-        sessions,
-        Freedom::BaseAndTarget,
-        settings.fit,
-    )?;
-    let geometric = identify(arm, observations, sessions, Freedom::Geometry, settings.fit)?;
+    let starts = start::frames(arm, observations, sessions, settings.fit)?;
+    let identified = |freedom| identify_from(arm, observations, &starts, freedom, settings.fit);
+    let (base_target, geometric) = (
+        identified(Freedom::BaseAndTarget),
+        identified(Freedom::Geometry),
+    );
     let train_full = || {
         let (frames, geometry) = (&geometric.frames, &geometric.geometry);
         FullModel::train(

@@ -1,6 +1,7 @@
 //! The table of the chosen step: its nodes with their errors and covariances.
 
 use nalgebra::Matrix3;
+use rayon::prelude::*;
 
 use super::lattice::Lattice;
 use super::measured::MeasuredGrid;
@@ -44,7 +45,7 @@ fn model_nodes(
     let lattice =
         Lattice::new(&plan.bounds, [step_mm; 3]).ok_or_else(|| plan.too_large(step_mm))?;
     let grid = PlacedGrid::new(reach, lattice, plan.orientation, like);
-    let nodes = grid.nodes.into_iter().map(|node| TableNode {
+    let nodes = grid.nodes.into_par_iter().map(|node| TableNode {
         error: node
             .joints
             .as_ref()

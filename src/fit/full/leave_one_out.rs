@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::layout::{Block, Layout};
 use super::lines::{self, FoundLine};
-use super::noise::NoiseEvidence;
+use super::noise::{NoiseEvidence, column};
 use super::regression::Posterior;
 use super::rows::Row;
 use super::settings::FullSettings;
@@ -127,14 +127,7 @@ pub(super) fn find_lines(
     let of_joint = |joint: usize| {
         let stations = problem.observations().iter().zip(rows).zip(left_out).map(
             |((observation, row), left_out)| {
-                let twist = &row.joints[joint];
-                let column = DVector::from_fn(row.value.len(), |i, _| {
-                    if i < 3 {
-                        twist.linear[i]
-                    } else {
-                        twist.angular[i - 3]
-                    }
-                });
+                let column = column(&row.joints[joint], row.value.len());
                 lines::evidence(
                     &column,
                     &left_out.residual,

@@ -115,7 +115,8 @@ fn instrument(observation: &Observation) -> DMatrix<f64> {
     covariance
 }
 
-fn column(twist: &Twist, rows: usize) -> DVector<f64> {
+/// A twist as a column of 3 (position) or 6 (position, orientation) rows.
+pub fn column(twist: &Twist, rows: usize) -> DVector<f64> {
     DVector::from_fn(rows, |row, _| {
         if row < 3 {
             twist.linear[row]
