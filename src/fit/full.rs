@@ -27,6 +27,7 @@ pub mod train;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
+use super::commanded::Shortfall;
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, TargetView, Unknown};
 use crate::kinematics::{Arm, Parameter, Twist};
@@ -72,8 +73,8 @@ pub struct FullModel {
 pub enum Known<'q> {
     /// Reported angles, the command not known.
     Reported,
-    /// Reported angles, with what they fell short of the command, rad.
-    Both(&'q [f64]),
+    /// Reported angles, with what they fell short of the command.
+    Both(&'q Shortfall),
     /// Commanded angles: all an off-line programmer has.
     Commanded,
 }

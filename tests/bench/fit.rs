@@ -143,7 +143,7 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
 fn query(o: &Observation) -> Query<'_> {
     Query {
         axes: &o.axes,
-        known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+        known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
         lever: Vector3::zeros(),
         session: 0,
         own: true,

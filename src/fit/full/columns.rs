@@ -6,6 +6,7 @@ use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::train::FEW_HARMONICS;
+use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// A joint moves the target little when its lever is below this share of the largest.
@@ -31,12 +32,8 @@ pub(super) fn layout(
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
     }
-    if settings.blend && observations.iter().any(|o| o.shortfall.is_some()) {
-        layout.push(Block::Blend, joints);
-        layout.push(Block::StopShort, joints);
-        (0..sessions)
-            .filter(|_| sessions > 1)
-            .for_each(|session| layout.push(Block::SessionBlend(session), joints));
+    if settings.blend {
+        blends(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
         // Beyond this order the prior leaves nothing.
@@ -59,6 +56,27 @@ pub(super) fn layout(
         }
     }
     layout
+}
+
+/// Blends between reported and commanded angles, for sessions whose commands say something.
+fn blends(layout: &mut Layout, observations: &[Observation], sessions: usize, joints: usize) {
+    let sent = |session: usize, is_sent: bool| {
+        let own = observations.iter().filter(|o| o.session == session);
+        own.filter_map(|o| o.shortfall.as_ref())
+            .any(|shortfall| shortfall.sent().is_some() == is_sent)
+    };
+    if (0..sessions).any(|session| sent(session, true)) {
+        layout.push(Block::Blend, joints);
+        layout.push(Block::StopShort, joints);
+    }
+    for session in 0..sessions {
+        if sessions > 1 && sent(session, true) {
+            layout.push(Block::SessionBlend(session), joints);
+        }
+        if sent(session, false) {
+            layout.push(Block::OwnBlend(session), joints);
+        }
+    }
 }
 
 /// Full harmonics for joints that move the target, fewer for those that hardly do.

@@ -160,7 +160,9 @@ impl Components {
             |variances: &[f64]| variances.iter().flat_map(|&v| [v, v]).collect::<Vec<f64>>();
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
-            Block::Blend => self.fixed[columns].fill(settings.blend_sd.powi(2)),
+            Block::Blend | Block::OwnBlend(_) => {
+                self.fixed[columns].fill(settings.blend_sd.powi(2));
+            }
             Block::Gravity => self.join(
                 Part::Gravity,
                 settings.gravity_sd,

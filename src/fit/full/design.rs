@@ -6,6 +6,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::layout::{Block, Layout};
+use crate::fit::commanded::Shortfall;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
@@ -30,8 +31,8 @@ pub struct PoseView<'a> {
     pub base: Matrix3<f64>,
     /// Axis variables, rad.
     pub angles: &'a [f64],
-    /// Commanded minus reported axis variables, rad.
-    pub shortfall: Option<&'a [f64]>,
+    /// Commanded minus reported axis variables.
+    pub shortfall: Option<&'a Shortfall>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
     /// Place in the session as a share of the drift's span; `None` where drift does not apply.
@@ -72,10 +73,13 @@ impl PoseView<'_> {
                     }
                 }
                 Block::Gravity => self.gravity(columns.start, each),
-                Block::Blend => self.blend(columns, each),
+                Block::Blend => self.blend(columns, self.sent(), each),
                 Block::StopShort => self.stop_short(columns, each),
                 Block::SessionBlend(session) if self.session == Some(session) => {
-                    self.blend(columns, each);
+                    self.blend(columns, self.sent(), each);
+                }
+                Block::OwnBlend(session) if self.session == Some(session) => {
+                    self.blend(columns, self.of_position(), each);
                 }
                 Block::WarmUp => self.drift(columns, each),
                 Block::Drift(session) if self.session == Some(session) => {
@@ -91,7 +95,10 @@ impl PoseView<'_> {
                     each(columns.start, &self.joints[joint], cos);
                     each(columns.start + 1, &self.joints[joint], sin);
                 }
-                Block::SessionBlend(_) | Block::Drift(_) | Block::SessionCurve { .. } => {}
+                Block::SessionBlend(_)
+                | Block::OwnBlend(_)
+                | Block::Drift(_)
+                | Block::SessionCurve { .. } => {}
             }
         }
     }
@@ -113,20 +120,34 @@ impl PoseView<'_> {
         }
     }
 
-    fn blend(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let Some(shortfall) = self.shortfall else {
-            return;
-        };
+    fn sent(&self) -> &[f64] {
+        match self.shortfall {
+            Some(Shortfall::Sent(axes)) => axes,
+            Some(Shortfall::OfPosition(_)) | None => &[],
+        }
+    }
+
+    fn of_position(&self) -> &[f64] {
+        match self.shortfall {
+            Some(Shortfall::OfPosition(axes)) => axes,
+            Some(Shortfall::Sent(_)) | None => &[],
+        }
+    }
+
+    fn blend(
+        &self,
+        columns: Range<usize>,
+        shortfall: &[f64],
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
         for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
             each(column, twist, *shortfall);
         }
     }
 
     fn stop_short(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let Some(shortfall) = self.shortfall else {
-            return;
-        };
-        for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
+        let shortfalls = self.joints.iter().zip(self.sent());
+        for (column, (twist, shortfall)) in columns.zip(shortfalls) {
             each(column, twist, (shortfall / SATURATION_RAD).clamp(-1.0, 1.0));
         }
     }

@@ -15,6 +15,8 @@ pub enum Block {
     StopShort,
     /// The blend as one session differs from all.
     SessionBlend(usize),
+    /// The blend of a session whose commanded orientations are not what was sent.
+    OwnBlend(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,
     /// Slow translation of the base in one session alone.

@@ -47,7 +47,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             up: up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: &observation.axes,
-            shortfall: observation.shortfall.as_deref(),
+            shortfall: observation.shortfall.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
         };

@@ -89,6 +89,11 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
+    /// The blend of a session whose commanded orientations are not what was sent.
+    OwnBlend {
+        /// The session.
+        session: usize,
+    },
     /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
     WarmUp,
     /// The same of one session.
@@ -265,7 +270,10 @@ impl SavedFull {
         Ok(match block.block {
             BlockName::Unknowns => self.unknowns.len(),
             BlockName::Gravity => (1..=joints).sum(),
-            BlockName::Blend | BlockName::StopShort | BlockName::SessionBlend { .. } => joints,
+            BlockName::Blend
+            | BlockName::StopShort
+            | BlockName::SessionBlend { .. }
+            | BlockName::OwnBlend { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
             BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
@@ -322,6 +330,7 @@ impl SavedBlock {
             Block::Blend => BlockName::Blend,
             Block::StopShort => BlockName::StopShort,
             Block::SessionBlend(session) => BlockName::SessionBlend { session },
+            Block::OwnBlend(session) => BlockName::OwnBlend { session },
             Block::WarmUp => BlockName::WarmUp,
             Block::Drift(session) => BlockName::Drift { session },
             Block::Curve(joint) => BlockName::Curve { joint },
@@ -343,6 +352,7 @@ impl BlockName {
             Self::Blend => Block::Blend,
             Self::StopShort => Block::StopShort,
             Self::SessionBlend { session } => Block::SessionBlend(session),
+            Self::OwnBlend { session } => Block::OwnBlend(session),
             Self::WarmUp => Block::WarmUp,
             Self::Drift { session } => Block::Drift(session),
             Self::Curve { joint } => Block::Curve(joint),
@@ -357,7 +367,9 @@ impl BlockName {
             Self::Unknowns | Self::Gravity | Self::Blend | Self::StopShort | Self::WarmUp => {
                 (None, None)
             }
-            Self::SessionBlend { session } | Self::Drift { session } => (None, Some(session)),
+            Self::SessionBlend { session }
+            | Self::OwnBlend { session }
+            | Self::Drift { session } => (None, Some(session)),
             Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
         }
