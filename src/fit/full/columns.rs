@@ -87,9 +87,10 @@ fn harmonics(
     joints: usize,
 ) -> Vec<usize> {
     let observations = problem.observations();
+    let chains = problem.held(offsets);
     let views = observations
         .iter()
-        .map(|o| problem.view(o.session, &o.axes, offsets).joints);
+        .map(|o| chains[o.session].view(&o.axes).joints);
     let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
         largest
             .iter()

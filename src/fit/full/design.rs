@@ -6,6 +6,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::layout::{Block, Layout};
+use super::tabulated::Tabulated;
 use crate::fit::commanded::Shortfall;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
@@ -48,24 +49,33 @@ impl PoseView<'_> {
     /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
     pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(count, layout.size());
-        self.walk(layout, &mut |column, twist, amount| {
+        self.walk(layout.blocks(), &mut |column, twist, amount| {
             put(&mut rows, column, twist, amount);
         });
         rows
     }
 
     /// How the target is moved by the coefficients `mean` of all columns, mm: the rows times them, without the rows.
-    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>) -> Vector3<f64> {
+    /// `curves` are the joint curves of the same coefficients.
+    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
         let mut moved = Vector3::zeros();
-        self.walk(layout, &mut |column, twist, amount| {
+        let blocks = layout.blocks().filter(|(block, _)| !block.is_curve());
+        self.walk(blocks, &mut |column, twist, amount| {
             moved += twist.linear * (amount * mean[column]);
         });
-        moved
+        let errors = curves.at(self.session, self.angles);
+        errors
+            .zip(self.joints)
+            .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
     }
 
-    /// Every column with the twist and the amount by which its coefficient moves the target.
-    fn walk(&self, layout: &Layout, each: &mut impl FnMut(usize, &Twist, f64)) {
-        for (block, columns) in layout.blocks() {
+    /// Every column of `blocks` with the twist and the amount by which its coefficient moves the target.
+    fn walk(
+        &self,
+        blocks: impl Iterator<Item = (Block, Range<usize>)>,
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
+        for (block, columns) in blocks {
             match block {
                 Block::Unknowns => {
                     for (unknown, twist) in self.unknowns {

@@ -39,6 +39,13 @@ pub enum Block {
     },
 }
 
+impl Block {
+    /// Whether it is a joint's smooth error curve, of all sessions or of one.
+    pub const fn is_curve(self) -> bool {
+        matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
+    }
+}
+
 /// Blocks in column order.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Layout {

@@ -14,7 +14,7 @@ use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::regression::Posterior;
 use super::standing::Standing;
-use super::{FullModel, PartEvidence};
+use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{
     SavedArm, SavedError, SavedSession, SavedUnknown, VERSION, read, same_length,
@@ -197,6 +197,7 @@ impl FullModel {
         let problem = saved.problem()?;
         let offsets = DVector::from_column_slice(&saved.offsets);
         Ok(Self {
+            ready: Ready::of(&problem, &offsets, &layout, &mean),
             frames: problem.frames(&offsets),
             problem,
             up: saved.up.map(Vector3::from),
