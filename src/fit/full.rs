@@ -28,6 +28,8 @@ pub mod train;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
+use rayon::prelude::*;
+
 use super::commanded::Shortfall;
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
@@ -234,6 +236,13 @@ impl FullModel {
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
         let (shift, _) = self.stands(query, &target.joints);
         Point3::from(target.end.translation.vector + moved + shift)
+    }
+
+    /// [`Self::position`] of every query, on all cores.
+    pub fn positions(&self, queries: &[Query<'_>]) -> Vec<Point3<f64>> {
+        const AT_ONCE: usize = 256;
+        let at = |query| self.position(query);
+        queries.par_iter().with_min_len(AT_ONCE).map(at).collect()
     }
 
     /// The point at the offsets that rows are taken at, and how it moves.

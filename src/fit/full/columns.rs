@@ -27,7 +27,7 @@ pub(super) fn layout(
     let sessions = problem.starts().len();
     let observations = problem.observations();
     let joints = observations.first().map_or(0, |o| o.axes.len());
-    let mut layout = Layout::default();
+    let mut layout = Layout::new(settings.curve_period_turns);
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
@@ -51,7 +51,7 @@ pub(super) fn layout(
         for session in (0..sessions).filter(|_| sessions > 1) {
             layout.push(
                 Block::SessionCurve { session, joint },
-                2 * FEW_HARMONICS.min(harmonics) + 1,
+                2 * few_harmonics(settings).min(harmonics) + 1,
             );
         }
     }
@@ -79,6 +79,11 @@ fn blends(layout: &mut Layout, observations: &[Observation], sessions: usize, jo
     }
 }
 
+/// Harmonics of a curve that is coarse or hardly seen.
+const fn few_harmonics(settings: &FullSettings) -> usize {
+    FEW_HARMONICS * settings.curve_period_turns as usize
+}
+
 /// Full harmonics for joints that move the target, fewer for those that hardly do.
 fn harmonics(
     problem: &Problem<'_>,
@@ -101,17 +106,14 @@ fn harmonics(
     let longest = levers.iter().copied().fold(0.0, f64::max);
     // An orientation shows what a position near the axis does not.
     let turned = observations.iter().any(|o| o.orientation.is_some());
+    let all = settings.harmonics * settings.curve_period_turns as usize;
     let few = if turned {
-        2 * settings.harmonics / 3
+        2 * all / 3
     } else {
-        FEW_HARMONICS
+        few_harmonics(settings)
     };
     let count = |lever: &f64| {
-        if *lever > LITTLE * longest {
-            settings.harmonics
-        } else {
-            few
-        }
+        if *lever > LITTLE * longest { all } else { few }
     };
     levers.iter().map(count).collect()
 }

@@ -49,9 +49,13 @@ impl PoseView<'_> {
     /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
     pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(count, layout.size());
-        self.walk(layout.blocks(), &mut |column, twist, amount| {
-            put(&mut rows, column, twist, amount);
-        });
+        self.walk(
+            layout.blocks(),
+            layout.period_turns(),
+            &mut |column, twist, amount| {
+                put(&mut rows, column, twist, amount);
+            },
+        );
         rows
     }
 
@@ -60,9 +64,13 @@ impl PoseView<'_> {
     pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
         let mut moved = Vector3::zeros();
         let blocks = layout.blocks().filter(|(block, _)| !block.is_curve());
-        self.walk(blocks, &mut |column, twist, amount| {
-            moved += twist.linear * (amount * mean[column]);
-        });
+        self.walk(
+            blocks,
+            layout.period_turns(),
+            &mut |column, twist, amount| {
+                moved += twist.linear * (amount * mean[column]);
+            },
+        );
         let errors = curves.at(self.session, self.angles);
         errors
             .zip(self.joints)
@@ -73,6 +81,7 @@ impl PoseView<'_> {
     fn walk(
         &self,
         blocks: impl Iterator<Item = (Block, Range<usize>)>,
+        period: u32,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
         for (block, columns) in blocks {
@@ -95,10 +104,10 @@ impl PoseView<'_> {
                 Block::Drift(session) if self.session == Some(session) => {
                     self.drift(columns, each);
                 }
-                Block::Curve(joint) => self.curve(columns, joint, each),
+                Block::Curve(joint) => self.curve(columns, joint, period, each),
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, each);
+                    self.curve(columns.start + 1..columns.end, joint, period, each);
                 }
                 Block::Line { joint, cycles } => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
@@ -181,9 +190,10 @@ impl PoseView<'_> {
         &self,
         columns: Range<usize>,
         joint: usize,
+        period_turns: u32,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
-        let (sin, cos) = self.angles[joint].sin_cos();
+        let (sin, cos) = (self.angles[joint] / f64::from(period_turns)).sin_cos();
         let (mut sin_k, mut cos_k) = (sin, cos);
         for pair in 0..columns.len() / 2 {
             each(columns.start + 2 * pair, &self.joints[joint], cos_k);

@@ -5,6 +5,8 @@
 //! 3.4 MB for 800 columns (as decimal text it would be 6 MB). Robust weights and leave-one-out residuals belong to the
 //! stations, not to the model, and are not saved.
 
+use std::num::NonZeroU32;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -46,6 +48,8 @@ pub struct SavedFull {
     pub scale: Vec<f64>,
     /// Factor L of the posterior information over `scale`.
     pub factor: String,
+    /// After how many turns joint curves repeat.
+    pub curve_period_turns: NonZeroU32,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighed stations; 0 for none.
@@ -101,7 +105,7 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
-    /// Error curve of one joint: pairs `cos kq, sin kq`, k from 1.
+    /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1.
     Curve {
         /// The joint.
         joint: usize,
@@ -168,6 +172,8 @@ impl FullModel {
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.factor.lower()),
+            curve_period_turns: NonZeroU32::new(self.layout.period_turns())
+                .expect("a layout's curves repeat after a turn or more"),
             span_stations: self.span,
             student_t: self.student_t,
             drift_variance_mm2: self.drift_variance,
@@ -241,7 +247,7 @@ impl SavedFull {
             self.arm.joints.len(),
             self.repeatability.joints_rad2.len(),
         )?;
-        let mut layout = Layout::default();
+        let mut layout = Layout::new(self.curve_period_turns.get());
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block.block(), block.columns);

@@ -1,7 +1,7 @@
 //! Joint curves as tables of value and slope, so that a prediction reads two entries instead of summing every harmonic.
 //!
 //! Between entries a cubic takes value and slope of both: with 90 harmonics and 4096 entries a turn it is within
-//! `h⁴/384 · k⁴`, 2·10⁻⁶ of the last harmonic's amplitude.
+//! `h⁴/384 · k⁴`, 10⁻⁶ of the last harmonic's amplitude.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use nalgebra::DVector;
 
 use super::layout::{Block, Layout};
 
-/// Entries of a turn.
+/// Entries of a period.
 const ENTRIES: usize = 4096;
 
 /// The curves of all joints: as any session has them, and as each session of the training has its own.
@@ -17,9 +17,10 @@ const ENTRIES: usize = 4096;
 pub struct Tabulated {
     common: Vec<Curve>,
     own: Vec<Vec<Curve>>,
+    period: f64,
 }
 
-/// One joint's curve over a turn.
+/// One joint's curve over a period.
 #[derive(Debug, Clone)]
 struct Curve {
     /// Value, and slope times the distance of entries, rad.
@@ -54,7 +55,11 @@ impl Tabulated {
                 curve.add(harmonics);
             }
         }
-        Self { common, own }
+        Self {
+            common,
+            own,
+            period: TAU * f64::from(layout.period_turns()),
+        }
     }
 
     /// The error of each joint at `angles` (axis variables, rad), in one session or in any.
@@ -67,7 +72,7 @@ impl Tabulated {
         curves
             .iter()
             .zip(angles)
-            .map(|(curve, angle)| curve.at(*angle))
+            .map(|(curve, angle)| curve.at(angle / self.period))
     }
 }
 
@@ -100,9 +105,10 @@ impl Curve {
         clippy::cast_sign_loss,
         reason = "a place of the table"
     )]
-    fn at(&self, angle: f64) -> f64 {
-        let place = (angle / TAU).rem_euclid(1.0) * ENTRIES as f64;
-        // An angle just below zero rounds to a whole turn.
+    /// At a share of the period.
+    fn at(&self, share: f64) -> f64 {
+        let place = share.rem_euclid(1.0) * ENTRIES as f64;
+        // A share just below zero rounds to a whole period.
         let first = place as usize % ENTRIES;
         let t = place - place.floor();
         let ([v0, s0], [v1, s1]) = (self.entries[first], self.entries[(first + 1) % ENTRIES]);
