@@ -1,6 +1,6 @@
 //! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
 
-use super::validity::{joint_ranges, learnt_from};
+use super::validity::{self, joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, words};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::{SavedCalibration, VERSION};
@@ -83,7 +83,7 @@ pub fn calibrations(
         solution(structure(table, &rows, outcome), &rows, context),
         &rows,
     );
-    Ok(context.validity.columns(table, outcome).finish()?)
+    Ok(validity::columns(table, &context.validity, outcome).finish()?)
 }
 
 fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
