@@ -1,5 +1,6 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod calibrations_table;
 pub mod common;
 pub mod compensation_table;
 pub mod inspect;
