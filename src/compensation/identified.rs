@@ -60,7 +60,8 @@ pub enum ArmModel {
 }
 
 impl ArmModel {
-    fn predictor(&self) -> Predictor<'_> {
+    /// What predicts, for the errors of a gauge.
+    pub fn predictor(&self) -> Predictor<'_> {
         match self {
             Self::Full { model, session } => Predictor::Full {
                 model,
