@@ -2,7 +2,7 @@
 //!
 //! Inputs are what a run published of an arm ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
 //! [`Corrected`] commands, joint angles included. Steps:
-//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there ([`super::pose`]);
+//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
 //! 2. these are held against the joint ranges measured: beyond them the model falls back to its prior;
 //! 3. the command is moved against the error that the model predicts at its joint angles, in the gauge of base and target
 //!    (METHOD.md 6), just as for the nodes of a grid: what both say at a node is the same;
@@ -181,3 +181,6 @@ impl Correction<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

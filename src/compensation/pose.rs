@@ -1,8 +1,8 @@
 //! A target → the pose of the nominal arm's tool that it asks for, and joint angles that bring it there.
 //!
 //! Joint angles say both; a position beside them is the target itself, and they only say which way the arm reaches it.
-//! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from those of many
-//! joint angles, spread over the ranges measured, that come nearest to the pose in that configuration.
+//! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from many joint angles of
+//! that configuration, spread over the ranges measured, the nearest to the pose first.
 
 use std::f64::consts::TAU;
 
@@ -15,9 +15,9 @@ use crate::grid::Reach;
 use crate::kinematics::Configuration;
 
 /// Joint angles that a search may begin at.
-const SEEDS: u32 = 1024;
-/// Of these, the nearest to a pose that are tried.
-const TRIED: usize = 16;
+const SEEDS: u32 = 2048;
+/// Of these, as many of the nearest to a pose are tried, and then as many of all.
+const TRIED: usize = 12;
 /// What a turn of the tool by one radian is worth when poses are compared, mm.
 const LEVER_MM: f64 = 500.0;
 /// A position and joint angles further apart than this are not of one target, mm: angles in whole hundredths of a degree
@@ -167,7 +167,7 @@ impl<'a> Poses<'a> {
         Err(first.map_or(Reason::NoConfiguration, Reason::Arm))
     }
 
-    /// The seeds of the configuration wanted that come nearest to a pose.
+    /// The seeds of the configuration wanted to begin at, the nearest to a pose first.
     fn nearest(
         &self,
         wanted: Option<&str>,
@@ -194,7 +194,11 @@ impl<'a> Poses<'a> {
             });
         }
         seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Ok(seeds.into_iter().take(TRIED).map(|(_, seed)| seed))
+        // Where the nearest lead into a dead end, others of the configuration may not.
+        let stride = seeds.len() / TRIED + 1;
+        let order = (0..TRIED).chain((TRIED..).step_by(stride));
+        let tried = order.map_while(move |place| seeds.get(place).map(|(_, seed)| *seed));
+        Ok(tried)
     }
 
     /// The arm configurations within the ranges measured.

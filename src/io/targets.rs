@@ -62,19 +62,19 @@ pub struct Targets {
 /// Reads a file of targets; its extension says which form it has.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let Rows {
-        rows,
+        placed,
         unused,
         angle_unit,
     } = match Form::of(path)? {
         Form::Csv => csv::rows(path)?,
         Form::Parquet => parquet::rows(path)?,
     };
-    if rows.is_empty() {
+    if placed.is_empty() {
         return Err(TargetsError::Empty(path.to_owned()));
     }
     let mut places = BTreeMap::new();
-    let mut targets = Vec::with_capacity(rows.len());
-    for (place, row) in rows {
+    let mut targets = Vec::with_capacity(placed.len());
+    for (place, row) in placed {
         if let Some(first) = places.insert(row.target.clone(), place) {
             let problem = RowProblem::SameName {
                 first,
@@ -102,7 +102,7 @@ pub enum Place {
 
 /// The rows of a file, each with its place.
 struct Rows {
-    rows: Vec<(Place, Row)>,
+    placed: Vec<(Place, Row)>,
     /// Columns that no correction uses.
     unused: Vec<String>,
     angle_unit: AngleUnit,

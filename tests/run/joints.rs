@@ -140,7 +140,7 @@ fn arm_file() -> PathBuf {
 fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
     let (arm, tool, nodes) = (kr210(), tool(), nodes());
     assert!(nodes.len() > 20, "a table worth the name");
-    let poses: String = nodes
+    let poses: Vec<String> = nodes
         .iter()
         .enumerate()
         .map(|(row, node)| {
@@ -149,7 +149,7 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
             format!("n{row},{position},{turn},{}\n", node.configuration)
         })
         .collect();
-    let angles: String = nodes
+    let angles: Vec<String> = nodes
         .iter()
         .enumerate()
         .map(|(row, node)| {
@@ -160,19 +160,25 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
     let by_pose = Run::of(
         "node-poses",
         &arm_file(),
-        &format!("target,{POSITION},qx,qy,qz,qw,configuration\n{poses}"),
+        &format!(
+            "target,{POSITION},qx,qy,qz,qw,configuration\n{}",
+            poses.concat()
+        ),
         &[],
     );
     let by_joints = Run::of(
         "node-joints",
         &arm_file(),
-        &format!("target,{DEGREES}\n{angles}"),
+        &format!("target,{DEGREES}\n{}", angles.concat()),
         &[],
     );
     let by_table = Run::of(
         "node-table",
         &undisturbed().table_file("compensation", "mon"),
-        &format!("target,{POSITION},qx,qy,qz,qw,configuration\n{poses}"),
+        &format!(
+            "target,{POSITION},qx,qy,qz,qw,configuration\n{}",
+            poses.concat()
+        ),
         &[],
     );
     for run in [&by_pose, &by_joints] {
@@ -307,9 +313,9 @@ fn a_table_that_corrects_nothing_is_refused() {
 fn a_reader_that_goes_away_ends_it_quietly() {
     // 2000 rows are more than a pipe holds.
     let joints = list(&nodes()[0].joints, 1.0);
-    let rows: String = (0..2000).map(|row| format!("n{row},{joints}\n")).collect();
+    let rows: Vec<String> = (0..2000).map(|row| format!("n{row},{joints}\n")).collect();
     let targets = undisturbed().path("many.csv");
-    fs::write(&targets, format!("target,{RADIANS}\n{rows}")).expect("writable");
+    fs::write(&targets, format!("target,{RADIANS}\n{}", rows.concat())).expect("writable");
     let program = assert_cmd::cargo::cargo_bin("posegrid");
     let mut child = Command::new(program)
         .arg("compensate")

@@ -11,6 +11,7 @@ use crate::io::targets::CorrectedBy;
 
 /// What corrects targets.
 #[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one value per process")]
 pub(super) enum Source {
     /// The nodes of a grid.
     Table(PublishedTable),

@@ -34,7 +34,7 @@ pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
     }
     let angle_unit = header.angles.as_ref().map_or(AngleUnit::Rad, |a| a.unit);
     Ok(Rows {
-        rows,
+        placed: rows,
         unused: header.unused(),
         angle_unit,
     })

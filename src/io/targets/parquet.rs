@@ -20,7 +20,7 @@ pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
         Ok((place, found))
     };
     Ok(Rows {
-        rows: (0..table.rows())
+        placed: (0..table.rows())
             .map(row)
             .collect::<Result<_, TargetsError>>()?,
         unused: Vec::new(),
