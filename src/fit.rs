@@ -20,14 +20,14 @@ pub mod saved;
 pub mod solve;
 pub mod start;
 
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use gauge::{ErrorModel, Gauge};
 pub use holdout::Blocks;
 pub use loss::Loss;
-pub use models::{Models, ToolErrors, TrainingSettings};
+pub use models::{IdentifiedGeometry, Models, Predictor, ToolErrors, TrainingSettings};
 pub use observation::{Noise, Observation, TrackerUncertainty, add_shortfalls, observations};
 pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
@@ -183,11 +183,6 @@ impl Calibration {
         } else {
             0.0
         }
-    }
-
-    /// Mean covariance of what the model leaves of a position, mm²: its root mean square misfit, the same along each axis.
-    pub fn misfit_covariance(&self) -> Matrix3<f64> {
-        Matrix3::identity() * self.misfit_mm.powi(2)
     }
 
     /// Observability of the poses.

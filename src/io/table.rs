@@ -22,7 +22,7 @@ use arrow::datatypes::{Float64Type, Int64Type};
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
-pub use read::read;
+pub use read::{name, read};
 pub use write::write;
 
 use super::schema::TableSchema;

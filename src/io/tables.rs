@@ -29,6 +29,7 @@ use thiserror::Error;
 use super::lake::{Commit, Lake, LakeError};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
+use crate::compensation::Validity;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
@@ -37,7 +38,6 @@ use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::report::{Angles, Model, Split};
-pub use validity::Validity;
 
 /// What tables say besides what the stages found.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ pub struct PublishContext<'a> {
     pub grid: GridBasis,
     /// Variance per axis of measurement and repeatability, to hold a nugget against, mm².
     pub noise_mm2: Option<f64>,
-    /// What the results are valid for.
+    /// What the results are valid for, as the pipeline file states it.
     pub validity: Validity,
     /// The run that this one takes the place of.
     pub replaces: Option<String>,

@@ -14,13 +14,14 @@ use thiserror::Error;
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
+use crate::compensation::Validity;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_recording};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError, Validity};
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
@@ -327,6 +328,7 @@ fn context<'a>(
             base: valid_for.base.clone(),
             controller_model: valid_for.controller_model.clone(),
             absolute_accuracy_option: valid_for.absolute_accuracy_option,
+            temperature_c: None,
         },
         replaces,
     }

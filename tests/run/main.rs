@@ -6,5 +6,6 @@ mod bad_output;
 mod cell;
 mod damaged;
 mod interrupted;
+mod joints;
 mod same_work;
 mod targets;
