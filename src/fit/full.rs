@@ -57,6 +57,8 @@ pub struct FullModel {
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
+    /// The same of warming up, which all sessions repeat.
+    warm_up_variance: f64,
     standing: Option<Standing>,
     student_t: f64,
     mean: DVector<f64>,
@@ -199,6 +201,7 @@ impl FullModel {
             frames: problem.frames(&state.offsets),
             // The basis has variance one half at a random time.
             drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
+            warm_up_variance: 0.5 * state.components.size(Part::WarmUp).unwrap_or(0.0),
             standing,
             student_t: settings.student_t,
             layout: state.layout,
@@ -378,6 +381,11 @@ impl FullModel {
         let view = self.ready.chains[0].view(&observation.axes);
         let covariance = self.repeatability.covariance(observation, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
+    }
+
+    /// Variance per axis of where the base stands at a time that is not known, mm²: for commands given some day.
+    pub const fn any_time_variance(&self) -> f64 {
+        self.drift_variance + self.warm_up_variance
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.

@@ -171,7 +171,9 @@ impl ErrorModel for ToolErrors<'_> {
         let predicted = model.predict(&self.query(&axes, session));
         let base = self.gauge.frames().tracker_from_base.isometry().rotation;
         let rotation = base.to_rotation_matrix();
-        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing;
+        // A command is given some day: where the base then stands is not known.
+        let drift = Matrix3::identity() * model.any_time_variance();
+        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing + drift;
         (
             self.in_gauge(joints, &predicted.position),
             rotation.transpose() * covariance * rotation,

@@ -23,7 +23,7 @@ pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
 pub use read::{name, read};
-pub use write::write;
+pub use write::{ROW_GROUP_ROWS, write, writer};
 
 use super::schema::TableSchema;
 use crate::manifest::RunKey;

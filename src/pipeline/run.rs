@@ -281,15 +281,11 @@ fn joined(
         &plan.arm,
         &plan.command_frames.unwrap_or(no_commands),
     );
-    let Recording {
-        rejects: log_rejects,
-        counts,
-        ..
-    } = recording;
     Ok(JoinedSession {
         name: files.name.clone(),
-        log_rejects,
-        counts,
+        log_rejects: recording.rejects.clone(),
+        counts: recording.counts.clone(),
+        log: plan.logs.then_some(recording),
         joined,
         commanded,
     })

@@ -56,6 +56,8 @@ pub struct SavedFull {
     pub student_t: f64,
     /// Variance per axis of a session's own drift.
     pub drift_variance_mm2: f64,
+    /// The same of warming up, which all sessions repeat.
+    pub warm_up_variance_mm2: f64,
     /// Where joints come to stand against their command, where it is known.
     pub standing: Option<Standing>,
     /// Log marginal likelihood, nats.
@@ -177,6 +179,7 @@ impl FullModel {
             span_stations: self.span,
             student_t: self.student_t,
             drift_variance_mm2: self.drift_variance,
+            warm_up_variance_mm2: self.warm_up_variance,
             standing: self.standing.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
@@ -212,6 +215,7 @@ impl FullModel {
             mean,
             student_t: saved.student_t,
             drift_variance: saved.drift_variance_mm2,
+            warm_up_variance: saved.warm_up_variance_mm2,
             standing: saved.standing.clone(),
             posterior,
             span: saved.span_stations,
