@@ -76,19 +76,28 @@ pub struct NoiseEvidence {
 }
 
 impl NoiseEvidence {
-    /// From `α = N⁻¹ r` and `K = N⁻¹ − N⁻¹ H N⁻¹` of one observation with its weight.
-    pub fn new(alpha: &DVector<f64>, k: &DMatrix<f64>, joints: &[Twist], weight: f64) -> Self {
+    /// From `α = N⁻¹ r` and `K = N⁻¹ − N⁻¹ H N⁻¹` of one observation whose noise was taken at `weight · information`.
+    ///
+    /// A size is where `w r²` is as large as expected: the weight belongs to the residual, the share of information does not.
+    pub fn new(
+        alpha: &DVector<f64>,
+        k: &DMatrix<f64>,
+        joints: &[Twist],
+        weight: f64,
+        information: f64,
+    ) -> Self {
         let rows = alpha.len();
+        let counted = weight * information;
         let part = |from: usize, to: usize| {
             let found: f64 = (from..to.min(rows)).map(|i| alpha[i] * alpha[i]).sum();
             let expected: f64 = (from..to.min(rows)).map(|i| k[(i, i)]).sum();
-            (found / weight, expected / weight)
+            (found / (counted * information), expected / counted)
         };
         let joint = |twist: &Twist| {
             let column = column(twist, rows);
             (
-                alpha.dot(&column).powi(2) / weight,
-                column.dot(&(k * &column)) / weight,
+                alpha.dot(&column).powi(2) / (counted * information),
+                column.dot(&(k * &column)) / counted,
             )
         };
         let terms = [part(0, 3), part(3, 6)]

@@ -69,7 +69,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
         .collect()
 }
 
-/// Whitens all rows and sums them; also the covariance of each observation at its weight.
+/// Whitens all rows and sums them; also the covariance of each observation at what it counts.
 pub(super) fn sums(
     problem: &Problem<'_>,
     state: &State,
@@ -77,7 +77,8 @@ pub(super) fn sums(
     prior_mean: &DVector<f64>,
 ) -> (Sums, Vec<DMatrix<f64>>) {
     let whiten = |((observation, row), weight): ((&Observation, &Row), &f64)| {
-        let covariance = state.repeatability.covariance(observation, &row.joints) / *weight;
+        let counted = *weight * state.tails.information(row.value.len() as f64);
+        let covariance = state.repeatability.covariance(observation, &row.joints) / counted;
         let factor = covariance
             .clone()
             .cholesky()
