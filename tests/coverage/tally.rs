@@ -2,10 +2,14 @@
 
 use std::collections::BTreeMap;
 
-/// Inside and in all, and the sum of squared normalised errors, session by session.
-#[derive(Debug, Clone, Default)]
-pub struct Tally(BTreeMap<&'static str, Vec<Count>>);
+use super::quantities::Quantity;
 
+/// Half the width of a 95 % interval over its standard deviation.
+const INTERVAL: f64 = 1.959_964;
+/// The 95 % point of χ² with three degrees of freedom.
+const ELLIPSOID: f64 = 7.814_728;
+
+/// Intervals of one session.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Count {
     inside: f64,
@@ -14,72 +18,71 @@ pub struct Count {
 }
 
 impl Count {
-    /// Counts normalised errors (one per interval).
-    pub fn of(errors: impl IntoIterator<Item = f64>) -> Self {
-        errors
-            .into_iter()
-            .fold(Self::default(), |count, error| Self {
-                inside: count.inside + f64::from(u8::from(error.abs() <= 1.959_964)),
-                all: count.all + 1.0,
-                squares: count.squares + error * error,
-            })
+    /// Counts intervals by their normalised errors.
+    pub fn intervals(errors: &[f64]) -> Self {
+        let inside = errors.iter().filter(|error| error.abs() <= INTERVAL);
+        Self {
+            inside: inside.count() as f64,
+            all: errors.len() as f64,
+            squares: errors.iter().map(|error| error * error).sum(),
+        }
     }
 
-    /// Counts squared Mahalanobis distances of three dimensions.
-    pub fn of_ellipsoids(squares: impl IntoIterator<Item = f64>) -> Self {
-        squares
-            .into_iter()
-            .fold(Self::default(), |count, square| Self {
-                // The 95 % point of χ² with three degrees of freedom.
-                inside: count.inside + f64::from(u8::from(square <= 7.814_728)),
-                all: count.all + 1.0,
-                squares: count.squares + square / 3.0,
-            })
+    /// Counts ellipsoids in space by their squared Mahalanobis distances.
+    pub fn ellipsoids(squares: &[f64]) -> Self {
+        let inside = squares.iter().filter(|square| **square <= ELLIPSOID);
+        Self {
+            inside: inside.count() as f64,
+            all: squares.len() as f64,
+            squares: squares.iter().sum::<f64>() / 3.0,
+        }
     }
 }
 
-/// Share inside over all sessions, its standard error over sessions, and the mean squared normalised error.
+/// Counts of every quantity, session by session.
+#[derive(Debug, Clone, Default)]
+pub struct Tally(BTreeMap<Quantity, Vec<Count>>);
+
+/// The share of intervals that hold the truth.
 #[derive(Debug, Clone, Copy)]
 pub struct Share {
-    pub share: f64,
+    /// Over all sessions.
+    pub inside: f64,
+    /// Its standard error, by how sessions differ.
     pub error: f64,
+    /// Mean squared normalised error: 1 where the standard deviations are right.
     pub mean_square: f64,
+    /// Intervals.
     pub intervals: f64,
 }
 
 impl Tally {
-    pub fn add(&mut self, quantity: &'static str, count: Count) {
+    /// One session's intervals of a quantity.
+    pub fn add(&mut self, quantity: Quantity, count: Count) {
         self.0.entry(quantity).or_default().push(count);
     }
 
-    pub fn merge(&mut self, other: &Self) {
-        for (quantity, counts) in &other.0 {
-            self.0.entry(quantity).or_default().extend(counts);
+    /// All sessions of several tallies.
+    pub fn of<'t>(tallies: impl IntoIterator<Item = &'t Self>) -> Self {
+        let mut sum = Self::default();
+        for (quantity, counts) in tallies.into_iter().flat_map(|tally| &tally.0) {
+            sum.0.entry(*quantity).or_default().extend(counts);
         }
+        sum
     }
 
-    pub fn quantities(&self) -> impl Iterator<Item = &'static str> {
-        self.0.keys().copied()
-    }
-
-    /// The ratio estimate over sessions and its standard error.
-    pub fn share(&self, quantity: &str) -> Option<Share> {
-        let counts = self.0.get(quantity)?;
+    /// The ratio estimate over sessions and its standard error (Cochran, Sampling Techniques, 6.4).
+    pub fn share(&self, quantity: Quantity) -> Share {
+        let counts = &self.0[&quantity];
         let sum = |of: fn(&Count) -> f64| counts.iter().map(of).sum::<f64>();
         let (inside, all, squares) = (sum(|c| c.inside), sum(|c| c.all), sum(|c| c.squares));
-        if all == 0.0 {
-            return None;
-        }
         let share = inside / all;
-        let off: f64 = counts
-            .iter()
-            .map(|c| (c.inside - share * c.all).powi(2))
-            .sum();
-        Some(Share {
-            share,
-            error: off.sqrt() / all,
+        let off = |c: &Count| (c.inside - share * c.all).powi(2);
+        Share {
+            inside: share,
+            error: counts.iter().map(off).sum::<f64>().sqrt() / all,
             mean_square: squares / all,
             intervals: all,
-        })
+        }
     }
 }

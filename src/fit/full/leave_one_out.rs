@@ -57,14 +57,11 @@ pub(super) fn leave_one_out(
             first += row.value.len();
             let noise = &covariances[place];
             let explained = own.tr_mul(&own);
-            left_out.push(left_out_of(
-                row,
-                &mean,
-                noise,
-                &explained,
+            let counts = (
                 state.weights[place],
                 state.tails.information(row.value.len() as f64),
-            ));
+            );
+            left_out.push(left_out_of(row, &mean, noise, &explained, counts));
         }
         left_out
     };
@@ -79,8 +76,7 @@ fn left_out_of(
     mean: &DVector<f64>,
     noise: &DMatrix<f64>,
     explained: &DMatrix<f64>,
-    weight: f64,
-    information_share: f64,
+    (weight, share): (f64, f64),
 ) -> LeftOut {
     let inverse = |matrix: &DMatrix<f64>| {
         matrix
@@ -94,11 +90,22 @@ fn left_out_of(
     let information = &noise_inverse - &noise_inverse * explained * &noise_inverse;
     let covariance = inverse(&information);
     let residual = &covariance * &alpha;
-    let counted = weight * information_share;
-    let at_weight_one = &covariance - noise + noise * counted;
+    let open = &covariance - noise;
+    let at_weight_one = &open + noise * (weight * share);
     let distance_squared = residual.dot(&(inverse(&at_weight_one) * &residual));
     LeftOut {
-        noise: NoiseEvidence::new(&alpha, &information, &row.joints, weight, information_share),
+        noise: NoiseEvidence {
+            residual: residual.clone(),
+            open,
+            instrument: row.instrument.clone(),
+            columns: row
+                .joints
+                .iter()
+                .map(|twist| column(twist, residual.len()))
+                .collect(),
+            weight,
+            information: share,
+        },
         residual,
         information,
         distance_squared,

@@ -69,6 +69,7 @@ pub fn train(
 ) -> Option<Settled> {
     let mut state = State::new(problem, start, settings, up.is_some());
     let prior_variances = unknown_variances(problem);
+    let expected = state.repeatability.clone();
     for (round, &steps) in STEPS.iter().enumerate() {
         let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
@@ -84,9 +85,8 @@ pub fn train(
                 left_out,
             });
         }
-        state
-            .repeatability
-            .update(&left_out.iter().map(|l| l.noise.clone()).collect::<Vec<_>>());
+        let noise: Vec<_> = left_out.iter().map(|l| l.noise.clone()).collect();
+        state.repeatability.update(&noise, &expected);
         if settings.student_t > 0.0 {
             state.tails = Tails::found(&left_out);
         }
