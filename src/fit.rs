@@ -16,6 +16,7 @@ pub mod models;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod same_arm;
 pub mod saved;
 pub mod solve;
 pub mod start;
