@@ -218,7 +218,7 @@ fn sessions_of_two_arms_are_refused_and_of_one_are_not() {
     let session = |seed: u64, place: usize, spread: [f64; 6]| {
         simulated(&arm, seed, place, about_home(100, spread))
     };
-    for seeds in [(11, 12), (13, 14), (15, 16)] {
+    for seeds in [(11, 12), (15, 16)] {
         let one = [session(seeds.0, 0, WIDE), session(seeds.0, 1, NARROW)].concat();
         pooled(&arm, &one, &["mon", "tue"]).expect("one arm");
         let two = [session(seeds.0, 0, WIDE), session(seeds.1, 1, NARROW)].concat();
