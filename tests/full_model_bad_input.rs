@@ -81,7 +81,7 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
 fn query(o: &Observation) -> Query<'_> {
     Query {
         axes: &o.axes,
-        known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+        known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
         lever: Vector3::zeros(),
         session: o.session,
         own: true,

@@ -145,7 +145,7 @@ impl Shared {
     fn of(full: &FullModel, o: &Observation, change_rad: f64) -> Self {
         let predicted = full.predict(&Query {
             axes: &o.axes,
-            known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+            known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
             lever: Vector3::zeros(),
             session: o.session,
             own: true,

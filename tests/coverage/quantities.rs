@@ -198,11 +198,13 @@ fn curve_columns(session: &Session, joint: usize) -> Vec<(usize, f64, f64)> {
             (first + 1, cycles, std::f64::consts::FRAC_PI_2),
         ]
     };
+    let period = f64::from(session.model.layout().period_turns());
     let mut columns = Vec::new();
     for (block, own) in session.model.layout().blocks() {
         match block {
-            Block::Curve(of) if of == joint => columns
-                .extend((0..own.len() / 2).flat_map(|k| pair(own.start + 2 * k, (k + 1) as f64))),
+            Block::Curve(of) if of == joint => columns.extend(
+                (0..own.len() / 2).flat_map(|k| pair(own.start + 2 * k, (k + 1) as f64 / period)),
+            ),
             Block::Line { joint: of, cycles } if of == joint => {
                 columns.extend(pair(own.start, cycles));
             }
@@ -247,7 +249,7 @@ fn measured(session: &Session, o: &Observation) -> f64 {
 }
 
 fn query<'q>(o: &'q Observation, angles: Angles, commanded: &'q [f64]) -> Query<'q> {
-    let short = o.shortfall.as_deref().expect("commands have orientations");
+    let short = o.shortfall.as_ref().expect("commands have orientations");
     let (axes, known) = match angles {
         Angles::Both => (o.axes.as_slice(), Known::Both(short)),
         Angles::Reported => (o.axes.as_slice(), Known::Reported),
