@@ -6,6 +6,8 @@
 //! 3. the structural rank on the nominal arm ([`rank`]);
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
+//!
+//! Beyond geometry: the whole error model ([`full`]), and whether pooled sessions are of one arm ([`same_arm`]).
 
 pub mod commanded;
 pub mod full;
@@ -16,6 +18,7 @@ pub mod models;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod same_arm;
 pub mod saved;
 pub mod solve;
 pub mod start;
