@@ -11,7 +11,7 @@ use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
     Account, Channel, Extent, FileError, Layout, Limits, MessageRecord, Schema, Visitor, ns, scan,
 };
-use crate::io::message::{CdrPlan, Value, ros2msg};
+use crate::io::message::{FieldPath, MessageSchema, Plan, Row};
 use crate::progress::Progress;
 
 /// What is in one log.
@@ -172,8 +172,8 @@ enum Header {
 
 /// How to take the header stamp, and the joint names, of a channel's messages.
 struct Plans {
-    stamp: Option<CdrPlan>,
-    names: Option<CdrPlan>,
+    stamp: Option<Plan>,
+    names: Option<Plan>,
 }
 
 #[derive(Debug, Default)]
@@ -194,15 +194,15 @@ impl Visitor for Survey {
 
     fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Plans, FileError> {
         self.channels.insert(channel.id, summary(channel, schema));
-        let readable =
-            schema.filter(|schema| schema.encoding == "ros2msg" && channel.encoding == "cdr");
-        let definition = readable.and_then(|schema| {
-            ros2msg::parse(&schema.name, &String::from_utf8_lossy(&schema.definition)).ok()
-        });
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        let definition = schema.map_or(&[][..], |s| &s.definition);
+        let readable = MessageSchema::read(&channel.encoding, name, language, definition);
         let plan = |paths: &[&str]| {
-            definition
-                .as_ref()
-                .and_then(|d| CdrPlan::resolve(d, paths).ok())
+            let paths: Vec<_> = paths
+                .iter()
+                .map(|path| FieldPath::parse(path).ok())
+                .collect::<Option<_>>()?;
+            readable.as_ref()?.as_ref().ok()?.plan(&paths).ok()
         };
         let is_joints =
             schema.and_then(|schema| Layout::of_type(&schema.name)) == Some(Layout::Joints);
@@ -272,10 +272,11 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
     }
 }
 
-fn header(plan: &CdrPlan, payload: &[u8]) -> Header {
-    let mut values = [Value::Unread; 2];
-    let read = plan.read(payload, &mut values);
-    match (read, values[0].integer(), values[1].integer()) {
+fn header(plan: &Plan, payload: &[u8]) -> Header {
+    let mut row = Row::default();
+    let read = plan.read(payload, &mut row);
+    let integer = |slot| row.value(payload, slot).integer();
+    match (read, integer(0), integer(1)) {
         (Ok(()), Some(sec), Some(nanosec)) => {
             Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
         }
@@ -283,13 +284,10 @@ fn header(plan: &CdrPlan, payload: &[u8]) -> Header {
     }
 }
 
-fn names(plan: &CdrPlan, payload: &[u8]) -> Vec<String> {
-    let mut values = [Value::Unread; 1];
-    match (plan.read(payload, &mut values), values[0]) {
-        (Ok(()), Value::Texts(names)) => names
-            .iter()
-            .map(|name| String::from_utf8_lossy(name).into_owned())
-            .collect(),
+fn names(plan: &Plan, payload: &[u8]) -> Vec<String> {
+    let mut row = Row::default();
+    match (plan.read(payload, &mut row), row.value(payload, 0).texts()) {
+        (Ok(()), Some(names)) => names.iter().flatten().map(|name| name.to_text()).collect(),
         _ => Vec::new(),
     }
 }

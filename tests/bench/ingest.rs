@@ -12,8 +12,8 @@ use std::time::Instant;
 use mcap::records::{MessageHeader, op};
 use mcap::{Compression, WriteOptions, Writer};
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
-    TrackerSettings,
+    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
+    TimeSource, TrackerSettings,
 };
 use posegrid::io::inspect::inspect;
 use posegrid::io::log::{Limits, decode, read_recording};
@@ -165,11 +165,14 @@ fn mapping() -> Mapping {
             topic: controller.to_owned(),
             time,
             unit: AngleUnit::Rad,
+            fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
             topic: commanded.to_owned(),
             time,
             unit: LengthUnit::M,
+            fields: PoseFields::default(),
+            frame: None,
         }),
         tracker: TrackerSettings {
             topic: tracker.to_owned(),
@@ -177,6 +180,8 @@ fn mapping() -> Mapping {
             unit: LengthUnit::M,
             temperature: None,
             ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
         },
         joints: JOINTS.map(str::to_owned).to_vec(),
     }
