@@ -4,15 +4,16 @@
 //! become, once per channel, a [`Plan`]; the plan then reads each message in one pass and puts the wanted values into a
 //! [`Row`], whose buffers are used again for the next message.
 //!
-//! 1. [`MessageSchema::read`]: schema text → schema ([`ros2msg`], [`ros2idl`]).
+//! 1. [`MessageSchema::read`]: schema text → schema ([`ros2msg`], [`ros2idl`], [`Descriptors`]; JSON needs none).
 //! 2. [`MessageSchema::plan`]: schema + paths such as `pose.position.x` → plan.
-//! 3. [`Plan::read`]: payload → one [`Value`] per path in a row.
+//! 3. [`Plan::read`]: payload → one [`Value`] per path in a row ([`CdrPlan`], [`ProtobufPlan`], [`JsonPlan`]).
 
 mod cdr;
 mod cdr_plan;
 mod definition;
-mod json;
+pub mod json;
 mod path;
+mod protobuf;
 pub mod ros2idl;
 pub mod ros2msg;
 mod row;
@@ -21,7 +22,9 @@ mod value;
 
 pub use cdr_plan::CdrPlan;
 pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};
+pub use json::JsonPlan;
 pub use path::FieldPath;
+pub use protobuf::{Descriptors, ProtobufPlan};
 pub use row::Row;
 pub use schema::{MessageSchema, Plan};
 pub use value::{Gathered, Numbers, Text, Texts, Value};
@@ -52,6 +55,12 @@ pub enum SchemaError {
     UnknownType {
         /// As written.
         name: String,
+    },
+    /// A descriptor set that is none.
+    #[error("the schema is no descriptor set of protobuf: {source}")]
+    Descriptor {
+        /// Why.
+        source: MessageFault,
     },
     /// A type that contains itself, or so many fields that no message can be meant.
     #[error(
@@ -134,4 +143,18 @@ pub enum MessageFault {
          either way with different values"
     )]
     WideText,
+    /// No protobuf.
+    #[error(
+        "the bytes are no protobuf message: there is a field number, wire type or number that cannot be"
+    )]
+    Wire,
+    /// Parts in parts in parts.
+    #[error("the message's parts stand in one another more than 64 deep")]
+    Deep,
+    /// An array that no message of the field has.
+    #[error("a wanted array of the message has more than 100000 elements")]
+    LongArray,
+    /// No JSON.
+    #[error("the bytes are no JSON: there is a sign where it cannot be")]
+    Json,
 }

@@ -148,7 +148,7 @@ impl Cursor<'_> {
                 return Err(MessageFault::Short);
             }
             for &slot in &repeat.lists {
-                row.list(slot).begin_element();
+                row.list(slot).begin_element()?;
             }
             let here = picked.next_if(|(picked, _)| u32::try_from(*picked) == Ok(index));
             self.run(here.map_or(&repeat.steps, |(_, steps)| steps), row)?;

@@ -69,6 +69,16 @@ impl FieldPath {
         Self::parse(&format!("{}.{inner}", self.text))
     }
 
+    /// Whether it may mean the field at `other`, which has no choices.
+    pub(super) fn may_be(&self, other: &Self) -> bool {
+        let same = |(mine, other): (&Segment, &Segment)| match (mine, other) {
+            (Segment::Field(names), Segment::Field(other)) => names.contains(&other[0]),
+            _ => mine == other,
+        };
+        self.segments.len() == other.segments.len()
+            && self.segments.iter().zip(&other.segments).all(same)
+    }
+
     pub(super) fn want(&self, slot: usize) -> Want<'_> {
         Want {
             rest: &self.segments,

@@ -4,7 +4,10 @@
 //! lent out of it afterwards ([`Row::value`]).
 
 use super::value::{Gathered, Text};
-use super::{Numbers, Primitive, Texts, Value};
+use super::{MessageFault, Numbers, Primitive, Texts, Value};
+
+/// Elements of an array that are gathered one by one: far more than an arm has joints.
+const MOST_ELEMENTS: usize = 100_000;
 
 /// One message's wanted values.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -38,7 +41,7 @@ pub(super) enum Cell {
 }
 
 /// Where a string lies in its message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Span {
     pub(super) start: usize,
     pub(super) end: usize,
@@ -65,9 +68,13 @@ impl Cell {
 
 impl List {
     /// Adds an element of which nothing is known yet.
-    pub(super) fn begin_element(&mut self) {
+    pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
+        if self.numbers.len() >= MOST_ELEMENTS {
+            return Err(MessageFault::LongArray);
+        }
         self.numbers.push(None);
         self.texts.push(None);
+        Ok(())
     }
 
     /// Gives the element last added its value.
@@ -82,6 +89,19 @@ impl List {
         {
             (*last_number, *last_text) = (number, text);
         }
+    }
+
+    /// Whether nothing is known of the element last added.
+    pub(super) fn last_is_absent(&self) -> bool {
+        self.numbers.last() == Some(&None) && self.texts.last() == Some(&None)
+    }
+
+    /// The element at `index`, if there is one.
+    pub(super) fn element(&self, index: usize) -> Cell {
+        let number = self.numbers.get(index).copied().flatten();
+        let text = self.texts.get(index).copied().flatten();
+        let text = text.map_or(Cell::Absent, Cell::Text);
+        number.map_or(text, Cell::Number)
     }
 
     fn clear(&mut self) {
@@ -103,6 +123,16 @@ impl Row {
 
     pub(super) fn set(&mut self, slot: usize, cell: Cell) {
         self.cells[slot] = cell;
+    }
+
+    pub(super) fn cell(&self, slot: usize) -> Cell {
+        self.cells[slot]
+    }
+
+    /// Takes out what is in a slot.
+    pub(super) fn forget(&mut self, slot: usize) {
+        self.cells[slot] = Cell::Absent;
+        self.lists[slot].clear();
     }
 
     /// Begins a list in a slot; one that was there before goes on.

@@ -1,20 +1,30 @@
 //! A channel's schema, whatever its language, and the plan made of it, whatever its encoding.
 
 use super::cdr_plan::leaves;
+use super::json::{JsonPlan, JsonSchema};
+use super::protobuf::{Descriptors, ProtobufPlan};
 use super::{CdrPlan, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
 
 /// What the messages of a channel have in them.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum MessageSchema {
     /// ROS 2 messages in CDR.
     Cdr(Definition),
+    /// Protobuf messages.
+    Protobuf(Descriptors),
+    /// JSON messages, which may have anything in them.
+    Json(JsonSchema),
 }
 
 /// How to take the wanted values of one channel's messages.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Plan {
     /// Of ROS 2 messages in CDR.
     Cdr(CdrPlan),
+    /// Of protobuf messages.
+    Protobuf(ProtobufPlan),
+    /// Of JSON messages.
+    Json(JsonPlan),
 }
 
 impl MessageSchema {
@@ -30,6 +40,8 @@ impl MessageSchema {
         Some(match (encoding, language) {
             ("cdr", "ros2msg") => ros2msg::parse(name, &text()).map(Self::Cdr),
             ("cdr", "ros2idl") => ros2idl::parse(name, &text()).map(Self::Cdr),
+            ("protobuf", "protobuf") => Descriptors::read(name, definition).map(Self::Protobuf),
+            ("json", _) => Ok(Self::Json(JsonSchema::read(definition))),
             _ => return None,
         })
     }
@@ -38,15 +50,16 @@ impl MessageSchema {
     pub fn plan(&self, wanted: &[FieldPath]) -> Result<Plan, SchemaError> {
         match self {
             Self::Cdr(definition) => CdrPlan::resolve(definition, wanted).map(Plan::Cdr),
+            Self::Protobuf(types) => ProtobufPlan::resolve(types, wanted).map(Plan::Protobuf),
+            Self::Json(_) => Ok(Plan::Json(JsonPlan::new(wanted))),
         }
     }
 
     /// Whether messages have a field there, as far as is known.
     pub fn has(&self, path: &FieldPath) -> bool {
         match self {
-            Self::Cdr(definition) => {
-                CdrPlan::resolve(definition, std::slice::from_ref(path)).is_ok()
-            }
+            Self::Json(schema) => schema.has(path),
+            schema => schema.plan(std::slice::from_ref(path)).is_ok(),
         }
     }
 
@@ -54,6 +67,8 @@ impl MessageSchema {
     pub fn leaves(&self) -> Vec<String> {
         match self {
             Self::Cdr(definition) => leaves(definition),
+            Self::Protobuf(types) => types.leaves(),
+            Self::Json(schema) => schema.leaves.clone(),
         }
     }
 }
@@ -65,6 +80,8 @@ impl Plan {
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         match self {
             Self::Cdr(plan) => plan.read(message, row),
+            Self::Protobuf(plan) => plan.read(message, row),
+            Self::Json(plan) => plan.read(message, row),
         }
     }
 }
