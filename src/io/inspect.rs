@@ -9,9 +9,10 @@ use std::path::Path;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Layout, Limits, MessageRecord, Schema, Visitor, ns, scan,
+    Account, Channel, Extent, FileError, Glance, Layout, Limits, MessageRecord, Schema, Visitor,
+    ns, scan,
 };
-use crate::io::message::{FieldPath, MessageSchema, Plan, Row};
+use crate::io::message::{Plan, Row, Value};
 use crate::progress::Progress;
 
 /// What is in one log.
@@ -170,14 +171,9 @@ enum Header {
     Unreadable,
 }
 
-/// How to take the header stamp, and the joint names, of a channel's messages.
-struct Plans {
-    stamp: Option<Plan>,
-    names: Option<Plan>,
-}
-
 #[derive(Debug, Default)]
 struct Samples {
+    row: Row,
     samples: Vec<Sample>,
     joints: BTreeMap<u16, Vec<String>>,
 }
@@ -188,45 +184,33 @@ struct Survey {
 }
 
 impl Visitor for Survey {
-    type Decoder = Plans;
+    type Decoder = Glance;
     type Part = Samples;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Plans, FileError> {
+    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Glance, FileError> {
         self.channels.insert(channel.id, summary(channel, schema));
         let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
         let definition = schema.map_or(&[][..], |s| &s.definition);
-        let readable = MessageSchema::read(&channel.encoding, name, language, definition);
-        let plan = |paths: &[&str]| {
-            let paths: Vec<_> = paths
-                .iter()
-                .map(|path| FieldPath::parse(path).ok())
-                .collect::<Option<_>>()?;
-            readable.as_ref()?.as_ref().ok()?.plan(&paths).ok()
-        };
-        let is_joints =
-            schema.and_then(|schema| Layout::of_type(&schema.name)) == Some(Layout::Joints);
-        Ok(Plans {
-            stamp: plan(&["header.stamp.sec", "header.stamp.nanosec"]),
-            names: plan(&["name"]).filter(|_| is_joints),
-        })
+        Ok(Glance::of(&channel.encoding, name, language, definition))
     }
 
-    fn message(&self, plans: &Plans, message: &MessageRecord<'_>, part: &mut Samples) {
-        if let Some(plan) = &plans.names {
+    fn message(&self, glance: &Glance, message: &MessageRecord<'_>, part: &mut Samples) {
+        if let Some(plan) = &glance.joint_names {
             part.joints
                 .entry(message.channel_id)
                 .or_insert_with(|| names(plan, message.payload));
         }
+        let stamp = glance.stamp.as_ref();
+        let header = stamp.map_or(Header::None, |plan| {
+            header(plan, message.payload, &mut part.row)
+        });
         part.samples.push(Sample {
             channel: message.channel_id,
             sequence: message.sequence,
             log: ns(message.log_time),
             publish: ns(message.publish_time),
-            header: plans
-                .stamp
-                .as_ref()
-                .map_or(Header::None, |plan| header(plan, message.payload)),
+            header,
         });
     }
 
@@ -272,14 +256,15 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
     }
 }
 
-fn header(plan: &Plan, payload: &[u8]) -> Header {
-    let mut row = Row::default();
-    let read = plan.read(payload, &mut row);
-    let integer = |slot| row.value(payload, slot).integer();
-    match (read, integer(0), integer(1)) {
+fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
+    let read = plan.read(payload, row);
+    let value = |slot| row.value(payload, slot);
+    match (read, value(0).integer(), value(1).integer()) {
         (Ok(()), Some(sec), Some(nanosec)) => {
             Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
         }
+        // JSON may leave it out.
+        (Ok(()), ..) if value(0) == Value::Absent => Header::None,
         _ => Header::Unreadable,
     }
 }

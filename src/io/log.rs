@@ -34,7 +34,7 @@ pub use block::Extent;
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use scan::{Visitor, ns, scan};
-pub use streams::Layout;
+pub use streams::{Glance, Layout, Suggestion, suggest};
 use streams::{Stream, Streams, Wanted};
 
 /// `[limits]`: what a log may ask for.

@@ -11,7 +11,7 @@
 mod cdr;
 mod cdr_plan;
 mod definition;
-pub mod json;
+mod json;
 mod path;
 mod protobuf;
 pub mod ros2idl;
@@ -22,7 +22,7 @@ mod value;
 
 pub use cdr_plan::CdrPlan;
 pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};
-pub use json::JsonPlan;
+pub use json::{JsonPlan, JsonSchema};
 pub use path::FieldPath;
 pub use protobuf::{Descriptors, ProtobufPlan};
 pub use row::Row;

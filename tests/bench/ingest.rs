@@ -4,6 +4,14 @@
 //! folder and prints user CPU seconds of each step side by side, from one run. Without `--bench` (as `cargo test`
 //! calls it) a small log shows that it works.
 
+mod forms;
+#[expect(
+    dead_code,
+    reason = "the tests write more kinds of messages than these"
+)]
+#[path = "../logs/encodings/proto.rs"]
+mod proto;
+
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -67,6 +75,7 @@ fn main() {
             .messages
     });
     println!("peak memory {} MB", peak_memory_mb());
+    forms::measure_all(folder.path(), joint_states / 4);
 }
 
 fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {

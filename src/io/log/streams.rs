@@ -5,6 +5,7 @@
 
 mod layout;
 mod reader;
+mod suggest;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,9 +20,10 @@ use crate::ingest::{
 };
 use crate::io::message::{FieldPath, MessageSchema};
 
-pub use layout::Layout;
+pub use layout::{Glance, Layout};
 use layout::{Recipe, suitable_types};
 use reader::{Decoder, Part, Reader, RowFault};
+pub use suggest::{Suggestion, suggest};
 
 /// A stream of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

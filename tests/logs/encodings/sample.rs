@@ -91,7 +91,7 @@ impl Noise {
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
         // The upper bits of such a generator are the better ones.
-        (self.0 >> 32) | (self.0 << 32)
+        self.0.rotate_left(32)
     }
 
     fn below(&mut self, limit: u64) -> u64 {
@@ -192,10 +192,11 @@ fn ros_schemas() -> (String, String, Vec<String>) {
     );
     // An element and the whole of an array of numbers cannot both be wanted of one plan: the test makes two.
     let inner = "================\nMSG: samples/Inner\nuint8 x\nfloat64 y\nstring s\n";
+    let line = "=".repeat(80);
     let idl = format!(
-        "================\nIDL: samples/msg/All\nmodule samples {{ module msg {{\n{typedefs}\
+        "{line}\nIDL: samples/msg/All\nmodule samples {{ module msg {{\n{typedefs}\
          module All_Constants {{ const uint8 CONSTANT = 7; }};\nstruct All {{\n{members}}};\n}}; }};\n\
-         ================\nIDL: samples/msg/Inner\nmodule samples {{ module msg {{ struct Inner {{ uint8 x; double y; string s; }}; }}; }};\n"
+         {line}\nIDL: samples/msg/Inner\nmodule samples {{ module msg {{ struct Inner {{ uint8 x; double y; string s; }}; }}; }};\n"
     );
     (format!("{message}{inner}"), idl, paths)
 }
@@ -221,7 +222,7 @@ impl Cdr {
         self.bytes
             .resize((self.bytes.len() - 4).next_multiple_of(size) + 4, 0);
         let mut bytes = little.to_vec();
-        if self.layout.encapsulation % 2 == 0 {
+        if self.layout.encapsulation.is_multiple_of(2) {
             bytes.reverse();
         }
         self.bytes.extend(bytes);
@@ -247,7 +248,7 @@ impl Cdr {
         write(self);
         let length = u32::try_from(self.bytes.len() - start).expect("small");
         let mut length = length.to_le_bytes();
-        if self.layout.encapsulation % 2 == 0 {
+        if self.layout.encapsulation.is_multiple_of(2) {
             length.reverse();
         }
         self.bytes[start - 4..start].copy_from_slice(&length);
@@ -390,7 +391,7 @@ fn protobuf_value(of: Proto, number: u32, kind: (&str, u64, u8), noise: &mut Noi
             of.varint(number, noise.next() >> shift)
         }
         // A negative int32 is stored in ten bytes.
-        ("int32", ..) => of.varint(number, (noise.next() as i32 as i64).cast_unsigned()),
+        ("int32", ..) => of.varint(number, i64::from(noise.next() as i32).cast_unsigned()),
         ("bool", ..) => of.varint(number, noise.below(2)),
         ("string" | "bytes", ..) => of.bytes(number, noise.text().as_bytes()),
         (_, _, 0) => of.varint(number, noise.next() & 0xFFFF_FFFF),

@@ -206,6 +206,46 @@ fn common(name: &str) -> Option<&'static Common> {
     all.find(|common| common.names.contains(&name.as_str()))
 }
 
+/// What can be taken of messages without a pipeline file.
+#[derive(Debug)]
+pub struct Glance {
+    /// Seconds and nanoseconds of the message's own stamp, where it is in one of the usual places.
+    pub stamp: Option<Plan>,
+    /// The array of joint names, of the common types.
+    pub joint_names: Option<Plan>,
+}
+
+impl Glance {
+    /// What can be taken of a channel's messages.
+    pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
+        let schema = MessageSchema::read(encoding, type_name, language, definition);
+        let schema = schema.and_then(Result::ok);
+        let common = common(type_name);
+        let stamp = |schema: &MessageSchema| {
+            let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
+            let path = FieldPath::parse(common.map(|common| common.stamp).or(usual)?).ok()?;
+            let [sec, nanosec] = TIME.map(|part| path.join(part).ok());
+            schema.plan(&[sec?, nanosec?]).ok()
+        };
+        let names = |schema: &MessageSchema| {
+            let joints = common.filter(|common| common.layout == Layout::Joints)?;
+            schema
+                .plan(&[FieldPath::parse(joints.fields[0]).ok()?])
+                .ok()
+        };
+        Self {
+            stamp: schema.as_ref().and_then(stamp),
+            joint_names: schema.as_ref().and_then(names),
+        }
+    }
+}
+
+/// Whether there is a time at this path, as far as is known.
+fn has_time(schema: &MessageSchema, path: &str) -> bool {
+    let seconds = FieldPath::parse(path).and_then(|path| path.join(TIME[0]));
+    seconds.is_ok_and(|seconds| schema.has(&seconds))
+}
+
 impl Recipe {
     /// How the stream is made of messages of the type `name`; `None` where nothing says how.
     pub(super) fn resolve(
@@ -337,13 +377,8 @@ impl<'m> Said<'m> {
         if let Some(common) = common {
             return FieldPath::parse(common.stamp);
         }
-        for usual in STAMPS {
-            let path = FieldPath::parse(usual)?;
-            if schema.has(&path.join(TIME[0])?) {
-                return Ok(path);
-            }
-        }
-        FieldPath::parse(STAMPS[0])
+        let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
+        FieldPath::parse(usual.unwrap_or(STAMPS[0]))
     }
 }
 

@@ -23,6 +23,19 @@ impl JsonSchema {
         if let Ok(schema) = serde_json::from_slice::<Value>(bytes) {
             collect(&schema, "", MOST_LEVELS, &mut leaves);
         }
+        Self::of(leaves)
+    }
+
+    /// The fields of one message, where nothing else tells which there are.
+    pub fn of_message(bytes: &[u8]) -> Self {
+        let mut leaves = Vec::new();
+        if let Ok(message) = serde_json::from_slice::<Value>(bytes) {
+            collect_values(&message, "", MOST_LEVELS, &mut leaves);
+        }
+        Self::of(leaves)
+    }
+
+    fn of(mut leaves: Vec<String>) -> Self {
         leaves.sort();
         if leaves.len() > MOST_LEAVES {
             leaves.truncate(MOST_LEAVES);
@@ -55,6 +68,23 @@ fn collect(schema: &Value, path: &str, levels: usize, leaves: &mut Vec<String>) 
         .filter(|items| items.get("properties").is_some())
     {
         collect(items, &format!("{path}[]"), levels - 1, leaves);
+    } else if !path.is_empty() {
+        leaves.push(path.to_owned());
+    }
+}
+
+fn collect_values(value: &Value, path: &str, levels: usize, leaves: &mut Vec<String>) {
+    if levels == 0 || leaves.len() > MOST_LEAVES {
+        return;
+    }
+    let first = value.as_array().and_then(|elements| elements.first());
+    if let Some(members) = value.as_object() {
+        for (name, inner) in members {
+            let dot = if path.is_empty() { "" } else { "." };
+            collect_values(inner, &format!("{path}{dot}{name}"), levels - 1, leaves);
+        }
+    } else if let Some(first) = first.filter(|first| first.is_object()) {
+        collect_values(first, &format!("{path}[]"), levels - 1, leaves);
     } else if !path.is_empty() {
         leaves.push(path.to_owned());
     }
