@@ -174,7 +174,7 @@ enum Header {
 #[derive(Debug, Default)]
 struct Samples {
     row: Row,
-    samples: Vec<Sample>,
+    taken: Vec<Sample>,
     joints: BTreeMap<u16, Vec<String>>,
 }
 
@@ -205,7 +205,7 @@ impl Visitor for Survey {
         let header = stamp.map_or(Header::None, |plan| {
             header(plan, message.payload, &mut part.row)
         });
-        part.samples.push(Sample {
+        part.taken.push(Sample {
             channel: message.channel_id,
             sequence: message.sequence,
             log: ns(message.log_time),
@@ -215,12 +215,12 @@ impl Visitor for Survey {
     }
 
     fn clear(&self, part: &mut Samples) {
-        part.samples.clear();
+        part.taken.clear();
         part.joints.clear();
     }
 
     fn merge(&mut self, _: &Extent, part: &mut Samples, _: &mut Vec<LogReject>) {
-        for sample in part.samples.drain(..) {
+        for sample in part.taken.drain(..) {
             self.channels
                 .get_mut(&sample.channel)
                 .expect("met before its messages")
