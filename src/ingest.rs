@@ -16,8 +16,9 @@ use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
 pub use settings::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
-    TrackerSettings,
+    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
+    Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,
+    WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 

@@ -9,9 +9,10 @@ use std::path::Path;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Layout, Limits, MessageRecord, Schema, Visitor, ns, scan,
+    Account, Channel, Extent, FileError, Glance, Layout, Limits, MessageRecord, Schema, Visitor,
+    ns, scan,
 };
-use crate::io::message::{CdrPlan, Value, ros2msg};
+use crate::io::message::{Plan, Row, Value};
 use crate::progress::Progress;
 
 /// What is in one log.
@@ -170,15 +171,10 @@ enum Header {
     Unreadable,
 }
 
-/// How to take the header stamp, and the joint names, of a channel's messages.
-struct Plans {
-    stamp: Option<CdrPlan>,
-    names: Option<CdrPlan>,
-}
-
 #[derive(Debug, Default)]
 struct Samples {
-    samples: Vec<Sample>,
+    row: Row,
+    taken: Vec<Sample>,
     joints: BTreeMap<u16, Vec<String>>,
 }
 
@@ -188,55 +184,43 @@ struct Survey {
 }
 
 impl Visitor for Survey {
-    type Decoder = Plans;
+    type Decoder = Glance;
     type Part = Samples;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Plans, FileError> {
+    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Glance, FileError> {
         self.channels.insert(channel.id, summary(channel, schema));
-        let readable =
-            schema.filter(|schema| schema.encoding == "ros2msg" && channel.encoding == "cdr");
-        let definition = readable.and_then(|schema| {
-            ros2msg::parse(&schema.name, &String::from_utf8_lossy(&schema.definition)).ok()
-        });
-        let plan = |paths: &[&str]| {
-            definition
-                .as_ref()
-                .and_then(|d| CdrPlan::resolve(d, paths).ok())
-        };
-        let is_joints =
-            schema.and_then(|schema| Layout::of_type(&schema.name)) == Some(Layout::Joints);
-        Ok(Plans {
-            stamp: plan(&["header.stamp.sec", "header.stamp.nanosec"]),
-            names: plan(&["name"]).filter(|_| is_joints),
-        })
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        let definition = schema.map_or(&[][..], |s| &s.definition);
+        Ok(Glance::of(&channel.encoding, name, language, definition))
     }
 
-    fn message(&self, plans: &Plans, message: &MessageRecord<'_>, part: &mut Samples) {
-        if let Some(plan) = &plans.names {
+    fn message(&self, glance: &Glance, message: &MessageRecord<'_>, part: &mut Samples) {
+        if let Some(plan) = &glance.joint_names {
             part.joints
                 .entry(message.channel_id)
                 .or_insert_with(|| names(plan, message.payload));
         }
-        part.samples.push(Sample {
+        let stamp = glance.stamp.as_ref();
+        let header = stamp.map_or(Header::None, |plan| {
+            header(plan, message.payload, &mut part.row)
+        });
+        part.taken.push(Sample {
             channel: message.channel_id,
             sequence: message.sequence,
             log: ns(message.log_time),
             publish: ns(message.publish_time),
-            header: plans
-                .stamp
-                .as_ref()
-                .map_or(Header::None, |plan| header(plan, message.payload)),
+            header,
         });
     }
 
     fn clear(&self, part: &mut Samples) {
-        part.samples.clear();
+        part.taken.clear();
         part.joints.clear();
     }
 
     fn merge(&mut self, _: &Extent, part: &mut Samples, _: &mut Vec<LogReject>) {
-        for sample in part.samples.drain(..) {
+        for sample in part.taken.drain(..) {
             self.channels
                 .get_mut(&sample.channel)
                 .expect("met before its messages")
@@ -272,24 +256,23 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
     }
 }
 
-fn header(plan: &CdrPlan, payload: &[u8]) -> Header {
-    let mut values = [Value::Unread; 2];
-    let read = plan.read(payload, &mut values);
-    match (read, values[0].integer(), values[1].integer()) {
+fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
+    let read = plan.read(payload, row);
+    let value = |slot| row.value(payload, slot);
+    match (read, value(0).integer(), value(1).integer()) {
         (Ok(()), Some(sec), Some(nanosec)) => {
             Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
         }
+        // JSON may leave it out.
+        (Ok(()), ..) if value(0) == Value::Absent => Header::None,
         _ => Header::Unreadable,
     }
 }
 
-fn names(plan: &CdrPlan, payload: &[u8]) -> Vec<String> {
-    let mut values = [Value::Unread; 1];
-    match (plan.read(payload, &mut values), values[0]) {
-        (Ok(()), Value::Texts(names)) => names
-            .iter()
-            .map(|name| String::from_utf8_lossy(name).into_owned())
-            .collect(),
+fn names(plan: &Plan, payload: &[u8]) -> Vec<String> {
+    let mut row = Row::default();
+    match (plan.read(payload, &mut row), row.value(payload, 0).texts()) {
+        (Ok(()), Some(names)) => names.iter().flatten().map(|name| name.to_text()).collect(),
         _ => Vec::new(),
     }
 }

@@ -15,7 +15,7 @@ use crate::geometry::Placement;
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
-    TimeSource, TrackerFile, TrackerSettings,
+    PoseFields, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::join::JoinSettings;
@@ -137,7 +137,7 @@ pub enum Pool {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "CommandedKeys")]
 pub struct CommandedSection {
-    /// Topic, time source and unit.
+    /// Topic, time source, unit and fields.
     #[serde(flatten)]
     pub mapping: CommandedSettings,
     /// The frame commands are stated in, in the base frame of the robot file.
@@ -155,6 +155,9 @@ struct CommandedKeys {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
+    #[serde(default)]
+    fields: PoseFields,
+    frame: Option<String>,
     base_from_command: Option<Placement>,
     flange_from_tool: Option<Placement>,
     target_is_tool: Option<bool>,
@@ -164,7 +167,7 @@ struct CommandedKeys {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "TrackerKeys")]
 pub struct TrackerSection {
-    /// Topic, time source and unit.
+    /// Topic, time source, unit and fields.
     #[serde(flatten)]
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
@@ -180,6 +183,9 @@ struct TrackerKeys {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
+    #[serde(default)]
+    fields: PoseFields,
+    frame: Option<String>,
     temperature: Option<String>,
     #[serde(default)]
     ignore_orientation: bool,
@@ -263,6 +269,8 @@ impl TryFrom<CommandedKeys> for CommandedSection {
             topic: keys.topic,
             time: keys.time,
             unit: keys.unit,
+            fields: keys.fields,
+            frame: keys.frame,
         };
         Ok(Self {
             mapping: mapping.try_into()?,
@@ -284,6 +292,8 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             topic: keys.topic,
             time: keys.time,
             unit: keys.unit,
+            fields: keys.fields,
+            frame: keys.frame,
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
         };

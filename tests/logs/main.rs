@@ -2,6 +2,7 @@
 
 mod build;
 mod damage;
+mod encodings;
 mod inspect;
 mod recordings;
 mod sound;

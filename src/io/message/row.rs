@@ -1,0 +1,305 @@
+//! The wanted values of one message, kept in buffers that are filled again for each message.
+//!
+//! A decoder fills a [`Row`]: numbers are copied, strings and CDR's arrays stay where they lie in the message and are
+//! lent out of it afterwards ([`Row::value`]).
+
+use super::value::{Gathered, Text};
+use super::{MessageFault, Numbers, Primitive, Texts, Value};
+
+/// Elements of an array that are gathered one by one: far more than an arm has joints.
+const MOST_ELEMENTS: usize = 100_000;
+
+/// One message's wanted values.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Row {
+    cells: Vec<Cell>,
+    lists: Vec<List>,
+    /// Some list was begun.
+    listed: bool,
+}
+
+/// What was found for one wanted path; places are byte ranges of the message, in which a message has to be shorter than
+/// 4 GiB.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) enum Cell {
+    #[default]
+    Absent,
+    Integer(i64),
+    Number(f64),
+    Text(Span),
+    Numbers {
+        start: u32,
+        end: u32,
+        of: Primitive,
+        big_endian: bool,
+    },
+    Texts {
+        start: u32,
+        end: u32,
+        count: u32,
+        big_endian: bool,
+    },
+    /// In the list of the slot.
+    List,
+}
+
+/// Where a string lies in its message.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Span {
+    start: u32,
+    end: u32,
+    /// It has JSON's escapes in it.
+    pub(super) escaped: bool,
+}
+
+/// An array met element by element; an element that is neither number nor string is absent.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct List(Vec<Cell>);
+
+/// A place in a message, whose length [`Row::begin`] has looked at.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a message is shorter than 4 GiB"
+)]
+pub(super) const fn place(at: usize) -> u32 {
+    at as u32
+}
+
+impl Span {
+    pub(super) const fn new(start: usize, end: usize, escaped: bool) -> Self {
+        Self {
+            start: place(start),
+            end: place(end),
+            escaped,
+        }
+    }
+
+    /// The bytes that lie there.
+    #[inline]
+    pub(super) fn bytes(self, message: &[u8]) -> &[u8] {
+        bytes(message, self.start, self.end)
+    }
+
+    /// The string that lies there.
+    pub(super) fn of(self, message: &[u8]) -> Text<'_> {
+        Text {
+            bytes: self.bytes(message),
+            escaped: self.escaped,
+        }
+    }
+}
+
+#[inline]
+fn bytes(message: &[u8], start: u32, end: u32) -> &[u8] {
+    message
+        .get(start as usize..end as usize)
+        .unwrap_or_default()
+}
+
+impl Cell {
+    pub(super) fn as_number(self) -> Option<f64> {
+        match self {
+            Self::Integer(integer) => Some(integer as f64),
+            Self::Number(number) => Some(number),
+            _ => None,
+        }
+    }
+
+    pub(super) const fn as_text(self) -> Option<Span> {
+        match self {
+            Self::Text(span) => Some(span),
+            _ => None,
+        }
+    }
+}
+
+impl List {
+    /// Adds an element of which nothing is known yet.
+    #[inline]
+    pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
+        self.push(Cell::Absent)
+    }
+
+    /// Adds an element.
+    #[inline]
+    pub(super) fn push(&mut self, cell: Cell) -> Result<(), MessageFault> {
+        if self.0.len() >= MOST_ELEMENTS {
+            return Err(MessageFault::LongArray);
+        }
+        self.0.push(cell);
+        Ok(())
+    }
+
+    /// Gives the element last added its value.
+    #[inline]
+    pub(super) fn set_last(&mut self, cell: Cell) {
+        if let Some(last) = self.0.last_mut() {
+            *last = cell;
+        }
+    }
+
+    /// Whether nothing is known of the element last added.
+    pub(super) fn last_is_absent(&self) -> bool {
+        matches!(self.0.last(), Some(Cell::Absent))
+    }
+
+    /// The element at `index`, if there is one.
+    #[inline]
+    pub(super) fn element(&self, index: usize) -> Cell {
+        self.0.get(index).copied().unwrap_or_default()
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The strings among the elements.
+    pub(super) fn texts(&self) -> impl Iterator<Item = Option<Span>> {
+        self.0.iter().map(|cell| cell.as_text())
+    }
+
+    fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
+impl Row {
+    /// Empties it for a message with so many wanted values.
+    #[inline]
+    pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
+        if u32::try_from(message.len()).is_err() {
+            return Err(MessageFault::Long);
+        }
+        if self.listed || self.cells.len() != wanted {
+            self.resize(wanted);
+        } else {
+            self.cells.fill(Cell::Absent);
+        }
+        Ok(())
+    }
+
+    fn resize(&mut self, wanted: usize) {
+        self.cells.clear();
+        self.cells.resize(wanted, Cell::Absent);
+        if self.lists.len() < wanted {
+            self.lists.resize_with(wanted, List::default);
+        }
+        self.lists.iter_mut().for_each(List::clear);
+        self.listed = false;
+    }
+
+    #[inline]
+    pub(super) fn set(&mut self, slot: usize, cell: Cell) {
+        self.cells[slot] = cell;
+    }
+
+    pub(super) fn cell(&self, slot: usize) -> Cell {
+        self.cells[slot]
+    }
+
+    /// Takes out what is in a slot.
+    pub(super) fn forget(&mut self, slot: usize) {
+        self.cells[slot] = Cell::Absent;
+        self.lists[slot].clear();
+    }
+
+    /// Begins a list in a slot; one that was there before goes on.
+    #[inline]
+    pub(super) fn list(&mut self, slot: usize) -> &mut List {
+        self.listed = true;
+        self.cells[slot] = Cell::List;
+        &mut self.lists[slot]
+    }
+
+    /// How many values there are.
+    pub const fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Whether nothing was wanted.
+    pub const fn is_empty(&self) -> bool {
+        self.cells.is_empty()
+    }
+
+    /// The value of the path at `slot` among the wanted ones; `message` is the one the row was filled from.
+    #[inline]
+    pub fn value<'m>(&'m self, message: &'m [u8], slot: usize) -> Value<'m> {
+        match self.cells.get(slot).copied().unwrap_or_default() {
+            Cell::Absent => Value::Absent,
+            Cell::Integer(integer) => Value::Integer(integer),
+            Cell::Number(number) => Value::Number(number),
+            Cell::Text(span) => Value::Text(span.of(message)),
+            Cell::Numbers {
+                start,
+                end,
+                of,
+                big_endian,
+            } => Value::Numbers(Numbers::Stored {
+                bytes: bytes(message, start, end),
+                of,
+                big_endian,
+            }),
+            Cell::Texts {
+                start,
+                end,
+                count,
+                big_endian,
+            } => Value::Texts(Texts::Stored {
+                bytes: bytes(message, start, end),
+                count: count as usize,
+                big_endian,
+            }),
+            Cell::List => Value::List(Gathered {
+                message,
+                list: &self.lists[slot],
+            }),
+        }
+    }
+}
+
+/// The number in `bytes`, which are as many as `of` needs.
+#[inline]
+pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
+    macro_rules! integer {
+        ($t:ty) => {{
+            let bytes = bytes.try_into().expect("as many bytes as the type has");
+            let stored = if big_endian {
+                <$t>::from_be_bytes(bytes)
+            } else {
+                <$t>::from_le_bytes(bytes)
+            };
+            Cell::Integer(i64::from(stored))
+        }};
+    }
+    macro_rules! float {
+        ($t:ty) => {{
+            let bytes = bytes.try_into().expect("as many bytes as the type has");
+            let stored = if big_endian {
+                <$t>::from_be_bytes(bytes)
+            } else {
+                <$t>::from_le_bytes(bytes)
+            };
+            Cell::Number(stored.into())
+        }};
+    }
+    match of {
+        Primitive::Bool | Primitive::U8 => integer!(u8),
+        Primitive::I8 => integer!(i8),
+        Primitive::I16 => integer!(i16),
+        Primitive::U16 => integer!(u16),
+        Primitive::I32 => integer!(i32),
+        Primitive::U32 => integer!(u32),
+        Primitive::I64 => integer!(i64),
+        Primitive::U64 => {
+            let bytes = bytes.try_into().expect("as many bytes as the type has");
+            let stored = if big_endian {
+                u64::from_be_bytes(bytes)
+            } else {
+                u64::from_le_bytes(bytes)
+            };
+            i64::try_from(stored).map_or(Cell::Number(stored as f64), Cell::Integer)
+        }
+        Primitive::F32 => float!(f32),
+        Primitive::F64 => float!(f64),
+    }
+}
