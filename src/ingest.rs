@@ -139,7 +139,7 @@ pub enum IngestError {
     /// Nothing of a stream is left.
     #[error(
         "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
-         see `posegrid inspect {file}`"
+         see `posegrid inspect`"
     )]
     NoSamples {
         /// The file.
@@ -353,7 +353,7 @@ impl Rows {
         stamps: &[i64],
         recording: &Recording,
     ) -> Result<(), IngestError> {
-        let (file, topic) = (origins.file.clone(), origins.topic.clone());
+        let (file, topic) = (origins.names(), origins.topic.clone());
         if stamps.len() > 1 && stamps.iter().all(|&stamp| stamp == 0) {
             return Err(IngestError::StampsUnset {
                 file,
@@ -365,7 +365,8 @@ impl Rows {
             return Ok(());
         }
         let earlier = recording.rejects.iter().filter(|reject| {
-            reject.file == file && reject.topic.as_ref().is_none_or(|of| *of == topic)
+            origins.files.contains(&reject.file)
+                && reject.topic.as_ref().is_none_or(|of| *of == topic)
         });
         let first = self.rejects.iter().chain(earlier).next();
         Err(IngestError::NoSamples {

@@ -101,13 +101,13 @@ fn kept_in_order(stamps: &[i64], faults: &[(usize, RowFault)]) -> Vec<usize> {
 
 /// One reject for each byte range and fault.
 fn rejects(stamps: &[i64], origins: &Origins, faults: &[(usize, RowFault)]) -> Vec<LogReject> {
-    let mut found: BTreeMap<(u64, RowFault), LogReject> = BTreeMap::new();
+    let mut found: BTreeMap<(usize, u64, RowFault), LogReject> = BTreeMap::new();
     for &(row, fault) in faults {
         let origin = origins.of_row(row).expect("each row comes from a block");
         let reject = found
-            .entry((origin.byte_start, fault))
+            .entry((origin.file, origin.byte_start, fault))
             .or_insert_with(|| LogReject {
-                file: origins.file.clone(),
+                file: origins.files[origin.file].clone(),
                 topic: Some(origins.topic.clone()),
                 byte_start: origin.byte_start,
                 byte_end: origin.byte_end,
@@ -128,11 +128,12 @@ mod tests {
     fn origins() -> Origins {
         let origin = |rows_end, byte_start| Origin {
             rows_end,
+            file: 0,
             byte_start,
             byte_end: byte_start + 10,
         };
         Origins {
-            file: "f".to_owned(),
+            files: vec!["f".to_owned()],
             topic: "/t".to_owned(),
             blocks: vec![origin(2, 100), origin(5, 200)],
         }

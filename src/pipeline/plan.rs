@@ -9,6 +9,7 @@
 
 mod checks;
 mod error;
+mod logs;
 mod sessions;
 
 use std::fs;

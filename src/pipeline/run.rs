@@ -19,7 +19,7 @@ use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::log::{LogError, read_recording};
+use crate::io::log::{LogError, read_session};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError, Validity};
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
@@ -53,6 +53,14 @@ pub enum RunError {
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+    },
+    /// A recording that would count twice.
+    #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
+    SameTwice {
+        /// Session and side.
+        side: String,
+        /// The side's files.
+        files: Vec<String>,
     },
     /// A log cannot be read.
     #[error(transparent)]
@@ -145,12 +153,16 @@ fn work(
 ) -> Result<Work, RunError> {
     let mut inputs = vec![input(&plan.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
-        inputs.push(input(
-            &files.controller,
+        let logs = &files.logs;
+        inputs.extend(log_inputs(
+            &logs.controller,
             &format!("{}/controller", files.name),
         )?);
-        if files.tracker != files.controller {
-            inputs.push(input(&files.tracker, &format!("{}/tracker", files.name))?);
+        if logs.tracker != logs.controller {
+            inputs.extend(log_inputs(
+                &logs.tracker,
+                &format!("{}/tracker", files.name),
+            )?);
         }
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
@@ -163,6 +175,32 @@ fn work(
         inputs,
         settings: plan.settings.clone(),
     })
+}
+
+/// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
+fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
+    let inputs = paths.iter().map(|path| input(path, name));
+    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+    if inputs.len() < 2 {
+        return Ok(inputs);
+    }
+    inputs.sort_by(|a, b| a.digest.cmp(&b.digest));
+    if inputs
+        .windows(2)
+        .any(|pair| pair[0].digest == pair[1].digest)
+    {
+        return Err(RunError::SameTwice {
+            side: name.to_owned(),
+            files: paths
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+        });
+    }
+    for (place, input) in inputs.iter_mut().enumerate() {
+        input.name = format!("{name}/{}", place + 1);
+    }
+    Ok(inputs)
 }
 
 fn input(path: &Path, name: &str) -> Result<Input, RunError> {
@@ -227,13 +265,7 @@ fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
 }
 
 fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Recording, RunError> {
-    let recording = read_recording(
-        &files.controller,
-        &files.tracker,
-        &plan.mapping,
-        plan.limits,
-        progress,
-    )?;
+    let recording = read_session(&files.logs, &plan.mapping, plan.limits, progress)?;
     let bytes: u64 = recording
         .counts
         .iter()

@@ -2,6 +2,8 @@
 
 mod build;
 mod damage;
+mod files;
 mod inspect;
+mod raw;
 mod recordings;
 mod sound;

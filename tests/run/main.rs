@@ -7,4 +7,5 @@ mod cell;
 mod damaged;
 mod interrupted;
 mod same_work;
+mod split;
 mod targets;

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::packed::Packed;
 use super::record::ChunkRecord;
 use super::registry::Channel;
+use super::summary::Ending;
 use crate::ingest::LogReject;
 
 /// Rejects of one log that are listed one by one; the rest is told together.
@@ -14,8 +16,12 @@ const MOST_REJECTS: usize = 10_000;
 pub struct Account {
     /// The file, as it was named.
     pub file: String,
-    /// Its size.
+    /// Its size, decompressed if it was stored in zstd as a whole: all places in it are places in that.
     pub bytes: u64,
+    /// How it is stored in zstd, if it is.
+    pub packed: Option<Packed>,
+    /// How it ends.
+    pub ending: Ending,
     /// Conventions of the log, such as `ros2`.
     pub profile: String,
     /// What wrote it.

@@ -17,7 +17,7 @@ use super::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_m
 use super::source::Source;
 
 /// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.
-const MOST_PROBES: u32 = 100_000;
+const MOST_PROBES: u32 = 1_000_000;
 /// Sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;
 
@@ -108,6 +108,7 @@ pub struct Frames<'s> {
     chunked: bool,
     ended: bool,
     data_crc: Option<(u64, u32)>,
+    data_end: Option<u64>,
 }
 
 impl<'s> Frames<'s> {
@@ -121,6 +122,7 @@ impl<'s> Frames<'s> {
             chunked: false,
             ended: false,
             data_crc: None,
+            data_end: None,
         }
     }
 
@@ -137,6 +139,11 @@ impl<'s> Frames<'s> {
     /// Where the data section ends and its checksum, where its end record was met and gives one.
     pub const fn data_crc(&self) -> Option<(u64, u32)> {
         self.data_crc
+    }
+
+    /// One past the record that ends the data section, if it was met.
+    pub const fn data_end(&self) -> Option<u64> {
+        self.data_end
     }
 
     /// The next part of the data section; `None` after its end.
@@ -189,6 +196,7 @@ impl<'s> Frames<'s> {
                 let body = self.source.peek(start + FRAME_HEADER, 4)?;
                 let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
                 self.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
+                self.data_end = Some(end);
                 self.ended = true;
                 None
             }
@@ -336,14 +344,18 @@ impl<'s> Frames<'s> {
 
     /// The next place from `from` on where a frame begins that cannot be there by chance.
     fn resynchronise(&mut self, from: u64) -> io::Result<Option<u64>> {
+        let chunked = self.chunked;
         let mut at = from;
         while at < self.source.length() && self.probes_left > 0 {
             let window = self.source.peek(at, usize::MAX)?;
             let candidate = window.windows(9).position(|header| {
-                matches!(
-                    header[0],
-                    op::SCHEMA..=op::CHUNK | op::METADATA | op::DATA_END
-                ) && header[6..9] == [0; 3]
+                let opcode = match header[0] {
+                    op::CHUNK | op::DATA_END => true,
+                    // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
+                    op::SCHEMA..=op::MESSAGE | op::METADATA => !chunked,
+                    _ => false,
+                };
+                opcode && header[6..9] == [0; 3]
             });
             // The last eight bytes of a window are looked at again at the head of the next one.
             let step = candidate.unwrap_or(window.len().saturating_sub(8).max(1));
@@ -368,8 +380,6 @@ impl<'s> Frames<'s> {
                 .chunk(at)?
                 .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
             op::DATA_END => self.could_follow(end),
-            // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
-            _ if self.chunked => Ok(false),
             _ => self.is_chain(end),
         }
     }

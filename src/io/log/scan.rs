@@ -7,24 +7,29 @@
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes.
 
-use std::fs::File;
 use std::path::Path;
 
 use mcap::MAGIC;
 use rayon::prelude::*;
 
 use super::account::Account;
-use super::block::{Block, BlockFault, Extent, Outcome, Tally};
+use super::block::{Block, BlockFault, Extent, Metadata, Outcome, Tally};
+use super::chunk;
 use super::frames::{Frames, Loss, Lost, Piece};
+use super::packed::Packed;
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
-use super::{FileError, Limits, summary};
+use super::summary::{self, Definitions, Ending};
+use super::{FileError, Limits};
 use crate::ingest::LogReject;
 use crate::progress::Progress;
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
+/// Blocks of one batch: each keeps a decompressor.
+const MOST_BLOCKS: usize = 64;
+
 /// What wants a log's messages. `message` is called from many threads, everything else from one.
 pub trait Visitor: Sync {
     /// What it keeps for each channel.
@@ -61,15 +66,11 @@ where
     V::Part: Send,
     E: From<FileError>,
 {
-    let at_fault = |source| FileError::Io {
-        file: name.to_owned(),
-        source,
-    };
-    let file = File::open(path).map_err(at_fault)?;
-    let mut source = Source::new(file).map_err(at_fault)?;
+    let (mut source, packed) = Source::open(path, name, limits, progress)?;
     let mut account = Account {
         file: name.to_owned(),
         bytes: source.length(),
+        packed,
         ..Account::default()
     };
     let start = read_header(&mut source, &mut account)?;
@@ -87,11 +88,15 @@ where
         progress,
         told: 0,
         summary: None,
+        metadata: Metadata::default(),
     };
     scan.run()?;
+    scan.judge_end()?;
     let channels = scan.registry.channels().cloned().collect();
+    let metadata = scan.metadata.entries;
     let mut account = scan.account;
     account.channels = channels;
+    account.metadata = metadata;
     progress.end();
     Ok(account)
 }
@@ -143,8 +148,9 @@ struct Scan<'a, V: Visitor> {
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
-    /// The summary's records, once they were needed.
-    summary: Option<Vec<u8>>,
+    /// What the summary defines, once it was needed.
+    summary: Option<Definitions>,
+    metadata: Metadata,
 }
 
 impl<V, E> Scan<'_, V>
@@ -198,7 +204,8 @@ where
         if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
             return Ok(());
         }
-        let found = self.checksum(data_end)?;
+        let found = self.frames.source().checksum(0..data_end);
+        let found = found.map_err(|source| self.io(source))?;
         if found != stated {
             let reject = LogReject {
                 file: self.account.file.clone(),
@@ -206,7 +213,7 @@ where
                 byte_start: 0,
                 byte_end: data_end,
                 time_span_ns: None,
-                messages: Some(0),
+                messages: None,
                 reason: format!(
                     "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
                      in messages outside chunks it cannot be told which; they were kept"
@@ -215,21 +222,6 @@ where
             self.account.reject(reject);
         }
         Ok(())
-    }
-
-    fn checksum(&mut self, end: u64) -> Result<u32, E> {
-        let mut hasher = crc32fast::Hasher::new();
-        let mut at = 0;
-        let mut bytes = Vec::new();
-        while at < end {
-            bytes.clear();
-            let count = RUN_BYTES.min(end - at);
-            let read = self.frames.source().append(at, count, &mut bytes);
-            read.map_err(|source| self.io(source))?;
-            hasher.update(&bytes);
-            at += count;
-        }
-        Ok(hasher.finalize())
     }
 
     fn take(&mut self, piece: Piece) -> Result<(), E> {
@@ -296,12 +288,16 @@ where
         let block = &mut self.batch[self.filled];
         block.stored.clear();
         let (start, length) = (extent.start, extent.end - extent.start);
-        let read = self
-            .frames
-            .source()
-            .append(start, length, &mut block.stored);
+        // A chunk above the limit is refused by its header, and never read.
+        let chunk = extent.chunk.as_ref();
+        let fits = chunk.is_none_or(|chunk| chunk::within(chunk, self.limits.chunk_bytes).is_ok());
         block.extent = extent;
         self.filled += 1;
+        if !fits {
+            return Ok(());
+        }
+        let stored = &mut block.stored;
+        let read = self.frames.source().append(start, length, stored);
         read.map_err(|source| self.io(source))
     }
 
@@ -319,13 +315,27 @@ where
                 self.define(&mut block)?;
             }
             settle(&mut block, self.visitor, &mut self.account);
+            self.keep(&mut block);
             self.batch[place] = block;
         }
         self.progress.advance(self.frames.at() - self.told);
         self.told = self.frames.at();
         self.filled = 0;
-        self.blocks_at_once = (self.blocks_at_once * 2).min(1024);
+        self.blocks_at_once = (self.blocks_at_once * 2).min(MOST_BLOCKS);
+        self.let_go();
         Ok(())
+    }
+
+    /// Gives buffers back where all blocks together keep more than a batch may hold.
+    fn let_go(&mut self) {
+        let mut kept = 0;
+        for block in &mut self.batch {
+            kept += block.kept();
+            if kept > self.limits.batch_bytes {
+                kept -= block.kept();
+                *block = Block::default();
+            }
+        }
     }
 
     /// Takes in what the block defines and, where that does not suffice because a definition was lost, what the
@@ -336,17 +346,11 @@ where
         if unknown.is_empty() {
             return Ok(());
         }
-        if self.summary.is_none() {
-            let limit = self.limits.record_bytes;
-            let read =
-                summary::read(self.frames.source(), limit).map_err(|source| self.io(source))?;
-            self.summary = Some(read);
-        }
-        let summary = self.summary.as_deref().unwrap_or_default();
-        for (channel, schema) in unknown
-            .iter()
-            .filter_map(|&id| summary::definition(summary, id))
-        {
+        let summary = match self.summary.take() {
+            Some(summary) => summary,
+            None => Definitions::read(self.frames.source()).map_err(|source| self.io(source))?,
+        };
+        for (channel, schema) in unknown.iter().filter_map(|&id| summary.of(id)) {
             if schema.is_some_and(|schema| self.registry.add_schema(&schema).is_err()) {
                 continue;
             }
@@ -356,7 +360,83 @@ where
             })?;
             debug_assert!(added != Err(Refused::Redefined), "unknown until now");
         }
+        self.summary = Some(summary);
         block.define(self.visitor, &mut self.registry)
+    }
+
+    /// Keeps the block's metadata records, if there is room for them.
+    fn keep(&mut self, block: &mut Block<V::Part>) {
+        let later = std::mem::take(&mut block.metadata);
+        if !self.metadata.append(later) {
+            let fault = BlockFault::TooMuchMetadata.to_string();
+            let place = (block.extent.start, block.extent.end);
+            self.note(place, fault);
+        }
+    }
+
+    /// Tells of bytes without messages.
+    fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
+        let file = self.account.file.clone();
+        self.account.reject(LogReject {
+            file,
+            topic: None,
+            byte_start,
+            byte_end,
+            time_span_ns: None,
+            messages: Some(0),
+            reason,
+        });
+    }
+
+    /// How the log ends: a summary that is damaged or cut off costs no message here, but other readers need it.
+    fn judge_end(&mut self) -> Result<(), E> {
+        let ending = summary::ending(self.frames.source()).map_err(|source| self.io(source))?;
+        self.account.ending = ending.0;
+        let end = self.account.bytes;
+        let data_end = self.frames.data_end();
+        match (data_end, ending.0) {
+            (Some(from), Ending::Cut) => self.note((from, end), AFTER_DATA_CUT.to_owned()),
+            (Some(from), Ending::Damaged) => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
+            _ => {}
+        }
+        self.account_for_packing();
+        Ok(())
+    }
+
+    /// What could not be decompressed lies behind everything else; how much it is cannot be known, but a byte of the
+    /// compressed file stands for one at least.
+    fn account_for_packing(&mut self) {
+        let Some(
+            packed @ Packed {
+                fault: Some(fault), ..
+            },
+        ) = &self.account.packed
+        else {
+            return;
+        };
+        let (bytes, lost) = (self.account.bytes, packed.bytes.saturating_sub(fault.at));
+        let (start, reach) = if fault.anywhere {
+            (
+                0,
+                "the damage is somewhere before it; what was decompressed was kept",
+            )
+        } else {
+            (bytes, "what follows cannot be decompressed")
+        };
+        let reject = LogReject {
+            file: self.account.file.clone(),
+            topic: None,
+            byte_start: start,
+            byte_end: bytes.saturating_add(lost),
+            time_span_ns: None,
+            messages: None,
+            reason: format!(
+                "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
+                fault.at, packed.bytes, fault.why
+            ),
+        };
+        self.account.bytes = bytes.saturating_add(lost);
+        self.account.reject(reject);
     }
 
     fn lose(&mut self, lost: &Lost) {
@@ -380,13 +460,17 @@ where
     }
 }
 
+const AFTER_DATA_CUT: &str = "the file ends behind its data, without the closing mark: it was cut, or its recorder was \
+     stopped hard; no message is lost, but readers that need the summary will refuse it";
+const SUMMARY_DAMAGED: &str =
+    "the summary at the end is damaged: no message is lost, but readers that need it may fail";
+
 /// Bytes that a block may occupy while it is worked on.
 fn weight(extent: &Extent, limits: Limits) -> u64 {
-    let unpacked = extent
-        .chunk
-        .as_ref()
-        .map_or(0, |chunk| chunk.uncompressed_size.min(limits.chunk_bytes));
-    (extent.end - extent.start).saturating_add(unpacked)
+    match &extent.chunk {
+        None => extent.end - extent.start,
+        Some(chunk) => chunk.needs().min(limits.chunk_bytes),
+    }
 }
 
 /// Merges a block that was walked, accounts for one that was not.
@@ -423,7 +507,6 @@ fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut
         account.count(chunk.as_ref(), block.messages);
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }
-    account.metadata.append(&mut block.metadata);
     for reject in rejects {
         account.reject(reject);
     }

@@ -58,7 +58,7 @@ impl<'m> Streams<'m> {
     /// Nothing read yet.
     pub fn new(file: &str, wanted: Vec<Wanted>, mapping: &'m Mapping) -> Self {
         let origins = |stream| Origins {
-            file: file.to_owned(),
+            files: vec![file.to_owned()],
             topic: wanted
                 .iter()
                 .find(|w| w.stream == stream)
@@ -91,11 +91,9 @@ impl<'m> Streams<'m> {
         }
     }
 
-    /// The first wanted topic that the file does not have.
-    pub fn missing_topic(&self) -> Option<&Wanted> {
-        self.wanted
-            .iter()
-            .find(|wanted| !self.met.contains(&wanted.stream))
+    /// Whether the file has the stream's topic.
+    pub fn has(&self, stream: Stream) -> bool {
+        self.met.contains(&stream)
     }
 
     fn reader(
@@ -247,6 +245,7 @@ fn note(origins: &mut Origins, rows: usize, extent: &Extent) {
     if origins.blocks.last().map_or(0, |origin| origin.rows_end) < rows {
         origins.blocks.push(Origin {
             rows_end: rows,
+            file: 0,
             byte_start: extent.start,
             byte_end: extent.end,
         });

@@ -233,6 +233,7 @@ fn limits(limits: &Limits) -> Check {
         ("[limits] record_bytes", limits.record_bytes),
         ("[limits] chunk_bytes", limits.chunk_bytes),
         ("[limits] batch_bytes", limits.batch_bytes),
+        ("[limits] unpacked_bytes", limits.unpacked_bytes),
     ] {
         wrong_unless(bytes > 0, key, bytes, "above 0")?;
     }
