@@ -1,6 +1,7 @@
 //! Logs in, recordings out: on real recordings, on logs built here, and on logs that were damaged on purpose.
 
 mod build;
+mod conformance;
 mod damage;
 mod files;
 mod inspect;
