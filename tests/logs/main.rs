@@ -5,6 +5,7 @@ mod conformance;
 mod damage;
 mod files;
 mod inspect;
+mod mutator;
 mod raw;
 mod recordings;
 mod sound;

@@ -171,8 +171,13 @@ where
                     }),
                     run,
                 ) => {
-                    let grown = Run::grown(run, start, end, is_message);
-                    self.unless_full(grown)?
+                    // An attachment or an index between two records is stepped over, and ends a run.
+                    let (own, before) = match run {
+                        Some(run) if run.end == start => (Some(run), None),
+                        run => (None, run),
+                    };
+                    before.map_or(Ok(()), |run| self.add_run(&run))?;
+                    self.unless_full(Run::grown(own, start, end, is_message))?
                 }
                 (Some(Piece::Lost(mut lost)), Some(mut run)) => {
                     run.yield_to(&mut lost);
