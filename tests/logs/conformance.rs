@@ -346,6 +346,16 @@ fn variants() -> Vec<Variant> {
         .collect()
 }
 
+/// The smallest and the largest file of each content.
+pub fn samples() -> Vec<Vec<u8>> {
+    let most = |content: Content| content.features().len();
+    let variants = variants();
+    let ends = variants
+        .iter()
+        .filter(|v| v.features.is_empty() || v.features.len() == most(v.content));
+    ends.map(Variant::build).collect()
+}
+
 /// Everything that the reader lends, in the order of the file.
 #[derive(Debug, Default, PartialEq)]
 struct Everything {

@@ -4,6 +4,7 @@ mod build;
 mod conformance;
 mod damage;
 mod files;
+mod fuzz;
 mod inspect;
 mod mutator;
 mod raw;

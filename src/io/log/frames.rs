@@ -204,7 +204,7 @@ impl<'s> Frames<'s> {
                 self.ended = true;
                 None
             }
-            // Attachments, and the summary of a log whose data end record is lost, carry no messages.
+            // An attachment.
             _ => None,
         })
     }
@@ -232,7 +232,7 @@ impl<'s> Frames<'s> {
                 Loss::Framing(start)
             }));
         };
-        let why = if opcode > op::DATA_END {
+        let why = if opcode > op::DATA_END || belongs_to_summary(opcode) {
             Loss::Opcode(opcode)
         } else if opcode != op::ATTACHMENT && length > self.limits.record_bytes {
             Loss::TooLong(self.limits.record_bytes)
@@ -262,12 +262,32 @@ impl<'s> Frames<'s> {
             op::DATA_END => {
                 extends(4, length) && self.summary_follows(start + FRAME_HEADER + length)?
             }
-            op::SUMMARY_OFFSET => extends(17, length),
-            op::METADATA_INDEX => metadata_index_fits(body, length),
             // Only the closing magic bytes follow a footer.
             op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
-            _ => true,
+            _ => self.adds_up(Part::of(opcode), start + FRAME_HEADER, length)?,
         })
+    }
+
+    /// Whether the parts of a body, by the counts in it, are as long as the body.
+    fn adds_up(&mut self, parts: &[Part], body: u64, length: u64) -> io::Result<bool> {
+        let mut fields = 0_u64;
+        for part in parts {
+            let (width, counted) = match *part {
+                Part::Fixed(width) => (width, false),
+                Part::Counted(width) => (width, true),
+            };
+            let mut count = [0; 8];
+            if counted {
+                let bytes = self.source.probe(body + fields, usize::from(width))?;
+                count[..bytes.len()].copy_from_slice(bytes);
+            }
+            let more = u64::from_le_bytes(count).checked_add(u64::from(width));
+            match more.and_then(|more| fields.checked_add(more)) {
+                Some(sum) if sum <= length => fields = sum,
+                _ => return Ok(false),
+            }
+        }
+        Ok(extends(fields, length))
     }
 
     /// Whether a frame at `start` looks like one at a glance: the end of the file, or a known opcode and a length
@@ -296,15 +316,8 @@ impl<'s> Frames<'s> {
         Ok(match opcode {
             None => true,
             Some(opcode) => {
-                matches!(
-                    opcode,
-                    op::SCHEMA
-                        | op::CHANNEL
-                        | op::FOOTER
-                        | op::CHUNK_INDEX
-                        | op::ATTACHMENT_INDEX
-                        | op::STATISTICS
-                ) || matches!(opcode, op::METADATA_INDEX | op::SUMMARY_OFFSET)
+                matches!(opcode, op::SCHEMA | op::CHANNEL | op::FOOTER)
+                    || belongs_to_summary(opcode)
             }
         })
     }
@@ -414,9 +427,39 @@ const fn lost(start: u64, end: u64, why: Loss) -> Piece {
     })
 }
 
-fn metadata_index_fits(body: &[u8], length: u64) -> bool {
-    let name_length = body.get(16..20).and_then(|bytes| bytes.first_chunk::<4>());
-    name_length.is_some_and(|bytes| extends(u64::from(u32::from_le_bytes(*bytes)) + 20, length))
+/// Records that only a summary has; in the data section they are something else with a damaged opcode.
+const fn belongs_to_summary(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::CHUNK_INDEX
+            | op::ATTACHMENT_INDEX
+            | op::STATISTICS
+            | op::METADATA_INDEX
+            | op::SUMMARY_OFFSET
+    )
+}
+
+/// Parts of a record's body, as far as its length follows from them.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// So many bytes.
+    Fixed(u8),
+    /// A count in so many bytes, and as many bytes as it says.
+    Counted(u8),
+}
+
+impl Part {
+    /// Of the records whose parts say how long they are, by the specification.
+    const fn of(opcode: u8) -> &'static [Self] {
+        use Part::{Counted, Fixed};
+        match opcode {
+            op::SCHEMA => &[Fixed(2), Counted(4), Counted(4), Counted(4)],
+            op::CHANNEL => &[Fixed(4), Counted(4), Counted(4), Counted(4)],
+            op::ATTACHMENT => &[Fixed(16), Counted(4), Counted(4), Counted(8), Fixed(4)],
+            op::METADATA => &[Counted(4), Counted(4)],
+            _ => &[],
+        }
+    }
 }
 
 /// The body of each record in a sound run of frames, with its place.

@@ -141,7 +141,7 @@ pub fn fields(bytes: &[u8], range: Range<usize>) -> Vec<Field> {
             usize::try_from(value).expect("a sound log")
         };
         add("opcode".to_owned(), at, 1);
-        let length = add("length".to_owned(), at + 1, 8);
+        let length = add("record length".to_owned(), at + 1, 8);
         let mut place = at + 9;
         for part in layout(opcode) {
             match *part {
@@ -266,7 +266,13 @@ impl Log {
     /// Four joint states in a chunk, with their index; returns the chunk's index.
     fn chunk(&mut self, first: u32, packing: Packing) -> Vec<u8> {
         let start = self.bytes.len();
-        let mut records = definitions().concat();
+        // Repeated in one chunk, as recorders do, which has to contradict nothing.
+        let repeated = if packing == Packing::None {
+            definitions()
+        } else {
+            Vec::new()
+        };
+        let mut records = repeated.concat();
         let mut entries = Vec::new();
         for i in first..first + 4 {
             entries.push((
