@@ -105,6 +105,11 @@ pub struct LogReject {
 }
 
 impl LogReject {
+    /// Whether bytes of the file are lost: not messages of a known topic, and not bytes without messages.
+    pub fn is_damage(&self) -> bool {
+        self.topic.is_none() && self.messages != Some(0)
+    }
+
     /// Counts one more message, logged at `time_ns`.
     pub fn widen(&mut self, time_ns: i64) {
         let (first, last) = self.time_span_ns.unwrap_or((time_ns, time_ns));

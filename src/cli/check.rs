@@ -68,6 +68,20 @@ fn described(plan: &Plan) -> String {
             100.0 * tolerance.confidence
         ),
     );
+    line(
+        "damage",
+        &format!(
+            "a session has no result when a log lost more than {} % of its bytes",
+            100.0 * plan.max_lost_share
+        ),
+    );
+    line(
+        "rejects",
+        &format!(
+            "exit code 3 when more than {} % of a topic's messages cannot be used",
+            100.0 * plan.max_rejected_share
+        ),
+    );
     line("tables", &near(&plan.lake).display().to_string());
     text += "\n";
     text += &work(plan);

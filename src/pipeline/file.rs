@@ -120,6 +120,9 @@ pub struct InputSection {
     /// Share of a log's bytes that may be lost to damage before its session fails.
     #[serde(default = "max_lost_share")]
     pub max_lost_share: f64,
+    /// Share of a topic's messages that may be rejected before a result does not count as good.
+    #[serde(default = "max_rejected_share")]
+    pub max_rejected_share: f64,
 }
 
 /// The files that one side of a session was recorded into, in any order: they are ordered by the times in them.
@@ -274,6 +277,11 @@ fn tracker_log() -> LogNames {
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.
 const fn max_lost_share() -> f64 {
     0.01
+}
+
+/// Where one message in twenty cannot be used, something is wrong with the cell or with the pipeline file.
+const fn max_rejected_share() -> f64 {
+    0.05
 }
 
 impl TryFrom<CommandedKeys> for CommandedSection {

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 use thiserror::Error;
 
+use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
@@ -37,10 +38,19 @@ pub struct Done {
     pub already_there: bool,
     /// Whether the tolerance is met.
     pub verdict: Verdict,
+    /// Topics of which more was rejected than the pipeline file allows, in words.
+    pub rejected: Vec<String>,
     /// What came out, line by line.
     pub words: Vec<String>,
     /// Where its tables are.
     pub tables: PathBuf,
+}
+
+impl Done {
+    /// Whether the tolerance is met, and no more was rejected than allowed.
+    pub fn is_good(&self) -> bool {
+        self.verdict == Verdict::Meets && self.rejected.is_empty()
+    }
 }
 
 /// Why a piece of work has no result.
@@ -74,18 +84,12 @@ pub enum RunError {
         session: String,
     },
     /// More of a log was lost than the pipeline file allows.
-    #[error(
-        "session {session}: {lost} of {bytes} bytes were lost to damage, more than max_lost_share = {allowed} allows; `posegrid inspect` shows where"
-    )]
+    #[error("session {session}: {0}", damage)]
     Damaged {
         /// The session.
         session: String,
-        /// Bytes lost.
-        lost: u64,
-        /// Bytes in all.
-        bytes: u64,
-        /// Share allowed.
-        allowed: f64,
+        /// What was lost.
+        damage: DamageError,
     },
     /// The logs cannot be joined.
     #[error("session {session}: join: {source}")]
@@ -117,7 +121,7 @@ pub fn run_piece(
     let key = work.key();
     let lake = Lake::new(&plan.lake);
     if lake.exists(&key)? {
-        return already_there(&lake, &key);
+        return already_there(plan, &lake, &key);
     }
     let mut joined =
         |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
@@ -139,6 +143,7 @@ pub fn run_piece(
         run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.grids.choice.verdict.clone(),
+        rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm),
         tables: plan.lake.clone(),
     })
@@ -236,7 +241,7 @@ fn robot_name(
 }
 
 /// What the lake says of a run that it has.
-fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
+fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
     let row = lake.read("runs", key)?;
     let text = |column: &str| {
         row.text(column)
@@ -256,6 +261,7 @@ fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
         run: key.run.clone(),
         already_there: true,
         verdict,
+        rejected: rejected(plan, lake, key)?,
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
@@ -266,26 +272,24 @@ fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
 
 fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Recording, RunError> {
     let recording = read_session(&files.logs, &plan.mapping, plan.limits, progress)?;
-    let bytes: u64 = recording
-        .counts
-        .iter()
-        .filter(|(key, _)| key.rsplit('.').next() == Some("bytes"))
-        .map(|(_, count)| count)
-        .sum();
-    let lost: u64 = recording
-        .rejects
-        .iter()
-        .map(|reject| reject.byte_end.saturating_sub(reject.byte_start))
-        .sum();
-    if lost as f64 > plan.max_lost_share * bytes as f64 {
-        return Err(RunError::Damaged {
-            session: files.name.clone(),
-            lost,
-            bytes,
-            allowed: plan.max_lost_share,
-        });
-    }
+    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
+        session: files.name.clone(),
+        damage,
+    })?;
     Ok(recording)
+}
+
+/// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
+fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunError> {
+    let row = lake.read("runs", key)?;
+    let counts = row
+        .text("counts")
+        .iter()
+        .flatten()
+        .next()
+        .unwrap_or("[]")
+        .to_owned();
+    Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
 }
 
 fn joined(
@@ -383,6 +387,7 @@ fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
 fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let mut words = Vec::new();
     for session in outcome.training.iter().chain(&outcome.test) {
+        words.extend(damage::words(&session.name, &session.counts));
         let stations = &session.joined.stations;
         let paired = stations
             .iter()

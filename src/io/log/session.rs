@@ -238,6 +238,7 @@ fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
     };
     count(format!("{role}.files"), 1);
     count(format!("{role}.bytes"), account.bytes);
+    count(format!("{role}.bytes_lost"), account.bytes_lost());
     count(format!("{role}.chunks"), account.chunks.values().sum());
     count(format!("{role}.chunks_unchecked"), account.chunks_unchecked);
     count(format!("{role}.messages"), account.messages);
