@@ -2,7 +2,9 @@
 //!
 //! 1. Read the log as ingest does ([`super::log`]), so damage is what ingest would lose.
 //! 2. Of each message take log time, publish time, sequence and, where its schema has one, the header stamp.
-//! 3. Sum up each channel in the order of the file.
+//! 3. Sum up each channel block by block, in the order of the file; nothing is kept of a message.
+
+mod clock;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,6 +15,11 @@ use crate::io::log::{
 };
 use crate::io::message::{CdrPlan, Value, ros2msg};
 use crate::progress::Progress;
+
+pub use clock::{ClockSummary, Differences};
+
+/// Joint names of a message that are kept, and letters of each: as many as an arm can have.
+const MOST_JOINTS: usize = 64;
 
 /// What is in one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,16 +43,27 @@ pub struct ChannelSummary {
     pub schema_encoding: String,
     /// What the common streams can be made of, if it is one of these.
     pub layout: Option<Layout>,
+    /// Its messages.
+    pub traffic: Traffic,
+}
+
+/// The messages of one channel, or of a part of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Traffic {
     /// Messages.
     pub messages: u64,
+    /// Bytes of them.
+    pub bytes: u64,
     /// Log times.
     pub log: ClockSummary,
     /// Publish times.
     pub publish: ClockSummary,
     /// Header stamps, where messages have them.
     pub header: ClockSummary,
-    /// Smallest and largest log time less header stamp, ns.
-    pub log_less_header_ns: Option<(i64, i64)>,
+    /// Log time less header stamp.
+    pub log_less_header: Differences,
+    /// Log time less publish time.
+    pub log_less_publish: Differences,
     /// Largest sequence number; 0 where the recorder does not count.
     pub last_sequence: u32,
     /// Steps of the sequence number other than one.
@@ -54,83 +72,82 @@ pub struct ChannelSummary {
     pub unreadable: u64,
     /// Joint names of the first message, where they are joint states.
     pub joints: Vec<String>,
-}
-
-/// One clock's times on one channel, ns.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct ClockSummary {
-    /// Times seen.
-    pub count: u64,
-    /// Earliest.
-    pub first: i64,
-    /// Latest.
-    pub last: i64,
-    /// Steps back.
-    pub backward: u64,
-    /// Steps of zero.
-    pub duplicate: u64,
-    /// Largest step forward.
-    pub largest_gap: i64,
-    previous: i64,
-}
-
-impl ClockSummary {
-    fn add(&mut self, time: i64) {
-        if self.count == 0 {
-            (self.first, self.last) = (time, time);
-        } else {
-            let step = time.saturating_sub(self.previous);
-            self.backward += u64::from(step < 0);
-            self.duplicate += u64::from(step == 0);
-            self.largest_gap = self.largest_gap.max(step);
-        }
-        (self.first, self.last) = (self.first.min(time), self.last.max(time));
-        self.previous = time;
-        self.count += 1;
-    }
-
-    /// From the earliest to the latest, s.
-    pub fn span_s(&self) -> f64 {
-        self.last.saturating_sub(self.first) as f64 * 1e-9
-    }
-
-    /// Times per second, where there are at least two moments.
-    pub fn rate_hz(&self) -> Option<f64> {
-        let span = self.span_s();
-        (span > 0.0).then(|| (self.count - 1) as f64 / span)
-    }
+    /// The first and the last sequence number, in the order of the file.
+    sequences: Option<(u32, u32)>,
 }
 
 impl ChannelSummary {
     /// The time source that would suit the channel best.
     pub fn best_time(&self) -> TimeSource {
-        let stamped = self.header.count > 0 && self.header.count == self.messages;
-        if stamped && (self.header.first, self.header.last) != (0, 0) {
+        let Traffic {
+            header, messages, ..
+        } = &self.traffic;
+        let stamped = header.count > 0 && header.count == *messages;
+        if stamped && (header.first, header.last) != (0, 0) {
             TimeSource::Header
         } else {
             TimeSource::Log
         }
     }
+}
 
-    fn add(&mut self, sample: &Sample) {
-        let jump = self.messages > 0
-            && sample.sequence.wrapping_sub(self.last_sequence) != 1
-            && sample.sequence != 0;
-        self.sequence_jumps += u64::from(jump);
-        self.last_sequence = self.last_sequence.max(sample.sequence);
-        self.messages += 1;
-        self.log.add(sample.log);
-        self.publish.add(sample.publish);
-        match sample.header {
-            Header::Stamp(header) => {
+impl Traffic {
+    fn add(&mut self, message: &MessageRecord<'_>, plans: &Plans) {
+        let (log, publish) = (ns(message.log_time), ns(message.publish_time));
+        self.count_sequence(message.sequence, message.sequence);
+        self.last_sequence = self.last_sequence.max(message.sequence);
+        self.bytes += message.payload.len() as u64;
+        self.log.add(log);
+        self.publish.add(publish);
+        self.log_less_publish.add(log.saturating_sub(publish));
+        match plans
+            .stamp
+            .as_ref()
+            .map(|plan| stamp(plan, message.payload))
+        {
+            Some(Some(header)) => {
                 self.header.add(header);
-                let difference = sample.log.saturating_sub(header);
-                let (least, most) = self.log_less_header_ns.unwrap_or((difference, difference));
-                self.log_less_header_ns = Some((least.min(difference), most.max(difference)));
+                self.log_less_header.add(log.saturating_sub(header));
             }
-            Header::None => {}
-            Header::Unreadable => self.unreadable += 1,
+            Some(None) => self.unreadable += 1,
+            None => {}
         }
+        if let (Some(plan), 0) = (&plans.names, self.messages) {
+            self.joints = names(plan, message.payload);
+        }
+        self.messages += 1;
+    }
+
+    /// Takes in what follows in the file.
+    fn append(&mut self, later: Self) {
+        if let Some((first, last)) = later.sequences {
+            self.count_sequence(first, last);
+        }
+        if self.joints.is_empty() {
+            self.joints = later.joints;
+        }
+        self.messages += later.messages;
+        self.bytes += later.bytes;
+        self.log.append(&later.log);
+        self.publish.append(&later.publish);
+        self.header.append(&later.header);
+        self.log_less_header.append(later.log_less_header);
+        self.log_less_publish.append(later.log_less_publish);
+        self.last_sequence = self.last_sequence.max(later.last_sequence);
+        self.sequence_jumps += later.sequence_jumps;
+        self.unreadable += later.unreadable;
+    }
+
+    fn count_sequence(&mut self, first: u32, last: u32) {
+        let begin = match self.sequences {
+            None => first,
+            Some((begin, previous)) => {
+                let jump = first != 0 && first.wrapping_sub(previous) != 1;
+                self.sequence_jumps += u64::from(jump);
+                begin
+            }
+        };
+        self.sequences = Some((begin, last));
     }
 }
 
@@ -141,45 +158,17 @@ pub fn inspect(
     progress: &dyn Progress,
 ) -> Result<Inspection, FileError> {
     let mut survey = Survey::default();
-    let account = scan(
-        path,
-        &path.display().to_string(),
-        limits,
-        &mut survey,
-        progress,
-    )?;
+    let name = path.display().to_string();
+    let account = scan(path, &name, limits, &mut survey, progress)?;
     let mut channels: Vec<_> = survey.channels.into_values().collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { account, channels })
-}
-
-/// What is taken of one message.
-#[derive(Debug)]
-struct Sample {
-    channel: u16,
-    sequence: u32,
-    log: i64,
-    publish: i64,
-    header: Header,
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Header {
-    None,
-    Stamp(i64),
-    Unreadable,
 }
 
 /// How to take the header stamp, and the joint names, of a channel's messages.
 struct Plans {
     stamp: Option<CdrPlan>,
     names: Option<CdrPlan>,
-}
-
-#[derive(Debug, Default)]
-struct Samples {
-    samples: Vec<Sample>,
-    joints: BTreeMap<u16, Vec<String>>,
 }
 
 #[derive(Default)]
@@ -189,7 +178,7 @@ struct Survey {
 
 impl Visitor for Survey {
     type Decoder = Plans;
-    type Part = Samples;
+    type Part = BTreeMap<u16, Traffic>;
     type Error = FileError;
 
     fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Plans, FileError> {
@@ -212,41 +201,19 @@ impl Visitor for Survey {
         })
     }
 
-    fn message(&self, plans: &Plans, message: &MessageRecord<'_>, part: &mut Samples) {
-        if let Some(plan) = &plans.names {
-            part.joints
-                .entry(message.channel_id)
-                .or_insert_with(|| names(plan, message.payload));
-        }
-        part.samples.push(Sample {
-            channel: message.channel_id,
-            sequence: message.sequence,
-            log: ns(message.log_time),
-            publish: ns(message.publish_time),
-            header: plans
-                .stamp
-                .as_ref()
-                .map_or(Header::None, |plan| header(plan, message.payload)),
-        });
+    fn message(&self, plans: &Plans, message: &MessageRecord<'_>, part: &mut Self::Part) {
+        let traffic = part.entry(message.channel_id).or_default();
+        traffic.add(message, plans);
     }
 
-    fn clear(&self, part: &mut Samples) {
-        part.samples.clear();
-        part.joints.clear();
+    fn clear(&self, part: &mut Self::Part) {
+        part.clear();
     }
 
-    fn merge(&mut self, _: &Extent, part: &mut Samples, _: &mut Vec<LogReject>) {
-        for sample in part.samples.drain(..) {
-            self.channels
-                .get_mut(&sample.channel)
-                .expect("met before its messages")
-                .add(&sample);
-        }
-        for (id, names) in std::mem::take(&mut part.joints) {
+    fn merge(&mut self, _: &Extent, part: &mut Self::Part, _: &mut Vec<LogReject>) {
+        for (id, traffic) in std::mem::take(part) {
             let channel = self.channels.get_mut(&id).expect("met before its messages");
-            if channel.joints.is_empty() {
-                channel.joints = names;
-            }
+            channel.traffic.append(traffic);
         }
     }
 }
@@ -260,27 +227,16 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
             .map(|schema| schema.encoding.clone())
             .unwrap_or_default(),
         layout: schema.and_then(|schema| Layout::of_type(&schema.name)),
-        messages: 0,
-        log: ClockSummary::default(),
-        publish: ClockSummary::default(),
-        header: ClockSummary::default(),
-        log_less_header_ns: None,
-        last_sequence: 0,
-        sequence_jumps: 0,
-        unreadable: 0,
-        joints: Vec::new(),
+        traffic: Traffic::default(),
     }
 }
 
-fn header(plan: &CdrPlan, payload: &[u8]) -> Header {
+/// The header stamp of a message, ns; `None` where its schema does not fit it.
+fn stamp(plan: &CdrPlan, payload: &[u8]) -> Option<i64> {
     let mut values = [Value::Unread; 2];
-    let read = plan.read(payload, &mut values);
-    match (read, values[0].integer(), values[1].integer()) {
-        (Ok(()), Some(sec), Some(nanosec)) => {
-            Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
-        }
-        _ => Header::Unreadable,
-    }
+    plan.read(payload, &mut values).ok()?;
+    let (sec, nanosec) = (values[0].integer()?, values[1].integer()?);
+    Some(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
 }
 
 fn names(plan: &CdrPlan, payload: &[u8]) -> Vec<String> {
@@ -288,7 +244,8 @@ fn names(plan: &CdrPlan, payload: &[u8]) -> Vec<String> {
     match (plan.read(payload, &mut values), values[0]) {
         (Ok(()), Value::Texts(names)) => names
             .iter()
-            .map(|name| String::from_utf8_lossy(name).into_owned())
+            .take(MOST_JOINTS)
+            .map(|name| String::from_utf8_lossy(&name[..name.len().min(MOST_JOINTS)]).into_owned())
             .collect(),
         _ => Vec::new(),
     }

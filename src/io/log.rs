@@ -12,6 +12,7 @@
 mod account;
 mod block;
 mod chunk;
+mod foreign;
 mod frames;
 mod packed;
 mod record;
@@ -119,7 +120,7 @@ pub enum FileError {
     /// Something else.
     #[error(
         "{file}: not an MCAP log: it begins with {start:02x?} instead of 89 4d 43 41 50 30 0d 0a{}",
-        what_it_is(start)
+        foreign::what_it_is(start)
     )]
     NotMcap {
         /// The file.
@@ -203,20 +204,6 @@ pub struct Unsuitable {
     pub schema_encoding: String,
     /// What could be read.
     pub suitable: &'static str,
-}
-
-/// Guesses what a file is that is no MCAP log.
-fn what_it_is(start: &[u8]) -> &'static str {
-    match start {
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => " (a zstd file: decompress it first)",
-        [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => {
-            " (a ROS 1 bag: convert it with `mcap convert`)"
-        }
-        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
-            " (a rosbag2 SQLite file: convert it with `ros2 bag convert`)"
-        }
-        _ => "",
-    }
 }
 
 /// Reads the two logs of a session; both may be the same file.

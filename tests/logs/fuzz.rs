@@ -202,7 +202,11 @@ fn read_log(path: &Path) -> String {
     match inspect(path, LIMITS, &Quiet) {
         Err(error) => outcome += &error.to_string(),
         Ok(found) => {
-            let counted: u64 = found.channels.iter().map(|channel| channel.messages).sum();
+            let counted: u64 = found
+                .channels
+                .iter()
+                .map(|channel| channel.traffic.messages)
+                .sum();
             assert!(counted <= found.account.messages);
             for reject in &found.account.rejects {
                 assert!(reject.byte_start <= reject.byte_end, "{reject:?}");

@@ -180,7 +180,11 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
     let seen = inspect(&path, LIMITS, &Quiet);
     let recording = read_recording(&path, &path, &mapping(), LIMITS, &Quiet)?;
     let seen = seen.unwrap_or_else(|error| panic!("{what}: {error}"));
-    let counted: u64 = seen.channels.iter().map(|channel| channel.messages).sum();
+    let counted: u64 = seen
+        .channels
+        .iter()
+        .map(|channel| channel.traffic.messages)
+        .sum();
     let unknown: u64 = seen
         .account
         .rejects
