@@ -178,15 +178,13 @@ fn fuzz(name: &str, seeds: Vec<Vec<u8>>, change: Change, target: impl Fn(&[u8]) 
 
 /// Tries an input; if that panics, keeps it.
 fn tried(name: &str, input: &[u8], target: &impl Fn(&[u8]) -> String) -> String {
-    match panic::catch_unwind(AssertUnwindSafe(|| target(input))) {
-        Ok(outcome) => without_numbers(&outcome),
-        Err(_) => {
-            let file = format!("posegrid-fuzz-{name}-{}", std::process::id());
-            let path = std::env::temp_dir().join(file);
-            fs::write(&path, input).expect("room for the input that fails");
-            panic!("{name}: fails on {}", path.display());
-        }
+    if let Ok(outcome) = panic::catch_unwind(AssertUnwindSafe(|| target(input))) {
+        return without_numbers(&outcome);
     }
+    let file = format!("posegrid-fuzz-{name}-{}", std::process::id());
+    let path = std::env::temp_dir().join(file);
+    fs::write(&path, input).expect("room for the input that fails");
+    panic!("{name}: fails on {}", path.display());
 }
 
 /// Outcomes that differ in numbers or names only are one.

@@ -105,7 +105,9 @@ mod tests {
         let times = [10, 20, 20, 15, 60, 61, 5];
         let of = |times: &[i64]| {
             let mut clock = ClockSummary::default();
-            times.iter().for_each(|&time| clock.add(time));
+            for &time in times {
+                clock.add(time);
+            }
             clock
         };
         let whole = of(&times);

@@ -307,7 +307,7 @@ impl Metadata {
     }
 
     /// Moves the entries of `later` behind its own; tells whether there was room for all.
-    pub fn append(&mut self, later: Self) -> bool {
+    pub fn append(&mut self, later: &Self) -> bool {
         let mut entries = later.entries.iter();
         entries.all(|(name, key, value)| self.push(name, key, value))
     }

@@ -64,7 +64,8 @@ impl<'a> Fields<'a> {
         let fields = Fields::new(self.bytes()?);
         let mut rest = fields.clone();
         while !rest.rest.is_empty() {
-            (rest.text()?, rest.text()?);
+            rest.text()?;
+            rest.text()?;
         }
         Some(TextMap { fields })
     }

@@ -372,7 +372,7 @@ where
     /// Keeps the block's metadata records, if there is room for them.
     fn keep(&mut self, block: &mut Block<V::Part>) {
         let later = std::mem::take(&mut block.metadata);
-        if !self.metadata.append(later) {
+        if !self.metadata.append(&later) {
             let fault = BlockFault::TooMuchMetadata.to_string();
             let place = (block.extent.start, block.extent.end);
             self.note(place, fault);

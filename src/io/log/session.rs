@@ -45,17 +45,15 @@ impl SessionLogs {
         ] {
             for path in paths {
                 let real = path.canonicalize().unwrap_or_else(|_| path.clone());
-                match files.iter_mut().find(|file| file.real == real) {
-                    Some(file) => file.sides.insert(side),
-                    None => {
-                        files.push(LogFile {
-                            path: path.clone(),
-                            real,
-                            sides: BTreeSet::from([side]),
-                        });
-                        true
-                    }
-                };
+                if let Some(file) = files.iter_mut().find(|file| file.real == real) {
+                    file.sides.insert(side);
+                } else {
+                    files.push(LogFile {
+                        path: path.clone(),
+                        real,
+                        sides: BTreeSet::from([side]),
+                    });
+                }
             }
         }
         files

@@ -373,7 +373,7 @@ pub fn large(log: &Log) -> Vec<(&'static str, Vec<u8>)> {
         [before, &records, after].concat()
     };
     let schemas =
-        (10..500).map(|id| raw::schema(id, "t", "ros2msg", &[b'#'; 65_536]).record(op::SCHEMA));
+        (10..500).map(|id| raw::schema(id, "t", "ros2msg", &vec![b'#'; 65_536]).record(op::SCHEMA));
     let unknown = (1000..u16::MAX).map(message);
     let name = "n".repeat(1 << 20);
     let pairs = vec![("", ""); 100_000];
