@@ -16,8 +16,9 @@ use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
 pub use settings::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
-    TrackerSettings,
+    AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
+    Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,
+    WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
 
@@ -96,12 +97,37 @@ pub struct LogReject {
     pub byte_start: u64,
     /// One past its last byte.
     pub byte_end: u64,
-    /// First and last log time lost, ns of the log's clock, where known.
+    /// First and last moment lost, ns, where known.
     pub time_span_ns: Option<(i64, i64)>,
+    /// The clock of these moments.
+    pub clock: SpanClock,
     /// How many messages were lost, where known.
     pub messages: Option<u64>,
     /// Why, in words.
     pub reason: String,
+}
+
+/// Which clock a time span is in.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SpanClock {
+    /// The recorder's: log times.
+    #[default]
+    Log,
+    /// The time source that the pipeline file names for the controller.
+    Controller,
+    /// The time source that it names for the tracker.
+    Tracker,
+}
+
+impl SpanClock {
+    /// As the tables call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Log => "log",
+            Self::Controller => "controller",
+            Self::Tracker => "tracker",
+        }
+    }
 }
 
 impl LogReject {
@@ -219,7 +245,8 @@ fn joints(
     mapping: &Mapping,
     recording: &mut Recording,
 ) -> Result<JointSamples, IngestError> {
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = SpanClock::Controller;
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         let finite = decoded.angles.iter().all(|column| column[row].is_finite());
         (!finite).then_some(RowFault::Angle)
     });
@@ -251,7 +278,11 @@ fn poses(
     if ignore_orientation {
         decoded.orientations = None;
     }
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = match stream {
+        "commands" => SpanClock::Controller,
+        _ => SpanClock::Tracker,
+    };
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         pose_fault(&decoded, row)
     });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
@@ -336,7 +367,8 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
 }
 
 fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = SpanClock::Tracker;
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         (!decoded.celsius[row].is_finite()).then_some(RowFault::Temperature)
     });
     let samples = TemperatureSamples {

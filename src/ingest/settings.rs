@@ -1,6 +1,9 @@
 //! What the pipeline file says of the two logs: topics, clocks, units.
 //!
-//! Units and time sources are conventions that a log does not state, so they have no default.
+//! Units and time sources are conventions that a log does not state, so they have no default. The common message types
+//! need no more; for any other, `fields` names where in a message things are.
+
+mod fields;
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -9,6 +12,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::units::MM_PER_M;
+
+pub use fields::{
+    AngleFields, JointFields, NumberStamp, PoseFields, StampField, TimeUnit, WrongFields,
+};
 
 /// `[controller]`: joint angles.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,6 +27,9 @@ pub struct ControllerSettings {
     pub time: TimeSource,
     /// Unit of the joint angles.
     pub unit: AngleUnit,
+    /// Where a message has them, unless its type is a common one.
+    #[serde(skip_serializing_if = "JointFields::is_empty")]
+    pub fields: JointFields,
 }
 
 /// `[commanded]`: commanded poses, in the controller's log.
@@ -32,6 +42,12 @@ pub struct CommandedSettings {
     pub time: TimeSource,
     /// Unit of the positions.
     pub unit: LengthUnit,
+    /// Where a message has them, unless its type is a common one.
+    #[serde(skip_serializing_if = "PoseFields::is_empty")]
+    pub fields: PoseFields,
+    /// The frame that messages must name to be used; others are left out. Absent: none is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
 }
 
 /// `[tracker]`: readings of the target, in the tracker's log.
@@ -48,13 +64,20 @@ pub struct TrackerSettings {
     pub temperature: Option<String>,
     /// Leave orientations out: a plain reflector whose driver fills in a pose message all the same.
     pub ignore_orientation: bool,
+    /// Where a message has them, unless its type is a common one.
+    #[serde(skip_serializing_if = "PoseFields::is_empty")]
+    pub fields: PoseFields,
+    /// The frame that messages must name to be used; others are left out. Absent: none is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
 }
 
 /// Which of a message's three times is its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TimeSource {
-    /// `header.stamp` of the message: when it was measured, in the instrument's clock.
+    /// The message's own stamp (`header.stamp`, `timestamp`, or what `fields` names): when it was measured, in the
+    /// instrument's clock.
     Header,
     /// When it was published, in the publisher's clock.
     Publish,
@@ -122,6 +145,8 @@ struct ControllerFile {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<AngleUnit>,
+    #[serde(default)]
+    fields: JointFields,
 }
 
 /// `[commanded]` as it stands in the file.
@@ -131,6 +156,9 @@ pub(crate) struct CommandedFile {
     pub(crate) topic: String,
     pub(crate) time: Option<TimeSource>,
     pub(crate) unit: Option<LengthUnit>,
+    #[serde(default)]
+    pub(crate) fields: PoseFields,
+    pub(crate) frame: Option<String>,
 }
 
 /// `[tracker]` as it stands in the file.
@@ -143,6 +171,9 @@ pub(crate) struct TrackerFile {
     pub(crate) temperature: Option<String>,
     #[serde(default)]
     pub(crate) ignore_orientation: bool,
+    #[serde(default)]
+    pub(crate) fields: PoseFields,
+    pub(crate) frame: Option<String>,
 }
 
 /// A convention that the pipeline file leaves out.
@@ -190,6 +221,7 @@ impl TryFrom<ControllerFile> for ControllerSettings {
             unit: file
                 .unit
                 .ok_or(MissingConvention::new("controller", "unit", ANGLES))?,
+            fields: file.fields,
         })
     }
 }
@@ -205,6 +237,8 @@ impl TryFrom<CommandedFile> for CommandedSettings {
             unit: file
                 .unit
                 .ok_or(MissingConvention::new("commanded", "unit", LENGTHS))?,
+            fields: file.fields,
+            frame: file.frame,
         })
     }
 }
@@ -222,6 +256,8 @@ impl TryFrom<TrackerFile> for TrackerSettings {
                 .ok_or(MissingConvention::new("tracker", "unit", LENGTHS))?,
             temperature: file.temperature,
             ignore_orientation: file.ignore_orientation,
+            fields: file.fields,
+            frame: file.frame,
         })
     }
 }

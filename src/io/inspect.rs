@@ -11,15 +11,18 @@ use std::path::Path;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Layout, Limits, MessageRecord, Schema, Visitor, ns, scan,
+    Account, Channel, Extent, FileError, Glance, Limits, MessageRecord, Schema, Suggestion,
+    Visitor, ns, scan, suggest,
 };
-use crate::io::message::{CdrPlan, Value, ros2msg};
+use crate::io::message::{Plan, Row, Value};
 use crate::progress::Progress;
 
 pub use clock::{ClockSummary, Differences};
 
 /// Joint names of a message that are kept, and letters of each: as many as an arm can have.
 const MOST_JOINTS: usize = 64;
+/// The longest message that is kept to guess what is in it.
+const LONGEST_SAMPLE: usize = 64 * 1024;
 
 /// What is in one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,8 +44,8 @@ pub struct ChannelSummary {
     pub encoding: String,
     /// The language of the schema.
     pub schema_encoding: String,
-    /// What the common streams can be made of, if it is one of these.
-    pub layout: Option<Layout>,
+    /// What could be made of it, if that can be told.
+    pub suggestion: Option<Suggestion>,
     /// Its messages.
     pub traffic: Traffic,
 }
@@ -74,6 +77,8 @@ pub struct Traffic {
     pub joints: Vec<String>,
     /// The first and the last sequence number, in the order of the file.
     sequences: Option<(u32, u32)>,
+    /// The first message, where nothing else tells what is in it.
+    sample: Option<Vec<u8>>,
 }
 
 impl ChannelSummary {
@@ -82,8 +87,10 @@ impl ChannelSummary {
         let Traffic {
             header, messages, ..
         } = &self.traffic;
-        let stamped = header.count > 0 && header.count == *messages;
-        if stamped && (header.first, header.last) != (0, 0) {
+        let suggested = self.suggestion.as_ref().is_some_and(|found| found.stamped);
+        let stamped = header.count == *messages || (header.count == 0 && suggested);
+        let unset = header.count > 0 && (header.first, header.last) == (0, 0);
+        if stamped && !unset {
             TimeSource::Header
         } else {
             TimeSource::Log
@@ -92,7 +99,7 @@ impl ChannelSummary {
 }
 
 impl Traffic {
-    fn add(&mut self, message: &MessageRecord<'_>, plans: &Plans) {
+    fn add(&mut self, message: &MessageRecord<'_>, take: &Take, row: &mut Row) {
         let (log, publish) = (ns(message.log_time), ns(message.publish_time));
         self.count_sequence(message.sequence, message.sequence);
         self.last_sequence = self.last_sequence.max(message.sequence);
@@ -100,20 +107,21 @@ impl Traffic {
         self.log.add(log);
         self.publish.add(publish);
         self.log_less_publish.add(log.saturating_sub(publish));
-        match plans
-            .stamp
-            .as_ref()
-            .map(|plan| stamp(plan, message.payload))
-        {
-            Some(Some(header)) => {
+        let stamp = take.glance.stamp.as_ref();
+        match stamp.map_or(Header::None, |plan| header(plan, message.payload, row)) {
+            Header::Stamp(header) => {
                 self.header.add(header);
                 self.log_less_header.add(log.saturating_sub(header));
             }
-            Some(None) => self.unreadable += 1,
-            None => {}
+            Header::Unreadable => self.unreadable += 1,
+            Header::None => {}
         }
-        if let (Some(plan), 0) = (&plans.names, self.messages) {
-            self.joints = names(plan, message.payload);
+        if self.messages == 0 {
+            let names = take.glance.joint_names.as_ref();
+            self.joints =
+                names.map_or_else(Vec::new, |plan| joint_names(plan, message.payload, row));
+            let sample = take.sample && message.payload.len() <= LONGEST_SAMPLE;
+            self.sample = sample.then(|| message.payload.to_vec());
         }
         self.messages += 1;
     }
@@ -125,6 +133,9 @@ impl Traffic {
         }
         if self.joints.is_empty() {
             self.joints = later.joints;
+        }
+        if self.messages == 0 {
+            self.sample = later.sample;
         }
         self.messages += later.messages;
         self.bytes += later.bytes;
@@ -160,60 +171,84 @@ pub fn inspect(
     let mut survey = Survey::default();
     let name = path.display().to_string();
     let account = scan(path, &name, limits, &mut survey, progress)?;
-    let mut channels: Vec<_> = survey.channels.into_values().collect();
+    let channels = survey.channels.into_values();
+    let mut channels: Vec<_> = channels.map(Surveyed::summed_up).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { account, channels })
 }
 
-/// How to take the header stamp, and the joint names, of a channel's messages.
-struct Plans {
-    stamp: Option<CdrPlan>,
-    names: Option<CdrPlan>,
+/// What to take of a channel's messages.
+struct Take {
+    glance: Glance,
+    /// Whether the first one is kept: JSON may come without a schema.
+    sample: bool,
+}
+
+/// What one block gives.
+#[derive(Default)]
+struct Part {
+    row: Row,
+    traffic: BTreeMap<u16, Traffic>,
+}
+
+/// A channel and its schema's text.
+struct Surveyed {
+    channel: ChannelSummary,
+    definition: Vec<u8>,
+}
+
+impl Surveyed {
+    fn summed_up(self) -> ChannelSummary {
+        let mut channel = self.channel;
+        let sample = channel.traffic.sample.take();
+        channel.suggestion = suggest(
+            &channel.encoding,
+            &channel.type_name,
+            &channel.schema_encoding,
+            &self.definition,
+            sample.as_deref(),
+        );
+        channel
+    }
 }
 
 #[derive(Default)]
 struct Survey {
-    channels: BTreeMap<u16, ChannelSummary>,
+    channels: BTreeMap<u16, Surveyed>,
 }
 
 impl Visitor for Survey {
-    type Decoder = Plans;
-    type Part = BTreeMap<u16, Traffic>;
+    type Decoder = Take;
+    type Part = Part;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Plans, FileError> {
-        self.channels.insert(channel.id, summary(channel, schema));
-        let readable =
-            schema.filter(|schema| schema.encoding == "ros2msg" && channel.encoding == "cdr");
-        let definition = readable.and_then(|schema| {
-            ros2msg::parse(&schema.name, &String::from_utf8_lossy(&schema.definition)).ok()
-        });
-        let plan = |paths: &[&str]| {
-            definition
-                .as_ref()
-                .and_then(|d| CdrPlan::resolve(d, paths).ok())
+    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Take, FileError> {
+        let definition = schema.map_or(&[][..], |s| &s.definition);
+        let surveyed = Surveyed {
+            channel: summary(channel, schema),
+            definition: definition.to_owned(),
         };
-        let is_joints =
-            schema.and_then(|schema| Layout::of_type(&schema.name)) == Some(Layout::Joints);
-        Ok(Plans {
-            stamp: plan(&["header.stamp.sec", "header.stamp.nanosec"]),
-            names: plan(&["name"]).filter(|_| is_joints),
+        self.channels.insert(channel.id, surveyed);
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        Ok(Take {
+            glance: Glance::of(&channel.encoding, name, language, definition),
+            sample: channel.encoding == "json",
         })
     }
 
-    fn message(&self, plans: &Plans, message: &MessageRecord<'_>, part: &mut Self::Part) {
-        let traffic = part.entry(message.channel_id).or_default();
-        traffic.add(message, plans);
+    fn message(&self, take: &Take, message: &MessageRecord<'_>, part: &mut Part) {
+        let traffic = part.traffic.entry(message.channel_id).or_default();
+        traffic.add(message, take, &mut part.row);
     }
 
-    fn clear(&self, part: &mut Self::Part) {
-        part.clear();
+    fn clear(&self, part: &mut Part) {
+        part.traffic.clear();
     }
 
-    fn merge(&mut self, _: &Extent, part: &mut Self::Part, _: &mut Vec<LogReject>) {
-        for (id, traffic) in std::mem::take(part) {
-            let channel = self.channels.get_mut(&id).expect("met before its messages");
-            channel.traffic.append(traffic);
+    fn merge(&mut self, _: &Extent, part: &mut Part, _: &mut Vec<LogReject>) {
+        for (id, traffic) in std::mem::take(&mut part.traffic) {
+            let surveyed = self.channels.get_mut(&id).expect("met before its messages");
+            surveyed.channel.traffic.append(traffic);
         }
     }
 }
@@ -226,26 +261,40 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
         schema_encoding: schema
             .map(|schema| schema.encoding.clone())
             .unwrap_or_default(),
-        layout: schema.and_then(|schema| Layout::of_type(&schema.name)),
+        suggestion: None,
         traffic: Traffic::default(),
     }
 }
 
-/// The header stamp of a message, ns; `None` where its schema does not fit it.
-fn stamp(plan: &CdrPlan, payload: &[u8]) -> Option<i64> {
-    let mut values = [Value::Unread; 2];
-    plan.read(payload, &mut values).ok()?;
-    let (sec, nanosec) = (values[0].integer()?, values[1].integer()?);
-    Some(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
+#[derive(Debug, Clone, Copy)]
+enum Header {
+    None,
+    /// ns.
+    Stamp(i64),
+    Unreadable,
 }
 
-fn names(plan: &CdrPlan, payload: &[u8]) -> Vec<String> {
-    let mut values = [Value::Unread; 1];
-    match (plan.read(payload, &mut values), values[0]) {
-        (Ok(()), Value::Texts(names)) => names
+fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
+    let read = plan.read(payload, row);
+    let value = |slot| row.value(payload, slot);
+    match (read, value(0).integer(), value(1).integer()) {
+        (Ok(()), Some(sec), Some(nanosec)) => {
+            Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
+        }
+        // JSON may leave it out.
+        (Ok(()), ..) if value(0) == Value::Absent => Header::None,
+        _ => Header::Unreadable,
+    }
+}
+
+fn joint_names(plan: &Plan, payload: &[u8], row: &mut Row) -> Vec<String> {
+    let short = |name: String| name.chars().take(MOST_JOINTS).collect();
+    match (plan.read(payload, row), row.value(payload, 0).texts()) {
+        (Ok(()), Some(names)) => names
             .iter()
+            .flatten()
             .take(MOST_JOINTS)
-            .map(|name| String::from_utf8_lossy(&name[..name.len().min(MOST_JOINTS)]).into_owned())
+            .map(|name| short(name.to_text()))
             .collect(),
         _ => Vec::new(),
     }

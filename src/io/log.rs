@@ -40,7 +40,7 @@ pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use scan::{Visitor, ns, scan};
 pub use session::{SessionLogs, decode_session};
-pub use streams::Layout;
+pub use streams::{Glance, Layout, Suggestion, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
 
@@ -189,7 +189,8 @@ pub enum LogError {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; read \
-     here are {suitable}, in encoding \"cdr\" with a schema in \"ros2msg\""
+     here are {suitable}, in CDR (with a schema in ros2msg or ros2idl), protobuf or JSON{}",
+    by_fields(fields)
 )]
 pub struct Unsuitable {
     /// The file.
@@ -204,6 +205,19 @@ pub struct Unsuitable {
     pub schema_encoding: String,
     /// What could be read.
     pub suitable: &'static str,
+    /// The fields that the schema has, where it can be read.
+    pub fields: Vec<String>,
+}
+
+/// What else can be done with messages whose fields are known.
+fn by_fields(fields: &[String]) -> String {
+    if fields.is_empty() {
+        return String::new();
+    }
+    let fields = fields.join(", ");
+    format!(
+        "; of any other type name what to read, as in fields = {{ x = \"pose.position.x\", … }}; it has {fields}"
+    )
 }
 
 /// Reads the two logs of a session; both may be the same file.

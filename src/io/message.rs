@@ -1,23 +1,33 @@
 //! Messages: the schema text that a log carries → a decoding plan → the few values a stream wants of each message.
 //!
-//! A message is never made into a tree of values. The schema becomes a [`Definition`]; definition and wanted field
-//! paths become, once per channel, a [`CdrPlan`], a flat list of steps; the plan then reads each message in one pass
-//! and lends the wanted values out of its bytes.
+//! A message is never made into a tree of values. The schema becomes a [`MessageSchema`]; schema and wanted field paths
+//! become, once per channel, a [`Plan`]; the plan then reads each message in one pass and puts the wanted values into a
+//! [`Row`], whose buffers are used again for the next message.
 //!
-//! 1. [`ros2msg::parse`]: schema text → [`Definition`] (other schema languages produce the same type).
-//! 2. [`CdrPlan::resolve`]: definition + paths such as `pose.position.x` → plan.
-//! 3. [`CdrPlan::read`]: payload → one [`Value`] per path.
+//! 1. [`MessageSchema::read`]: schema text → schema ([`ros2msg`], [`ros2idl`], [`Descriptors`]; JSON needs none).
+//! 2. [`MessageSchema::plan`]: schema + paths such as `pose.position.x` → plan.
+//! 3. [`Plan::read`]: payload → one [`Value`] per path in a row ([`CdrPlan`], [`ProtobufPlan`], [`JsonPlan`]).
 
 mod cdr;
 mod cdr_plan;
 mod definition;
+mod json;
+mod path;
+mod protobuf;
+pub mod ros2idl;
 pub mod ros2msg;
+mod row;
+mod schema;
 mod value;
 
-pub use cdr::MessageFault;
 pub use cdr_plan::CdrPlan;
-pub use definition::{Definition, Field, FieldType, MessageType, Primitive, Shape};
-pub use value::{Numbers, Texts, Value};
+pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};
+pub use json::{JsonPlan, JsonSchema};
+pub use path::FieldPath;
+pub use protobuf::{Descriptors, ProtobufPlan};
+pub use row::Row;
+pub use schema::{MessageSchema, Plan};
+pub use value::{Gathered, Numbers, Text, Texts, Value};
 
 use thiserror::Error;
 
@@ -32,11 +42,25 @@ pub enum SchemaError {
         /// The line.
         text: String,
     },
+    /// Something in an IDL text that ROS 2 does not write.
+    #[error("line {line} of the schema's IDL: {found} is not understood there")]
+    Idl {
+        /// Counted from 1.
+        line: usize,
+        /// What stands there, quoted where it is from the text.
+        found: String,
+    },
     /// A type that the schema uses but does not define.
     #[error("the schema uses the type {name:?} but does not define it; the recorder left it out")]
     UnknownType {
         /// As written.
         name: String,
+    },
+    /// A descriptor set that is none.
+    #[error("the schema is no descriptor set of protobuf: {source}")]
+    Descriptor {
+        /// Why.
+        source: MessageFault,
     },
     /// A type that contains itself, or so many fields that no message can be meant.
     #[error(
@@ -48,6 +72,23 @@ pub enum SchemaError {
         /// The most fields that are unfolded.
         limit: usize,
     },
+    /// A type whose messages are parameter lists.
+    #[error(
+        "the type {name:?} is @mutable: its messages are parameter lists, which are not read; record it as @appendable \
+         or @final"
+    )]
+    Mutable {
+        /// The type.
+        name: String,
+    },
+    /// What is written for a path is none.
+    #[error(
+        "{path:?} is no field path; write it like pose.position.x, joints[2].angle or joints[].name"
+    )]
+    Path {
+        /// As written.
+        path: String,
+    },
     /// A wanted field that is not there.
     #[error("there is no field {path:?}; fields of {message}: {fields}")]
     NoField {
@@ -58,20 +99,62 @@ pub enum SchemaError {
         /// What it has.
         fields: String,
     },
+    /// A wanted element that is not there.
+    #[error("there is no element {path:?}: the array has {count}, counted from 0")]
+    NoElement {
+        /// The path.
+        path: String,
+        /// How many there are.
+        count: usize,
+    },
     /// A wanted field of a type that cannot be used.
-    #[error("the field {path:?} is {found}, wanted is a number, a text, or an array of either")]
+    #[error(
+        "the field {path:?} is {found}, wanted is a number, a text, or an array of either: name a field or an element \
+         in it"
+    )]
     WrongType {
         /// The path.
         path: String,
         /// What the schema says.
         found: String,
     },
-    /// A wide string, whose length the implementations do not agree on.
+}
+
+/// Why one message could not be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
+pub enum MessageFault {
+    /// It ends inside a field.
+    #[error("the message ends before its last field")]
+    Short,
+    /// Bytes are left after the last field.
     #[error(
-        "the field {path:?} is a wstring, which CDR implementations write in two ways; such messages cannot be read"
+        "the message goes on after its last field: its schema is of another version, or bytes are damaged"
     )]
-    WideString {
-        /// The path.
-        path: String,
-    },
+    LeftOver,
+    /// Not an encapsulation that is read.
+    #[error(
+        "the message's CDR encapsulation is 0x{0:04x}; read are plain CDR (0x0000, 0x0001), plain CDR 2 (0x0006, \
+         0x0007) and delimited CDR 2 (0x0008, 0x0009), not parameter lists"
+    )]
+    Encapsulation(u16),
+    /// Wide strings that could be either of two things.
+    #[error(
+        "the message has a wide string, whose characters have two or four bytes by implementation, and fits its schema \
+         either way with different values"
+    )]
+    WideText,
+    /// No protobuf.
+    #[error(
+        "the bytes are no protobuf message: there is a field number, wire type or number that cannot be"
+    )]
+    Wire,
+    /// Parts in parts in parts.
+    #[error("the message's parts stand in one another more than 64 deep")]
+    Deep,
+    /// An array that no message of the field has.
+    #[error("a wanted array of the message has more than 100000 elements")]
+    LongArray,
+    /// No JSON.
+    #[error("the bytes are no JSON: there is a sign where it cannot be")]
+    Json,
 }

@@ -16,7 +16,7 @@ use crate::geometry::Placement;
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
-    TimeSource, TrackerFile, TrackerSettings,
+    PoseFields, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
 use crate::join::JoinSettings;
@@ -168,7 +168,7 @@ pub enum Pool {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "CommandedKeys")]
 pub struct CommandedSection {
-    /// Topic, time source and unit.
+    /// Topic, time source, unit and fields.
     #[serde(flatten)]
     pub mapping: CommandedSettings,
     /// The frame commands are stated in, in the base frame of the robot file.
@@ -186,6 +186,9 @@ struct CommandedKeys {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
+    #[serde(default)]
+    fields: PoseFields,
+    frame: Option<String>,
     base_from_command: Option<Placement>,
     flange_from_tool: Option<Placement>,
     target_is_tool: Option<bool>,
@@ -195,7 +198,7 @@ struct CommandedKeys {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(try_from = "TrackerKeys")]
 pub struct TrackerSection {
-    /// Topic, time source and unit.
+    /// Topic, time source, unit and fields.
     #[serde(flatten)]
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
@@ -211,6 +214,9 @@ struct TrackerKeys {
     topic: String,
     time: Option<TimeSource>,
     unit: Option<LengthUnit>,
+    #[serde(default)]
+    fields: PoseFields,
+    frame: Option<String>,
     temperature: Option<String>,
     #[serde(default)]
     ignore_orientation: bool,
@@ -292,6 +298,8 @@ impl TryFrom<CommandedKeys> for CommandedSection {
             topic: keys.topic,
             time: keys.time,
             unit: keys.unit,
+            fields: keys.fields,
+            frame: keys.frame,
         };
         Ok(Self {
             mapping: mapping.try_into()?,
@@ -313,6 +321,8 @@ impl TryFrom<TrackerKeys> for TrackerSection {
             topic: keys.topic,
             time: keys.time,
             unit: keys.unit,
+            fields: keys.fields,
+            frame: keys.frame,
             temperature: keys.temperature,
             ignore_orientation: keys.ignore_orientation,
         };

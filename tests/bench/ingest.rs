@@ -4,6 +4,14 @@
 //! folder and prints user CPU seconds of each step side by side, from one run. Without `--bench` (as `cargo test`
 //! calls it) a small log shows that it works.
 
+mod forms;
+#[expect(
+    dead_code,
+    reason = "the tests write more kinds of messages than these"
+)]
+#[path = "../logs/encodings/proto.rs"]
+mod proto;
+
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -12,8 +20,8 @@ use std::time::Instant;
 use mcap::records::{MessageHeader, op};
 use mcap::{Compression, WriteOptions, Writer};
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, TimeSource,
-    TrackerSettings,
+    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
+    TimeSource, TrackerSettings,
 };
 use posegrid::io::inspect::inspect;
 use posegrid::io::log::{Limits, decode, read_recording};
@@ -67,6 +75,7 @@ fn main() {
             .messages
     });
     println!("peak memory {} MB", peak_memory_mb());
+    forms::measure_all(folder.path(), joint_states / 4);
 }
 
 fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {
@@ -165,11 +174,14 @@ fn mapping() -> Mapping {
             topic: controller.to_owned(),
             time,
             unit: AngleUnit::Rad,
+            fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
             topic: commanded.to_owned(),
             time,
             unit: LengthUnit::M,
+            fields: PoseFields::default(),
+            frame: None,
         }),
         tracker: TrackerSettings {
             topic: tracker.to_owned(),
@@ -177,6 +189,8 @@ fn mapping() -> Mapping {
             unit: LengthUnit::M,
             temperature: None,
             ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
         },
         joints: JOINTS.map(str::to_owned).to_vec(),
     }

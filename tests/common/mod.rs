@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 use posegrid::fit::{Noise, TrackerUncertainty};
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, Recording, TimeSource,
-    TrackerSettings,
+    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
+    Recording, TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{Limits, read_recording};
 use posegrid::join::{Attained, Command, Pairing, Station};
@@ -123,11 +123,14 @@ pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
             topic: "/joint_states".to_owned(),
             time: TimeSource::Header,
             unit: AngleUnit::Rad,
+            fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
             topic: "/commanded_pose".to_owned(),
             time: TimeSource::Header,
             unit: LengthUnit::M,
+            fields: PoseFields::default(),
+            frame: None,
         }),
         tracker: TrackerSettings {
             topic: "/tracker/pose".to_owned(),
@@ -135,6 +138,8 @@ pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
             unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
         },
         joints: arm
             .joints()

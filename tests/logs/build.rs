@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, Recording, TimeSource,
-    TrackerSettings,
+    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
+    Recording, TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{Limits, LogError, read_recording};
 use posegrid::progress::Quiet;
@@ -240,11 +240,14 @@ pub fn mapping() -> Mapping {
             topic: "/joints".to_owned(),
             time,
             unit: AngleUnit::Rad,
+            fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
             topic: "/command".to_owned(),
             time,
             unit: LengthUnit::M,
+            fields: PoseFields::default(),
+            frame: None,
         }),
         tracker: TrackerSettings {
             topic: "/reading".to_owned(),
@@ -252,6 +255,8 @@ pub fn mapping() -> Mapping {
             unit: LengthUnit::Mm,
             temperature: None,
             ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
         },
         joints: vec!["a".to_owned(), "b".to_owned()],
     }

@@ -13,14 +13,14 @@ use std::time::{Duration, Instant};
 
 use mcap::Compression;
 use posegrid::io::inspect::inspect;
-use posegrid::io::log::{Limits, read_recording};
-use posegrid::io::message::{CdrPlan, Value, ros2msg};
+use posegrid::io::log::{Limits, read_recording, suggest};
+use posegrid::io::message::{FieldPath, MessageSchema, Row};
 use posegrid::pipeline::plan::{Overrides, Plan};
 use posegrid::progress::Quiet;
 
-use crate::build::{Cdr, Folder, mapping, schema, session_log, stamp};
-use crate::conformance;
+use crate::build::{Folder, mapping, session_log};
 use crate::mutator::log::Log;
+use crate::{conformance, encodings};
 
 /// Inputs of one target in the tests.
 const INPUTS: u32 = 300;
@@ -254,58 +254,76 @@ fn log_file_in_zstd() {
     });
 }
 
+/// Encodings of messages with the languages of their schemas.
+const FORMS: [(&str, &str); 4] = [
+    ("cdr", "ros2msg"),
+    ("cdr", "ros2idl"),
+    ("protobuf", "protobuf"),
+    ("json", "jsonschema"),
+];
+
+/// Which form, length of the type's name, length of the schema; then name, schema and message.
+fn packed_form(form: u8, name: &str, schema: &[u8], message: &[u8]) -> Vec<u8> {
+    let name_length = u8::try_from(name.len()).expect("short");
+    let length = u16::try_from(schema.len()).expect("short").to_le_bytes();
+    let head = [form, name_length, length[0], length[1]];
+    [&head[..], name.as_bytes(), schema, message].concat()
+}
+
+/// Reads every value of a message that its schema knows of.
+fn read_message(bytes: &[u8]) -> String {
+    let Some((&[form, name_length, low, high], rest)) = bytes.split_first_chunk() else {
+        return "short".to_owned();
+    };
+    let (encoding, language) = FORMS[usize::from(form) % FORMS.len()];
+    let (name, rest) = rest.split_at(usize::from(name_length).min(rest.len()));
+    let length = usize::from(u16::from_le_bytes([low, high]));
+    let (definition, message) = rest.split_at(length.min(rest.len()));
+    let name = String::from_utf8_lossy(name);
+    let suggested = suggest(encoding, &name, language, definition, Some(message));
+    let schema = match MessageSchema::read(encoding, &name, language, definition) {
+        None => return "no such encoding".to_owned(),
+        Some(Err(error)) => return error.to_string(),
+        Some(Ok(schema)) => schema,
+    };
+    let paths = schema.leaves().into_iter().take(20);
+    let paths: Vec<_> = paths
+        .filter_map(|path| FieldPath::parse(&path).ok())
+        .collect();
+    let plan = match schema.plan(&paths) {
+        Err(error) => return error.to_string(),
+        Ok(plan) => plan,
+    };
+    let mut row = Row::default();
+    let read = plan.read(message, &mut row);
+    let values: Vec<_> = match read {
+        Ok(()) => (0..paths.len())
+            .map(|slot| row.value(message, slot).integer().is_some())
+            .collect(),
+        Err(_) => Vec::new(),
+    };
+    format!(
+        "{encoding} {language} {read:?} {values:?} {}",
+        suggested.is_some()
+    )
+}
+
 #[test]
 fn schema_and_message() {
-    // Name, length of the schema, schema, message.
-    let message = |short: &str, payload: Vec<u8>| {
-        let (name, text) = schema(short);
-        let length = u16::try_from(text.len()).expect("short").to_le_bytes();
-        assert_eq!(name.split('/').count(), 3);
-        [&length[..], text.as_bytes(), &payload].concat()
-    };
-    let seeds = vec![
-        message(
-            "JointState",
-            Cdr::stamped(stamp(1))
-                .joints(&["a", "b"], &[1.0, 2.0])
-                .done(),
-        ),
-        message(
-            "PoseStamped",
-            Cdr::stamped(stamp(1)).numbers(&[1.0; 7]).done(),
-        ),
-        message(
-            "PoseWithCovarianceStamped",
-            Cdr::new(false).stamp(1).numbers(&[1.0; 43]).done(),
-        ),
-    ];
-    let wanted: [&[&str]; 4] = [
-        &["header.stamp.sec", "header.stamp.nanosec"],
-        &["name", "position"],
-        &["pose.position.x", "pose.orientation.w"],
-        &["pose.covariance"],
-    ];
-    fuzz("schema_and_message", seeds, change, |bytes| {
-        let (length, rest) = bytes.split_at(bytes.len().min(2));
-        let length = length
+    let seed = |(encoding, name, language, schema, message): (_, &str, _, Vec<u8>, Vec<u8>)| {
+        let form = FORMS
             .iter()
-            .rev()
-            .fold(0, |sum, byte| sum << 8 | usize::from(*byte));
-        let (text, payload) = rest.split_at(length.min(rest.len()));
-        let definition = match ros2msg::parse("a/msg/B", &String::from_utf8_lossy(text)) {
-            Ok(definition) => definition,
-            Err(error) => return error.to_string(),
-        };
-        let read = |paths: &&[&str]| match CdrPlan::resolve(&definition, paths) {
-            Err(error) => error.to_string(),
-            Ok(plan) => {
-                let mut values = vec![Value::Unread; paths.len()];
-                let read = plan.read(payload, &mut values);
-                read.map_or_else(|fault| fault.to_string(), |()| "read".to_owned())
-            }
-        };
-        wanted.iter().map(read).collect::<Vec<_>>().join("; ")
-    });
+            .position(|form| *form == (encoding, language))?;
+        Some(packed_form(
+            u8::try_from(form).ok()?,
+            name,
+            &schema,
+            &message,
+        ))
+    };
+    let seeds: Vec<_> = encodings::samples().into_iter().filter_map(seed).collect();
+    assert!(seeds.len() >= 4, "{} of the forms", seeds.len());
+    fuzz("schema_and_message", seeds, change, read_message);
 }
 
 /// A folder with a pipeline file, its robot file and a session.

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, LengthUnit, Mapping, Recording, TimeSource,
-    TrackerSettings,
+    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
+    Recording, TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{Limits, read_recording};
 use posegrid::progress::Quiet;
@@ -42,11 +42,14 @@ fn mapping(time: TimeSource) -> Mapping {
             topic: "/joint_states".to_owned(),
             time,
             unit: AngleUnit::Rad,
+            fields: JointFields::default(),
         },
         commanded: Some(CommandedSettings {
             topic: "/commanded_pose".to_owned(),
             time,
             unit: LengthUnit::M,
+            fields: PoseFields::default(),
+            frame: None,
         }),
         tracker: TrackerSettings {
             topic: "/tracker/pose".to_owned(),
@@ -54,6 +57,8 @@ fn mapping(time: TimeSource) -> Mapping {
             unit: LengthUnit::M,
             temperature: Some("/tracker/temperature".to_owned()),
             ignore_orientation: false,
+            fields: PoseFields::default(),
+            frame: None,
         },
         joints: joints.map(|joint| format!("{joint}_joint")).to_vec(),
     }

@@ -282,7 +282,7 @@ fn messages_and_schemas_that_cannot_be_read_are_named() {
     };
     let (name, text) = schema("JointState");
     assert!(with("sensor_msgs/msg/Imu", "ros2msg", &text, "cdr").contains("JointState"));
-    assert!(with(&name, "ros2msg", &text, "json").contains("\"json\""));
+    assert!(with(&name, "ros2msg", &text, "cbor").contains("\"cbor\""));
     assert!(with(&name, "protobuf", &text, "cdr").contains("\"protobuf\""));
     assert!(with(&name, "ros2msg", "float64[] position", "cdr").contains("header.stamp.sec"));
     assert!(

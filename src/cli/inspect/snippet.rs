@@ -37,7 +37,7 @@ impl Section {
     /// Commands stand beside joint states; poses in a log without joint states are a tracker's, whatever they are called.
     fn suits(self, log: &Inspection, channel: &ChannelSummary) -> bool {
         let is_pose = matches!(
-            channel.layout,
+            layout(channel),
             Some(Layout::Pose | Layout::Point | Layout::PoseWithCovariance)
         );
         let is_command =
@@ -67,8 +67,12 @@ impl Section {
     }
 }
 
+fn layout(channel: &ChannelSummary) -> Option<Layout> {
+    channel.suggestion.as_ref().map(|found| found.layout)
+}
+
 fn is_joints(channel: &ChannelSummary) -> bool {
-    channel.layout == Some(Layout::Joints) && channel.traffic.messages > 0
+    layout(channel) == Some(Layout::Joints) && channel.traffic.messages > 0
 }
 
 const SECTIONS: [Section; 3] = [Section::Controller, Section::Commanded, Section::Tracker];
@@ -119,6 +123,14 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
         toml_text(&channel.topic),
         channel.best_time()
     );
+    let fields = channel
+        .suggestion
+        .as_ref()
+        .and_then(|found| found.fields.as_ref());
+    if let Some(fields) = fields {
+        writeln!(text, "{fields}  # guessed by their names: check them")
+            .expect("writing to a string");
+    }
     let joints = &channel.traffic.joints;
     if section == Section::Controller && !joints.is_empty() {
         let names: Vec<_> = joints.iter().map(|name| escaped(name)).collect();
@@ -127,7 +139,7 @@ fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) 
             .expect("writing to a string");
     }
     let temperature = most(found, &|_, channel| {
-        channel.layout == Some(Layout::Temperature)
+        layout(channel) == Some(Layout::Temperature)
     });
     if let (Some(temperature), Section::Tracker) = (temperature, section) {
         writeln!(text, "temperature = {}", toml_text(&temperature.topic))

@@ -99,6 +99,7 @@ impl Account {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ingest::SpanClock;
 
     #[test]
     fn lost_bytes_are_counted_once_and_notes_are_not_losses() {
@@ -108,6 +109,7 @@ mod tests {
             byte_start: range.start,
             byte_end: range.end,
             time_span_ns: None,
+            clock: SpanClock::Log,
             messages,
             reason: String::new(),
         };

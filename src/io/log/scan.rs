@@ -22,7 +22,7 @@ use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::summary::{self, Definitions, Ending};
 use super::{FileError, Limits};
-use crate::ingest::LogReject;
+use crate::ingest::{LogReject, SpanClock};
 use crate::progress::Progress;
 
 /// Bytes of a run of records outside chunks.
@@ -218,6 +218,7 @@ where
                 byte_start: 0,
                 byte_end: data_end,
                 time_span_ns: None,
+                clock: SpanClock::Log,
                 messages: None,
                 reason: format!(
                     "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
@@ -388,6 +389,7 @@ where
             byte_start,
             byte_end,
             time_span_ns: None,
+            clock: SpanClock::Log,
             messages: Some(0),
             reason,
         });
@@ -434,6 +436,7 @@ where
             byte_start: start,
             byte_end: bytes.saturating_add(lost),
             time_span_ns: None,
+            clock: SpanClock::Log,
             messages: None,
             reason: format!(
                 "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
@@ -453,6 +456,7 @@ where
             byte_start: lost.start,
             byte_end: lost.end,
             time_span_ns: times,
+            clock: SpanClock::Log,
             messages,
             reason: lost.why.to_string(),
         };
@@ -492,6 +496,7 @@ fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut
         byte_start: start,
         byte_end: end,
         time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
+        clock: SpanClock::Log,
         messages: tally.messages,
         reason: fault.to_string(),
     };

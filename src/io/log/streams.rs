@@ -1,9 +1,11 @@
 //! Streams: the messages of the topics that the pipeline file names → decoded columns.
 //!
-//! The common message types need no field paths: which fields are read follows from the type.
+//! The common message types need no field paths: which fields are read follows from the type. Of any other type the
+//! pipeline file names them.
 
 mod layout;
 mod reader;
+mod suggest;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,13 +16,14 @@ use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping, Origin, Origins,
-    TimeSource,
+    SpanClock, TimeSource,
 };
-use crate::io::message::{CdrPlan, ros2msg};
+use crate::io::message::{FieldPath, MessageSchema};
 
-pub use layout::Layout;
-use layout::suitable_types;
+pub use layout::{Glance, Layout};
+use layout::{Recipe, suitable_types};
 use reader::{Decoder, Part, Reader, RowFault};
+pub use suggest::{Suggestion, suggest};
 
 /// A stream of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,8 +47,10 @@ pub struct Wanted {
 pub struct Streams<'m> {
     file: String,
     wanted: Vec<Wanted>,
-    joint_names: &'m [String],
+    mapping: &'m Mapping,
     met: BTreeSet<Stream>,
+    /// The fields that are read for each stream.
+    paths: BTreeMap<Stream, Vec<FieldPath>>,
     pub joints: DecodedJoints,
     pub commands: DecodedPoses,
     pub readings: DecodedPoses,
@@ -72,8 +77,9 @@ impl<'m> Streams<'m> {
         };
         Self {
             file: file.to_owned(),
-            joint_names: &mapping.joints,
+            mapping,
             met: BTreeSet::new(),
+            paths: BTreeMap::new(),
             joints: DecodedJoints {
                 origins: origins(Stream::Joints),
                 angles: vec![Vec::new(); mapping.joints.len()],
@@ -107,41 +113,40 @@ impl<'m> Streams<'m> {
             topic: channel.topic.clone(),
             source,
         };
-        let unsuitable = |type_name: &str, schema_encoding: &str| {
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        let unsuitable = |fields: Vec<String>| {
             LogError::Unsuitable(Box::new(Unsuitable {
                 file: self.file.clone(),
                 topic: channel.topic.clone(),
-                type_name: type_name.to_owned(),
+                type_name: name.to_owned(),
                 encoding: channel.encoding.clone(),
-                schema_encoding: schema_encoding.to_owned(),
+                schema_encoding: language.to_owned(),
                 suitable: suitable_types(wanted.stream),
+                fields,
             }))
         };
-        let schema = schema.ok_or_else(|| unsuitable("", ""))?;
-        let refused = || unsuitable(&schema.name, &schema.encoding);
-        let layout = Layout::of_type(&schema.name)
-            .filter(|layout| layout.suits(wanted.stream))
-            .ok_or_else(refused)?;
-        if channel.encoding != "cdr" || schema.encoding != "ros2msg" {
-            return Err(refused());
-        }
-        let text = String::from_utf8_lossy(&schema.definition);
-        let definition = ros2msg::parse(&schema.name, &text).map_err(at)?;
-        let stamp: &[&str] = match wanted.time {
-            TimeSource::Header => &["header.stamp.sec", "header.stamp.nanosec"],
-            TimeSource::Publish | TimeSource::Log => &[],
-        };
-        let plan = CdrPlan::resolve(&definition, &[stamp, layout.fields()].concat()).map_err(at)?;
+        let definition = schema.map_or(&[][..], |s| &s.definition);
+        let schema = MessageSchema::read(&channel.encoding, name, language, definition)
+            .ok_or_else(|| unsuitable(Vec::new()))?
+            .map_err(at)?;
+        let recipe = Recipe::resolve(wanted.stream, wanted.time, self.mapping, name, &schema)
+            .map_err(at)?
+            .ok_or_else(|| unsuitable(schema.leaves()))?;
         Ok(Reader {
             stream: wanted.stream,
-            layout,
             time: wanted.time,
-            plan,
+            recipe,
         })
     }
 
-    fn describe(&self, fault: RowFault) -> String {
-        let joint = |place: usize| self.joint_names.get(place).map_or("", String::as_str);
+    fn describe(&self, stream: Stream, fault: RowFault) -> String {
+        let joint = |place: usize| self.mapping.joints.get(place).map_or("", String::as_str);
+        let path = |place: usize| {
+            let paths = self.paths.get(&stream).map_or(&[][..], Vec::as_slice);
+            paths
+                .get(place)
+                .map_or_else(String::new, FieldPath::to_string)
+        };
         match fault {
             RowFault::JointMissing(place) => {
                 format!("joint {:?} is missing from the message", joint(place))
@@ -149,8 +154,30 @@ impl<'m> Streams<'m> {
             RowFault::JointTwice(place) => {
                 format!("joint {:?} stands twice in the message", joint(place))
             }
+            RowFault::NoValue(place) => format!("the message has no value at {:?}", path(place)),
+            RowFault::NoNumber(place) => {
+                format!("the message's value at {:?} is no number", path(place))
+            }
+            RowFault::NoArray(place) => {
+                format!("the message has no array of values at {:?}", path(place))
+            }
+            RowFault::OtherFrame => format!(
+                "the message is in another frame than {:?}",
+                self.frame(stream)
+            ),
             other => other.to_string(),
         }
+    }
+}
+
+impl Streams<'_> {
+    fn frame(&self, stream: Stream) -> &str {
+        let commanded = self.mapping.commanded.as_ref();
+        let frame = match stream {
+            Stream::Commands => commanded.and_then(|commanded| commanded.frame.as_deref()),
+            _ => self.mapping.tracker.frame.as_deref(),
+        };
+        frame.unwrap_or("")
     }
 }
 
@@ -168,14 +195,18 @@ impl Visitor for Streams<'_> {
             return Ok(None);
         };
         let reader = self.reader(wanted, channel, schema)?;
-        self.met.insert(wanted.stream);
+        let stream = wanted.stream;
+        self.met.insert(stream);
+        self.paths
+            .entry(stream)
+            .or_insert_with(|| reader.recipe.paths.clone());
         Ok(Some(Box::new(reader)))
     }
 
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
         let Some(reader) = decoder else { return };
         *part.messages.entry(reader.stream).or_default() += 1;
-        if let Err(fault) = reader.read(message, self.joint_names, part) {
+        if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
             part.faults
                 .entry((reader.stream, fault))
                 .or_default()
@@ -184,7 +215,7 @@ impl Visitor for Streams<'_> {
     }
 
     fn clear(&self, part: &mut Part) {
-        part.clear(self.joint_names.len());
+        part.clear(self.mapping.joints.len());
     }
 
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
@@ -214,8 +245,9 @@ impl Visitor for Streams<'_> {
                 byte_start: extent.start,
                 byte_end: extent.end,
                 time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
+                clock: SpanClock::Log,
                 messages: tally.messages,
-                reason: self.describe(fault),
+                reason: self.describe(stream, fault),
             });
         }
     }

@@ -1,67 +1,87 @@
 //! ROS 2 CDR: a message's bytes, read by a plan.
 //!
-//! Layout (OMG DDS-XTypes, extended CDR version 1, plain): four bytes of encapsulation, of which the second tells the
-//! byte order; then the fields, each number aligned to its own size counted from the end of the encapsulation;
-//! strings and sequences begin with a count of four bytes, a string's count includes its end mark.
+//! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second tells version, byte order and
+//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most)
+//! counted from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's count
+//! includes its end mark. In version 2 an array of anything but numbers begins with its length in bytes; in the
+//! delimited encoding each appendable message does so too, so that fields it has more than the schema are passed over.
+//!
+//! A wide string is a count and its characters, of four bytes each as Fast DDS writes them for ROS 2 or of two as
+//! Cyclone DDS does. No message tells which, so a message with a wide string in it is read both ways: it is used when
+//! one way alone fits it, or when both give the same values.
 
-use thiserror::Error;
+use super::cdr_plan::{Repeat, Step};
+use super::row::{Cell, Span, number};
+use super::value::without_end_mark;
+use super::{CdrPlan, MessageFault, Primitive, Row};
 
-use super::cdr_plan::Step;
-use super::value::{number, without_end_mark};
-use super::{CdrPlan, Numbers, Primitive, Texts, Value};
-
-/// Why one message could not be read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
-pub enum MessageFault {
-    /// It ends inside a field.
-    #[error("the message ends before its last field")]
-    Short,
-    /// Bytes are left after the last field.
-    #[error(
-        "the message goes on after its last field: its schema is of another version, or bytes are damaged"
-    )]
-    LeftOver,
-    /// Not plain CDR version 1.
-    #[error("the message's CDR encapsulation is 0x{0:04x}; read are 0x0000 and 0x0001 (plain CDR)")]
-    Encapsulation(u16),
-}
+/// Bytes of a wide character as the implementations have them.
+const WIDE: [u8; 2] = [4, 2];
 
 /// Where reading stands, counted from the end of the encapsulation.
 struct Cursor<'m> {
     bytes: &'m [u8],
     at: usize,
     big_endian: bool,
+    /// The most that anything is aligned to.
+    widest: usize,
+    version_2: bool,
+    wide: u8,
 }
 
 impl CdrPlan {
-    /// Lends the wanted values of one message, in the order they were asked for.
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
-    /// `values` has a place for each wanted path. What was lent before a fault was met must not be used.
-    pub fn read<'m>(
-        &self,
-        message: &'m [u8],
-        values: &mut [Value<'m>],
-    ) -> Result<(), MessageFault> {
-        debug_assert_eq!(values.len(), self.wanted, "a place for each wanted path");
-        let (header, bytes) = message
+    /// What was taken before a fault was met must not be used.
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+        row.begin(self.wanted);
+        if !self.wide {
+            return self.read_as(message, WIDE[0], row);
+        }
+        let first = self.read_as(message, WIDE[0], row);
+        let mut other = Row::default();
+        other.begin(self.wanted);
+        match (first, self.read_as(message, WIDE[1], &mut other)) {
+            (Ok(()), Ok(())) if *row != other => Err(MessageFault::WideText),
+            (Ok(()), _) => Ok(()),
+            (Err(_), Ok(())) => {
+                *row = other;
+                Ok(())
+            }
+            (Err(fault), Err(_)) => Err(fault),
+        }
+    }
+
+    fn read_as(&self, message: &[u8], wide: u8, row: &mut Row) -> Result<(), MessageFault> {
+        let (header, _) = message
             .split_first_chunk::<4>()
             .ok_or(MessageFault::Short)?;
         let encapsulation = u16::from_be_bytes([header[0], header[1]]);
-        if encapsulation > 1 {
-            return Err(MessageFault::Encapsulation(encapsulation));
-        }
-        let mut cursor = Cursor {
-            bytes,
-            at: 0,
-            big_endian: encapsulation == 0,
+        // Even numbers are big-endian. From 0x10 on: as an earlier edition of the standard numbered them.
+        let (steps, version_2) = match encapsulation {
+            0 | 1 => (&self.plain, false),
+            6 | 7 | 0x10 | 0x11 => (&self.plain, true),
+            8 | 9 | 0x14 | 0x15 => (&self.delimited, true),
+            other => return Err(MessageFault::Encapsulation(other)),
         };
-        cursor.run(&self.steps, values)?;
+        let mut cursor = Cursor {
+            bytes: message,
+            at: HEADER,
+            big_endian: encapsulation % 2 == 0,
+            widest: if version_2 { 4 } else { 8 },
+            version_2,
+            wide,
+        };
+        cursor.run(steps, row)?;
         cursor.finish()
     }
 }
 
-impl<'m> Cursor<'m> {
-    fn run(&mut self, steps: &[Step], values: &mut [Value<'m>]) -> Result<(), MessageFault> {
+/// Bytes of the encapsulation; alignment is counted from its end, which for up to 4 bytes makes no difference.
+const HEADER: usize = 4;
+
+impl Cursor<'_> {
+    fn run(&mut self, steps: &[Step], row: &mut Row) -> Result<(), MessageFault> {
         for step in steps {
             match *step {
                 Step::Skip { of, count } => self.elements(of, u64::from(count)).map(drop)?,
@@ -70,49 +90,129 @@ impl<'m> Cursor<'m> {
                     self.elements(of, u64::from(count))?;
                 }
                 Step::SkipText => self.text().map(drop)?,
-                Step::Repeat { count, ref steps } => {
-                    for _ in 0..self.count_or(count)? {
-                        self.run(steps, values)?;
-                    }
-                }
-                Step::Number { slot, of } => {
-                    values[slot] = number(self.elements(of, 1)?, of, self.big_endian);
-                }
-                Step::Text { slot } => values[slot] = Value::Text(self.text()?),
+                Step::SkipWideText => self.wide_text()?,
+                Step::Repeat(ref repeat) => self.collection(|cursor| cursor.repeat(repeat, row))?,
+                Step::Delimited(ref steps) => self.delimited(|cursor| cursor.run(steps, row))?,
+                Step::Number { slot, of } => row.set(slot, self.number(of)?),
+                Step::Text { slot } => row.set(slot, Cell::Text(self.text()?)),
+                Step::AddNumber { slot, of } => row.list(slot).set_last(self.number(of)?),
+                Step::AddText { slot } => row.list(slot).set_last(Cell::Text(self.text()?)),
                 Step::Numbers { slot, of, count } => {
                     let count = self.count_or(count)?;
-                    values[slot] = Value::Numbers(Numbers {
-                        bytes: self.elements(of, u64::from(count))?,
-                        of,
-                        big_endian: self.big_endian,
-                    });
+                    let (start, end) = self.elements(of, u64::from(count))?;
+                    let big_endian = self.big_endian;
+                    row.set(
+                        slot,
+                        Cell::Numbers {
+                            start,
+                            end,
+                            of,
+                            big_endian,
+                        },
+                    );
                 }
-                Step::Texts { slot, count } => values[slot] = Value::Texts(self.texts(count)?),
+                Step::Texts { slot, count } => {
+                    self.collection(|cursor| {
+                        row.set(slot, cursor.texts(count)?);
+                        Ok(())
+                    })?;
+                }
+                Step::Pick {
+                    of,
+                    count,
+                    ref picks,
+                } => {
+                    let count = self.count_or(count)?;
+                    let (start, end) = self.elements(of, u64::from(count))?;
+                    let elements = &self.bytes[start..end];
+                    for &(index, slot) in picks {
+                        let element = elements.chunks_exact(of.size()).nth(index);
+                        let cell = element.map(|bytes| number(bytes, of, self.big_endian));
+                        row.set(slot, cell.unwrap_or_default());
+                    }
+                }
             }
         }
         Ok(())
     }
 
-    /// The bytes of `count` numbers. An empty array is not aligned: nothing is written for it.
+    fn repeat(&mut self, repeat: &Repeat, row: &mut Row) -> Result<(), MessageFault> {
+        let count = self.count_or(repeat.count)?;
+        for &slot in &repeat.lists {
+            row.list(slot);
+        }
+        let mut picked = repeat.picked.iter().peekable();
+        for index in 0..count {
+            // Each element has at least one byte, so a count that lies ends here.
+            if self.at >= self.bytes.len() {
+                return Err(MessageFault::Short);
+            }
+            for &slot in &repeat.lists {
+                row.list(slot).begin_element()?;
+            }
+            let here = picked.next_if(|(picked, _)| u32::try_from(*picked) == Ok(index));
+            self.run(here.map_or(&repeat.steps, |(_, steps)| steps), row)?;
+        }
+        Ok(())
+    }
+
+    /// What is an array of other things than numbers: in version 2 it begins with its length in bytes.
+    fn collection(
+        &mut self,
+        read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
+    ) -> Result<(), MessageFault> {
+        if self.version_2 {
+            self.delimited(read)
+        } else {
+            read(self)
+        }
+    }
+
+    /// Reads what begins with its length in bytes; what is not read of it is passed over.
+    fn delimited(
+        &mut self,
+        read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
+    ) -> Result<(), MessageFault> {
+        let length = usize::try_from(self.count()?).map_err(|_| MessageFault::Short)?;
+        let whole = self.bytes;
+        let end = self.at.checked_add(length).ok_or(MessageFault::Short)?;
+        self.bytes = whole.get(..end).ok_or(MessageFault::Short)?;
+        let result = read(self);
+        (self.bytes, self.at) = (whole, end);
+        result
+    }
+
+    fn number(&mut self, of: Primitive) -> Result<Cell, MessageFault> {
+        let (start, end) = self.elements(of, 1)?;
+        Ok(number(&self.bytes[start..end], of, self.big_endian))
+    }
+
+    /// Where `count` numbers lie. An empty array is not aligned: nothing is written for it.
     #[inline]
-    fn elements(&mut self, of: Primitive, count: u64) -> Result<&'m [u8], MessageFault> {
+    fn elements(&mut self, of: Primitive, count: u64) -> Result<(usize, usize), MessageFault> {
         if count == 0 {
-            return Ok(&[]);
+            return Ok((self.at, self.at));
         }
         let size = of.size();
-        let start = self.at.next_multiple_of(size);
-        let bytes = usize::try_from(count)
+        let start = self.aligned(size.min(self.widest));
+        let end = usize::try_from(count)
             .ok()
             .and_then(|count| count.checked_mul(size))
             .and_then(|length| start.checked_add(length))
-            .and_then(|end| self.bytes.get(start..end))
+            .filter(|&end| end <= self.bytes.len())
             .ok_or(MessageFault::Short)?;
-        self.at = start + bytes.len();
-        Ok(bytes)
+        self.at = end;
+        Ok((start, end))
+    }
+
+    /// The next place that is aligned to `size`, a power of two.
+    #[inline]
+    const fn aligned(&self, size: usize) -> usize {
+        ((self.at - HEADER + size - 1) & !(size - 1)) + HEADER
     }
 
     fn count(&mut self) -> Result<u32, MessageFault> {
-        let start = self.at.next_multiple_of(4);
+        let start = self.aligned(4);
         let bytes = self
             .bytes
             .get(start..)
@@ -130,20 +230,32 @@ impl<'m> Cursor<'m> {
         fixed.map_or_else(|| self.count(), Ok)
     }
 
-    fn text(&mut self) -> Result<&'m [u8], MessageFault> {
+    fn text(&mut self) -> Result<Span, MessageFault> {
         let length = self.count()?;
-        self.elements(Primitive::U8, u64::from(length))
-            .map(without_end_mark)
+        let (start, end) = self.elements(Primitive::U8, u64::from(length))?;
+        let length = without_end_mark(&self.bytes[start..end]).len();
+        Ok(Span {
+            start,
+            end: start + length,
+            escaped: false,
+        })
     }
 
-    fn texts(&mut self, fixed: Option<u32>) -> Result<Texts<'m>, MessageFault> {
+    fn wide_text(&mut self) -> Result<(), MessageFault> {
+        let length = u64::from(self.count()?);
+        self.elements(Primitive::U8, length * u64::from(self.wide))
+            .map(drop)
+    }
+
+    fn texts(&mut self, fixed: Option<u32>) -> Result<Cell, MessageFault> {
         let count = self.count_or(fixed)?;
-        let start = self.at.next_multiple_of(4);
+        let start = self.aligned(4);
         for _ in 0..count {
             self.text()?;
         }
-        Ok(Texts {
-            bytes: self.bytes.get(start..self.at).unwrap_or_default(),
+        Ok(Cell::Texts {
+            start,
+            end: self.at.max(start),
             count: usize::try_from(count).map_err(|_| MessageFault::Short)?,
             big_endian: self.big_endian,
         })
@@ -163,13 +275,24 @@ impl<'m> Cursor<'m> {
 #[cfg(test)]
 mod tests {
     use super::super::ros2msg::parse;
+    use super::super::{FieldPath, Value};
     use super::*;
 
     const JOINTS: &str = "Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n\
         ===\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id";
 
+    fn paths(wanted: &[&str]) -> Vec<FieldPath> {
+        let paths = wanted.iter().map(|path| FieldPath::parse(path));
+        paths.collect::<Result<_, _>>().expect("sound paths")
+    }
+
     fn plan(text: &str, wanted: &[&str]) -> CdrPlan {
-        CdrPlan::resolve(&parse("a/B", text).expect("sound text"), wanted).expect("fields exist")
+        let definition = parse("a/B", text).expect("sound text");
+        CdrPlan::resolve(&definition, &paths(wanted)).expect("fields exist")
+    }
+
+    fn fault(plan: &CdrPlan, message: &[u8]) -> Result<(), MessageFault> {
+        plan.read(message, &mut Row::default())
     }
 
     /// Stamp 7 s 9 ns, frame "b", names "j" and "kk", positions 1.5 and -2, no velocities.
@@ -213,21 +336,22 @@ mod tests {
         );
         for little in [true, false] {
             let message = joint_message(little);
-            let mut values = [Value::Unread; 4];
-            plan.read(&message, &mut values).expect("sound message");
-            let Value::Numbers(position) = values[0] else {
-                panic!("numbers")
-            };
+            let mut row = Row::default();
+            plan.read(&message, &mut row).expect("sound message");
+            let value = |slot| row.value(&message, slot);
+            let position = value(0).numbers().expect("numbers");
             assert_eq!(
                 (position.get(0), position.get(1), position.get(2)),
                 (Some(1.5), Some(-2.0), None)
             );
-            let Value::Texts(names) = values[1] else {
-                panic!("texts")
-            };
-            assert_eq!(names.iter().collect::<Vec<_>>(), [&b"j"[..], b"kk"]);
-            assert_eq!(values[2], Value::Integer(7));
-            assert_eq!(values[3], Value::Text(b"b"));
+            let names = value(1).texts().expect("texts");
+            let names: Vec<_> = names
+                .iter()
+                .map(|name| name.expect("a text").to_text())
+                .collect();
+            assert_eq!(names, ["j", "kk"]);
+            assert_eq!(value(2), Value::Integer(7));
+            assert!(matches!(value(3), Value::Text(text) if text.is("b")));
         }
     }
 
@@ -237,7 +361,7 @@ mod tests {
         let message = joint_message(true);
         for length in 0..message.len() {
             assert_eq!(
-                plan.read(&message[..length], &mut [Value::Unread]),
+                fault(&plan, &message[..length]),
                 Err(MessageFault::Short),
                 "cut to {length}"
             );
@@ -248,10 +372,10 @@ mod tests {
     fn what_follows_the_last_field_must_be_padding() {
         let plan = plan(JOINTS, &["position"]);
         let with = |tail: &[u8]| [&joint_message(true)[..], tail].concat();
-        assert_eq!(plan.read(&with(&[1, 2, 3]), &mut [Value::Unread]), Ok(()));
-        assert_eq!(plan.read(&with(&[0; 8]), &mut [Value::Unread]), Ok(()));
+        assert_eq!(fault(&plan, &with(&[1, 2, 3])), Ok(()));
+        assert_eq!(fault(&plan, &with(&[0; 8])), Ok(()));
         assert_eq!(
-            plan.read(&with(&[0, 0, 0, 0, 1]), &mut [Value::Unread]),
+            fault(&plan, &with(&[0, 0, 0, 0, 1])),
             Err(MessageFault::LeftOver)
         );
     }
@@ -261,15 +385,118 @@ mod tests {
         let plan = plan(JOINTS, &["position"]);
         let mut message = joint_message(true);
         message[4 + 36..4 + 40].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(
-            plan.read(&message, &mut [Value::Unread]),
-            Err(MessageFault::Short)
+        assert_eq!(fault(&plan, &message), Err(MessageFault::Short));
+        for parameter_list in [2, 3, 0xA, 0xB] {
+            message[1] = parameter_list;
+            assert_eq!(
+                fault(&plan, &message),
+                Err(MessageFault::Encapsulation(parameter_list.into()))
+            );
+        }
+    }
+
+    #[test]
+    fn elements_are_picked_and_fields_of_each_are_gathered() {
+        let text = "float32[] q\nJoint[] joints\n===\nMSG: a/Joint\nstring name\nuint8 axis\nfloat64 angle";
+        let plan = plan(
+            text,
+            &[
+                "q[1]",
+                "q[2]",
+                "joints[].name",
+                "joints[].angle",
+                "joints[1].axis",
+                "joints[2].axis",
+            ],
         );
-        message[1] = 3;
+        let mut message = vec![0, 1, 0, 0];
+        message.extend(2_u32.to_le_bytes()); // 0: two numbers
+        message.extend(0.5_f32.to_le_bytes()); // 4
+        message.extend(1.5_f32.to_le_bytes()); // 8
+        message.extend(2_u32.to_le_bytes()); // 12: two joints
+        message.extend(2_u32.to_le_bytes()); // 16
+        message.extend(b"a\0\x07\0"); // 20: "a", axis 7, padding
+        message.extend(0.25_f64.to_le_bytes()); // 24
+        message.extend(3_u32.to_le_bytes()); // 32
+        message.extend(b"bc\0\x09"); // 36: "bc", axis 9
+        message.extend(8.5_f64.to_le_bytes()); // 40
+        let mut row = Row::default();
+        plan.read(&message, &mut row).expect("sound message");
+        let value = |slot| row.value(&message, slot);
+        // There is no third element of either array.
+        assert_eq!((value(0), value(1)), (Value::Number(1.5), Value::Absent));
+        let names = value(2).texts().expect("an array");
+        let names: Vec<_> = names
+            .iter()
+            .map(|name| name.expect("a text").to_text())
+            .collect();
+        assert_eq!(names, ["a", "bc"]);
+        let angles = value(3).numbers().expect("an array");
         assert_eq!(
-            plan.read(&message, &mut [Value::Unread]),
-            Err(MessageFault::Encapsulation(3))
+            [0, 1, 2].map(|i| angles.get(i)),
+            [Some(0.25), Some(8.5), None]
         );
+        assert_eq!((value(4), value(5)), (Value::Integer(9), Value::Absent));
+    }
+
+    /// Version 2: doubles are aligned to 4, collections of anything but numbers begin with their length.
+    #[test]
+    fn version_2_is_read_plain_and_delimited() {
+        let text = "uint8 a\nfloat64 x\nstring[] words\nInner[1] list\nInner one\nfloat64 last\n\
+            ===\nMSG: a/Inner\nuint8 b\nfloat64 y";
+        let plan = plan(text, &["x", "words", "list[0].y", "one.y", "last"]);
+        let word = |n: u32| n.to_le_bytes();
+        let inner = |y: f64| [&[7, 0, 0, 0][..], &y.to_le_bytes()].concat();
+        let head = [&[1, 0, 0, 0][..], &1.5_f64.to_le_bytes()].concat();
+        // One word of one letter: count, length with end mark, letter, end mark.
+        let words = [&word(10)[..], &word(1), &word(2), b"w\0\0\0"].concat();
+        let last = 4.5_f64.to_le_bytes();
+        let plain = [
+            &[0, 7, 0, 0][..],
+            &head,
+            &words,
+            &word(12),
+            &inner(2.5),
+            &inner(3.5),
+            &last,
+        ];
+        // Appendable messages begin with their length; `one` has four bytes more than the schema knows.
+        let list = [&word(16)[..], &word(12), &inner(2.5)].concat();
+        let one = [&word(16)[..], &inner(3.5), &[9; 4]].concat();
+        let body = [&head[..], &words, &list, &one, &last].concat();
+        let size = word(u32::try_from(body.len()).expect("small"));
+        let delimited = [&[0, 9, 0, 0][..], &size, &body];
+        for message in [plain.concat(), delimited.concat()] {
+            let mut row = Row::default();
+            plan.read(&message, &mut row).expect("sound message");
+            let number = |slot| row.value(&message, slot).number();
+            assert_eq!([0, 2, 3, 4].map(number), [1.5, 2.5, 3.5, 4.5].map(Some));
+            let words = row.value(&message, 1).texts().expect("an array");
+            assert!(
+                words
+                    .iter()
+                    .all(|word| word.is_some_and(|word| word.is("w")))
+            );
+            for length in 0..message.len() {
+                assert!(fault(&plan, &message[..length]).is_err(), "cut to {length}");
+            }
+        }
+    }
+
+    #[test]
+    fn wide_strings_are_passed_over_where_one_width_fits() {
+        let plan = plan("wstring w\nuint32 x", &["x"]);
+        let read = |wide: &[u8], count: u8| {
+            let message = [&[0, 1, 0, 0, count, 0, 0, 0][..], wide, &[5, 0, 0, 0]].concat();
+            let mut row = Row::default();
+            plan.read(&message, &mut row)
+                .map(|()| row.value(&message, 0).integer())
+        };
+        assert_eq!(read(&[], 0), Ok(Some(5)));
+        assert_eq!(read(b"a\0\0\0b\0\0\0", 2), Ok(Some(5)));
+        assert_eq!(read(b"a\0b\0", 2), Ok(Some(5)));
+        // With two bytes a character 0 follows, and what is left looks like padding.
+        assert_eq!(read(b"a\0\0\0", 1), Ok(Some(5)));
     }
 
     #[test]
@@ -291,29 +518,29 @@ mod tests {
         message.extend(u64::MAX.to_le_bytes()); // 40
         message.extend(0.25_f32.to_le_bytes()); // 48
         message.push(1); // 52
-        let mut values = [Value::Unread; 5];
-        plan.read(&message, &mut values).expect("sound message");
-        assert_eq!(values[0], Value::Integer(-4));
-        assert_eq!(values[1], Value::Number(u64::MAX as f64));
-        assert_eq!(values[2], Value::Number(0.25));
-        assert_eq!(values[3].integer(), Some(1));
-        let Value::Numbers(rgb) = values[4] else {
-            panic!("numbers")
-        };
-        assert_eq!(rgb.get(2), Some(3.0));
+        let mut row = Row::default();
+        plan.read(&message, &mut row).expect("sound message");
+        let value = |slot| row.value(&message, slot);
+        assert_eq!(value(0), Value::Integer(-4));
+        assert_eq!(value(1), Value::Number(u64::MAX as f64));
+        assert_eq!(value(2), Value::Number(0.25));
+        assert_eq!(value(3).integer(), Some(1));
+        assert_eq!(value(4).numbers().and_then(|rgb| rgb.get(2)), Some(3.0));
     }
 
     #[test]
     fn plans_refuse_what_cannot_be_read() {
         let definition = |text| parse("a/B", text).expect("sound text");
         let refusal = |text, path| {
-            CdrPlan::resolve(&definition(text), &[path])
+            CdrPlan::resolve(&definition(text), &paths(&[path]))
                 .expect_err("refused")
                 .to_string()
         };
         assert!(refusal("float64 x\nfloat64 y", "z").contains("x, y"));
         assert!(refusal("B b", "b.x").contains("contains itself"));
         assert!(refusal("C c\n===\nMSG: a/C\nfloat64 x", "c").contains("message"));
-        assert!(refusal("wstring w\nfloat64 x", "x").contains("wstring"));
+        assert!(refusal("wstring w\nfloat64 x", "w").contains("wstring"));
+        assert!(refusal("float64[3] x", "x[3]").contains("has 3"));
+        assert!(refusal("C[] c\n===\nMSG: a/C\nfloat64 x", "c.x").contains("message[]"));
     }
 }

@@ -1,11 +1,15 @@
 //! Definition + wanted paths → a flat list of steps over a CDR message.
 //!
 //! 1. Nested messages are unfolded in place; arrays of them become one repeated step.
-//! 2. A wanted path becomes a step that lends a value; every other field becomes a step that skips.
+//! 2. A wanted path becomes a step that takes a value; every other field becomes a step that skips.
 //!
 //! Fields after the last wanted one are still walked: a message that does not end where its schema says is damaged.
 
-use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
+use super::path::{Segment, Want};
+use super::{
+    Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Primitive, SchemaError,
+    Shape,
+};
 
 /// More fields than any message of the field has; keeps a hostile schema from unfolding without end.
 const MOST_STEPS: usize = 20_000;
@@ -15,7 +19,11 @@ const MOST_LEVELS: usize = 32;
 /// How to read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CdrPlan {
-    pub(super) steps: Vec<Step>,
+    pub(super) plain: Vec<Step>,
+    /// For encodings in which each message and nested message begins with its length.
+    pub(super) delimited: Vec<Step>,
+    /// Some field is a wide string.
+    pub(super) wide: bool,
     pub(super) wanted: usize,
 }
 
@@ -28,64 +36,105 @@ pub(super) enum Step {
     SkipSequence(Primitive),
     /// One string.
     SkipText,
-    /// The steps of a nested type, as often as the definition (or else the message) says.
-    Repeat {
-        count: Option<u32>,
-        steps: Vec<Step>,
-    },
-    /// One number is lent.
+    /// One string of wide characters.
+    SkipWideText,
+    /// Elements of a nested type (or strings), as many as the definition (or else the message) says.
+    Repeat(Box<Repeat>),
+    /// A nested type that begins with its length.
+    Delimited(Vec<Step>),
+    /// One number is taken.
     Number { slot: usize, of: Primitive },
-    /// One string is lent.
+    /// One string is taken.
     Text { slot: usize },
-    /// An array of numbers is lent.
+    /// One number is added to a list.
+    AddNumber { slot: usize, of: Primitive },
+    /// One string is added to a list.
+    AddText { slot: usize },
+    /// An array of numbers is taken.
     Numbers {
         slot: usize,
         of: Primitive,
         count: Option<u32>,
     },
-    /// An array of strings is lent.
+    /// An array of strings is taken.
     Texts { slot: usize, count: Option<u32> },
+    /// Some numbers of an array are taken: index and slot.
+    Pick {
+        of: Primitive,
+        count: Option<u32>,
+        picks: Vec<(usize, usize)>,
+    },
+}
+
+/// The elements of an array of nested messages or strings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Repeat {
+    pub(super) count: Option<u32>,
+    /// The steps of an element.
+    pub(super) steps: Vec<Step>,
+    /// The steps of elements of which something else is wanted, by index.
+    pub(super) picked: Vec<(usize, Vec<Step>)>,
+    /// Lists that each element adds to.
+    pub(super) lists: Vec<usize>,
 }
 
 /// What is carried while a definition is unfolded.
 struct Unfolding<'d> {
     definition: &'d Definition,
-    wanted: &'d [&'d str],
-    found: Vec<bool>,
+    wanted: &'d [FieldPath],
+    delimited: bool,
+    wide: bool,
     left: usize,
     level: usize,
 }
 
 impl CdrPlan {
-    /// The plan that lends the fields at `wanted` (paths such as `pose.position.x`), in that order.
-    pub fn resolve(definition: &Definition, wanted: &[&str]) -> Result<Self, SchemaError> {
-        let mut unfolding = Unfolding {
-            definition,
-            wanted,
-            found: vec![false; wanted.len()],
-            left: MOST_STEPS,
-            level: 0,
-        };
-        let steps = unfolding.message(0, "")?;
-        if let Some(missing) = unfolding.found.iter().position(|&found| !found) {
-            return Err(SchemaError::NoField {
-                path: wanted[missing].to_owned(),
-                message: definition.types[0].name.clone(),
-                fields: leaves(definition).join(", "),
+    /// The plan that takes the fields at `wanted` (paths such as `pose.position.x`), in that order.
+    pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
+        if let Some(mutable) = mutable(definition) {
+            return Err(SchemaError::Mutable {
+                name: mutable.name.clone(),
             });
         }
+        let unfold = |delimited| {
+            let mut unfolding = Unfolding {
+                definition,
+                wanted,
+                delimited,
+                wide: false,
+                left: MOST_STEPS,
+                level: 0,
+            };
+            let wants = wanted
+                .iter()
+                .enumerate()
+                .map(|(slot, path)| path.want(slot));
+            let steps = unfolding.message(0, &wants.collect::<Vec<_>>())?;
+            Ok((steps, unfolding.wide))
+        };
+        let (plain, wide) = unfold(false)?;
+        let (delimited, _) = unfold(true)?;
         Ok(Self {
-            steps,
+            plain,
+            delimited: vec![Step::Delimited(delimited)],
+            wide,
             wanted: wanted.len(),
         })
     }
 }
 
+/// A type whose fields may stand in any order.
+fn mutable(definition: &Definition) -> Option<&MessageType> {
+    let mut types = definition.types.iter();
+    types.find(|message| message.extensibility == Extensibility::Mutable)
+}
+
 impl Unfolding<'_> {
-    fn message(&mut self, index: usize, prefix: &str) -> Result<Vec<Step>, SchemaError> {
+    fn message(&mut self, index: usize, wants: &[Want<'_>]) -> Result<Vec<Step>, SchemaError> {
         let message: &MessageType = &self.definition.types[index];
         self.level += 1;
         let mut steps = Vec::new();
+        let mut taken = 0;
         for field in &message.fields {
             if self.left == 0 || self.level > MOST_LEVELS {
                 return Err(SchemaError::Unbounded {
@@ -94,50 +143,209 @@ impl Unfolding<'_> {
                 });
             }
             self.left -= 1;
-            self.field(field, join(prefix, &field.name), &mut steps)?;
+            let has = |name: &str| message.fields.iter().any(|field| field.name == name);
+            let chosen = wants.iter().filter(|want| want.chooses(&field.name, has));
+            let inner: Vec<_> = chosen.map(|want| want.inner()).collect();
+            taken += inner.len();
+            self.field(field, &inner, &mut steps)?;
         }
         self.level -= 1;
+        if taken < wants.len() {
+            let has = |name: &str| message.fields.iter().any(|field| field.name == name);
+            let missing = wants.iter().find(|want| {
+                let mut names = message.fields.iter().map(|field| field.name.as_str());
+                !names.any(|name| want.chooses(name, has))
+            });
+            return Err(self.no_field(missing.unwrap_or(&wants[0])));
+        }
         Ok(steps)
     }
 
     fn field(
         &mut self,
         field: &Field,
-        path: String,
+        wants: &[Want<'_>],
         steps: &mut Vec<Step>,
     ) -> Result<(), SchemaError> {
-        let slot = self.wanted.iter().position(|wanted| *wanted == path);
-        if let Some(slot) = slot {
-            self.found[slot] = true;
-        }
-        match field.of {
-            FieldType::Message(_) if slot.is_some() => {
-                return Err(SchemaError::WrongType {
-                    path,
-                    found: field.to_string(),
-                });
+        match (field.of, field.shape) {
+            (FieldType::Message(inner), Shape::One) => {
+                if let Some(want) = wants.iter().find(|want| want.rest.is_empty()) {
+                    return Err(self.wrong_type(want, field));
+                }
+                let inner = self.nested(inner, wants)?;
+                if self.delimited && inner.1 != Extensibility::Final {
+                    steps.push(Step::Delimited(inner.0));
+                } else {
+                    steps.extend(inner.0);
+                }
             }
-            FieldType::Message(inner) if field.shape == Shape::One => {
-                steps.extend(self.message(inner, &path)?);
+            (FieldType::Message(inner), shape) => {
+                let repeat = self.repeat(inner, fixed_count(shape), field, wants)?;
+                steps.push(Step::Repeat(Box::new(repeat)));
             }
-            FieldType::Message(inner) => steps.push(Step::Repeat {
-                count: fixed_count(field.shape),
-                // Elements of an array have no path of their own: `[]` never matches a wanted one.
-                steps: self.message(inner, &format!("{path}[]"))?,
-            }),
-            FieldType::WideText => return Err(SchemaError::WideString { path }),
-            FieldType::Text => steps.push(text_step(field.shape, slot)),
-            FieldType::Primitive(of) => steps.push(number_step(of, field.shape, slot)),
+            (FieldType::WideText, shape) => {
+                if let Some(want) = wants.first() {
+                    return Err(self.wrong_type(want, field));
+                }
+                self.wide = true;
+                steps.push(once_or_repeated(Step::SkipWideText, shape));
+            }
+            (FieldType::Text, shape) => steps.push(self.text_step(field, shape, wants)?),
+            (FieldType::Primitive(of), shape) => {
+                steps.push(self.number_step(field, of, shape, wants)?);
+            }
         }
         Ok(())
     }
-}
 
-fn join(prefix: &str, name: &str) -> String {
-    if prefix.is_empty() {
-        name.to_owned()
-    } else {
-        format!("{prefix}.{name}")
+    fn nested(
+        &mut self,
+        index: usize,
+        wants: &[Want<'_>],
+    ) -> Result<(Vec<Step>, Extensibility), SchemaError> {
+        let steps = self.message(index, wants)?;
+        Ok((steps, self.definition.types[index].extensibility))
+    }
+
+    /// An array of nested messages: some elements may be wanted, or a field of each of them.
+    fn repeat(
+        &mut self,
+        inner: usize,
+        count: Option<u32>,
+        field: &Field,
+        wants: &[Want<'_>],
+    ) -> Result<Repeat, SchemaError> {
+        let element = |unfolding: &mut Self, wants: &[Want<'_>]| {
+            let (steps, extensibility) = unfolding.nested(inner, wants)?;
+            Ok(
+                if unfolding.delimited && extensibility != Extensibility::Final {
+                    vec![Step::Delimited(steps)]
+                } else {
+                    steps
+                },
+            )
+        };
+        let mut each = Vec::new();
+        let mut indices = Vec::new();
+        for want in wants {
+            match want.rest.first() {
+                Some(Segment::Each) if want.rest.len() > 1 => each.push(want.inner()),
+                Some(Segment::Element(index)) if want.rest.len() > 1 => {
+                    self.reach(*index, count, want)?;
+                    indices.push(*index);
+                }
+                _ => return Err(self.wrong_type(want, field)),
+            }
+        }
+        indices.sort_unstable();
+        indices.dedup();
+        let steps = element(self, &each)?;
+        let mut picked = Vec::new();
+        for index in indices {
+            let here = wants
+                .iter()
+                .filter(|want| want.rest[0] == Segment::Element(index));
+            let here: Vec<_> = each
+                .iter()
+                .copied()
+                .chain(here.map(|want| want.inner()))
+                .collect();
+            picked.push((index, element(self, &here)?));
+        }
+        Ok(Repeat {
+            count,
+            steps,
+            picked,
+            lists: each.iter().map(|want| want.slot).collect(),
+        })
+    }
+
+    fn text_step(
+        &self,
+        field: &Field,
+        shape: Shape,
+        wants: &[Want<'_>],
+    ) -> Result<Step, SchemaError> {
+        let Some(want) = wants.first() else {
+            return Ok(once_or_repeated(Step::SkipText, shape));
+        };
+        let (slot, count) = (want.slot, fixed_count(shape));
+        match (shape, want.rest) {
+            _ if wants.len() > 1 => Err(self.wrong_type(&wants[1], field)),
+            (Shape::One, []) if want.each => Ok(Step::AddText { slot }),
+            (Shape::One, []) => Ok(Step::Text { slot }),
+            (Shape::Fixed(_) | Shape::Sequence, [] | [Segment::Each]) if !want.each => {
+                Ok(Step::Texts { slot, count })
+            }
+            _ => Err(self.wrong_type(want, field)),
+        }
+    }
+
+    fn number_step(
+        &self,
+        field: &Field,
+        of: Primitive,
+        shape: Shape,
+        wants: &[Want<'_>],
+    ) -> Result<Step, SchemaError> {
+        let count = fixed_count(shape);
+        let Some(want) = wants.first() else {
+            return Ok(match count {
+                Some(count) => Step::Skip { of, count },
+                None => Step::SkipSequence(of),
+            });
+        };
+        let slot = want.slot;
+        let is_element = |want: &Want<'_>| matches!(want.rest, [Segment::Element(_)]);
+        match (shape, want.rest) {
+            (Shape::One, []) if wants.len() == 1 && want.each => Ok(Step::AddNumber { slot, of }),
+            (Shape::One, []) if wants.len() == 1 => Ok(Step::Number { slot, of }),
+            (Shape::Fixed(_) | Shape::Sequence, [] | [Segment::Each])
+                if wants.len() == 1 && !want.each =>
+            {
+                Ok(Step::Numbers { slot, of, count })
+            }
+            (Shape::Fixed(_) | Shape::Sequence, _)
+                if wants.iter().all(|want| is_element(want) && !want.each) =>
+            {
+                let mut picks = Vec::new();
+                for want in wants {
+                    let Segment::Element(index) = want.rest[0] else {
+                        continue;
+                    };
+                    self.reach(index, count, want)?;
+                    picks.push((index, want.slot));
+                }
+                Ok(Step::Pick { of, count, picks })
+            }
+            _ => Err(self.wrong_type(wants.last().unwrap_or(want), field)),
+        }
+    }
+
+    /// An array whose length the definition tells must have the element.
+    fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Result<(), SchemaError> {
+        match count.and_then(|count| usize::try_from(count).ok()) {
+            Some(count) if index >= count => Err(SchemaError::NoElement {
+                path: self.wanted[want.slot].to_string(),
+                count,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn no_field(&self, want: &Want<'_>) -> SchemaError {
+        SchemaError::NoField {
+            path: self.wanted[want.slot].to_string(),
+            message: self.definition.types[0].name.clone(),
+            fields: leaves(self.definition).join(", "),
+        }
+    }
+
+    fn wrong_type(&self, want: &Want<'_>, field: &Field) -> SchemaError {
+        SchemaError::WrongType {
+            path: self.wanted[want.slot].to_string(),
+            found: field.to_string(),
+        }
     }
 }
 
@@ -149,40 +357,31 @@ const fn fixed_count(shape: Shape) -> Option<u32> {
     }
 }
 
-fn text_step(shape: Shape, slot: Option<usize>) -> Step {
-    match (slot, shape) {
-        (Some(slot), Shape::One) => Step::Text { slot },
-        (Some(slot), _) => Step::Texts {
-            slot,
-            count: fixed_count(shape),
-        },
-        (None, Shape::One) => Step::SkipText,
-        (None, _) => Step::Repeat {
-            count: fixed_count(shape),
-            steps: vec![Step::SkipText],
-        },
+fn once_or_repeated(step: Step, shape: Shape) -> Step {
+    if shape == Shape::One {
+        return step;
     }
-}
-
-const fn number_step(of: Primitive, shape: Shape, slot: Option<usize>) -> Step {
-    match (slot, shape, fixed_count(shape)) {
-        (Some(slot), Shape::One, _) => Step::Number { slot, of },
-        (Some(slot), _, count) => Step::Numbers { slot, of, count },
-        (None, _, Some(count)) => Step::Skip { of, count },
-        (None, _, None) => Step::SkipSequence(of),
-    }
+    Step::Repeat(Box::new(Repeat {
+        count: fixed_count(shape),
+        steps: vec![step],
+        picked: Vec::new(),
+        lists: Vec::new(),
+    }))
 }
 
 /// Paths of the fields that could be wanted, for an error; not all of a very large message.
-fn leaves(definition: &Definition) -> Vec<String> {
+pub(super) fn leaves(definition: &Definition) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![(0_usize, String::new(), 0_usize)];
     while let Some((index, prefix, depth)) = open.pop() {
         for field in &definition.types[index].fields {
-            let path = join(&prefix, &field.name);
+            let path = format!("{prefix}{}", field.name);
             match field.of {
                 FieldType::Message(inner) if field.shape == Shape::One && depth < 8 => {
-                    open.push((inner, path, depth + 1));
+                    open.push((inner, format!("{path}."), depth + 1));
+                }
+                FieldType::Message(inner) if !prefix.contains("[]") && depth < 8 => {
+                    open.push((inner, format!("{path}[]."), depth + 1));
                 }
                 _ => found.push(path),
             }

@@ -16,6 +16,22 @@ pub struct MessageType {
     pub name: String,
     /// At least one: an empty message carries a placeholder byte.
     pub fields: Vec<Field>,
+    /// How other versions of the type may differ.
+    pub extensibility: Extensibility,
+}
+
+/// How other versions of a type may differ, which decides how it is delimited in CDR version 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Extensibility {
+    /// Nothing is said, which is taken for appendable where a message is in a delimited encoding.
+    #[default]
+    Unstated,
+    /// `@final`: they do not.
+    Final,
+    /// `@appendable`: they may have more fields at their end.
+    Appendable,
+    /// `@mutable`: any field may be missing or moved.
+    Mutable,
 }
 
 /// One field.

@@ -8,10 +8,12 @@
 //! 2. Read each line as field, constant (skipped) or comment (skipped).
 //! 3. Resolve type names to indices.
 
-use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
+use super::{
+    Definition, Extensibility, Field, FieldType, MessageType, Primitive, SchemaError, Shape,
+};
 
 /// Types that recorders may leave out of the text.
-const BUILT_IN: [(&str, &str); 2] = [
+pub(super) const BUILT_IN: [(&str, &str); 2] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"),
     ("builtin_interfaces/Duration", "int32 sec\nuint32 nanosec\n"),
 ];
@@ -168,6 +170,7 @@ fn resolve(section: &Section, sections: &[Section]) -> Result<MessageType, Schem
     Ok(MessageType {
         name: section.name.clone(),
         fields,
+        extensibility: Extensibility::Unstated,
     })
 }
 

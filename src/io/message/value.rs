@@ -1,26 +1,29 @@
 //! Values lent out of a message's bytes.
 
 use super::Primitive;
+use super::row::{Cell, List, Span, number};
 
 /// What a plan lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Value<'m> {
-    /// The message was not read yet.
+    /// The message has none there.
     #[default]
-    Unread,
+    Absent,
     /// An integer or a truth value, in the width of any but the largest unsigned ones.
     Integer(i64),
     /// A floating-point number.
     Number(f64),
     /// A string without its end mark.
-    Text(&'m [u8]),
+    Text(Text<'m>),
     /// An array of numbers.
     Numbers(Numbers<'m>),
     /// An array of strings.
     Texts(Texts<'m>),
+    /// An array that was gathered element by element, of numbers or of strings.
+    List(Gathered<'m>),
 }
 
-impl Value<'_> {
+impl<'m> Value<'m> {
     /// The number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match *self {
@@ -37,125 +40,235 @@ impl Value<'_> {
             _ => None,
         }
     }
+
+    /// The numbers, if it is an array.
+    pub const fn numbers(&self) -> Option<Numbers<'m>> {
+        match *self {
+            Self::Numbers(numbers) => Some(numbers),
+            Self::List(list) => Some(Numbers::Gathered(list)),
+            _ => None,
+        }
+    }
+
+    /// The strings, if it is an array.
+    pub const fn texts(&self) -> Option<Texts<'m>> {
+        match *self {
+            Self::Texts(texts) => Some(texts),
+            Self::List(list) => Some(Texts::Gathered(list)),
+            _ => None,
+        }
+    }
 }
 
-/// An array of numbers in the byte order of its message.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Numbers<'m> {
+/// A string as it stands in its message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Text<'m> {
     pub(super) bytes: &'m [u8],
-    pub(super) of: Primitive,
-    pub(super) big_endian: bool,
+    /// It has JSON's escapes in it.
+    pub(super) escaped: bool,
+}
+
+impl Text<'_> {
+    /// Whether it says the same.
+    pub fn is(&self, text: &str) -> bool {
+        if self.escaped {
+            super::json::unescaped(self.bytes).is_some_and(|mine| mine == text)
+        } else {
+            self.bytes == text.as_bytes()
+        }
+    }
+
+    /// What it says, for people: what is no UTF-8 is replaced.
+    pub fn to_text(&self) -> String {
+        let unescaped = self.escaped.then(|| super::json::unescaped(self.bytes));
+        unescaped
+            .flatten()
+            .unwrap_or_else(|| String::from_utf8_lossy(self.bytes).into_owned())
+    }
+}
+
+/// An array whose elements were met one by one; an element that is no number or no string is absent there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gathered<'m> {
+    pub(super) message: &'m [u8],
+    pub(super) list: &'m List,
+}
+
+/// An array of numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Numbers<'m> {
+    /// In the byte order of its message.
+    Stored {
+        /// All of them.
+        bytes: &'m [u8],
+        /// As what.
+        of: Primitive,
+        /// In which byte order.
+        big_endian: bool,
+    },
+    /// Met one by one.
+    Gathered(Gathered<'m>),
 }
 
 impl Numbers<'_> {
     /// How many.
     pub const fn len(&self) -> usize {
-        self.bytes.len() / self.of.size()
+        match self {
+            Self::Stored { bytes, of, .. } => bytes.len() / of.size(),
+            Self::Gathered(gathered) => gathered.list.numbers.len(),
+        }
     }
 
     /// Whether there are none.
     pub const fn is_empty(&self) -> bool {
-        self.bytes.is_empty()
+        self.len() == 0
     }
 
-    /// The number at `index`, if there are that many.
+    /// The number at `index`, if there is one.
     pub fn get(&self, index: usize) -> Option<f64> {
-        let size = self.of.size();
-        let start = index.checked_mul(size)?;
-        let bytes = self.bytes.get(start..start.checked_add(size)?)?;
-        number(bytes, self.of, self.big_endian).number()
+        match *self {
+            Self::Stored {
+                bytes,
+                of,
+                big_endian,
+            } => {
+                let size = of.size();
+                let start = index.checked_mul(size)?;
+                let bytes = bytes.get(start..start.checked_add(size)?)?;
+                number(bytes, of, big_endian).as_number()
+            }
+            Self::Gathered(gathered) => gathered.list.numbers.get(index).copied().flatten(),
+        }
     }
 }
 
-/// An array of strings as it stands in its message: for each a length, the characters, an end mark, padding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Texts<'m> {
-    pub(super) bytes: &'m [u8],
-    pub(super) count: usize,
-    pub(super) big_endian: bool,
+/// An array of strings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Texts<'m> {
+    /// As it stands in its message: for each a length, the characters, an end mark, padding.
+    Stored {
+        /// All of them.
+        bytes: &'m [u8],
+        /// How many.
+        count: usize,
+        /// In which byte order.
+        big_endian: bool,
+    },
+    /// Met one by one.
+    Gathered(Gathered<'m>),
 }
 
 impl<'m> Texts<'m> {
-    /// The array as stored. Equal bytes mean equal strings (not the other way: padding may differ).
-    pub const fn as_stored(&self) -> &'m [u8] {
-        self.bytes
-    }
-
     /// How many.
     pub const fn len(&self) -> usize {
-        self.count
+        match self {
+            Self::Stored { count, .. } => *count,
+            Self::Gathered(gathered) => gathered.list.texts.len(),
+        }
     }
 
     /// Whether there are none.
     pub const fn is_empty(&self) -> bool {
-        self.count == 0
+        self.len() == 0
     }
 
-    /// The strings. The plan has walked them, so all are there.
-    pub fn iter(&self) -> impl Iterator<Item = &'m [u8]> + use<'m> {
-        let (bytes, big_endian) = (self.bytes, self.big_endian);
-        let mut at = 0_usize;
-        (0..self.count).map_while(move |_| {
-            at = at.next_multiple_of(4);
-            let length = bytes.get(at..at + 4)?;
-            let Value::Integer(length) = number(length, Primitive::U32, big_endian) else {
-                return None;
-            };
-            let length = usize::try_from(length).ok()?;
-            let text = bytes.get(at + 4..(at + 4).checked_add(length)?)?;
-            at += 4 + length;
-            Some(without_end_mark(text))
+    /// The strings; the plan has walked them, so all are there. An element that is no string is `None`.
+    pub fn iter(&self) -> impl Iterator<Item = Option<Text<'m>>> + use<'m> {
+        let (stored, gathered) = match *self {
+            Self::Stored {
+                bytes,
+                count,
+                big_endian,
+            } => (stored_texts(bytes, count, big_endian), None),
+            Self::Gathered(gathered) => (stored_texts(&[], 0, false), Some(gathered)),
+        };
+        let gathered = gathered.into_iter().flat_map(|Gathered { message, list }| {
+            list.texts
+                .iter()
+                .map(move |span| span.map(|span| span.of(message)))
+        });
+        stored.map(Some).chain(gathered)
+    }
+
+    /// Writes down what tells these strings from others.
+    pub fn remember(&self, key: &mut Vec<u8>) {
+        key.clear();
+        match *self {
+            Self::Stored {
+                bytes, big_endian, ..
+            } => {
+                key.push(u8::from(big_endian));
+                key.extend_from_slice(bytes);
+            }
+            Self::Gathered(_) => {
+                key.push(2);
+                for text in self.iter() {
+                    let bytes = text.map_or(&[][..], |text| text.bytes);
+                    key.extend(bytes.len().to_le_bytes());
+                    key.push(text.map_or(2, |text| u8::from(text.escaped)));
+                    key.extend_from_slice(bytes);
+                }
+            }
+        }
+    }
+
+    /// Whether these are the strings that were written down. Never true of others; it may be false of the same ones
+    /// stored in another way.
+    pub fn are(&self, key: &[u8]) -> bool {
+        match *self {
+            Self::Stored {
+                bytes, big_endian, ..
+            } => key.split_first() == Some((&u8::from(big_endian), bytes)),
+            Self::Gathered(Gathered { message, list }) => {
+                let mut rest = key.strip_prefix(&[2]);
+                for span in &list.texts {
+                    rest = rest.and_then(|rest| after(rest, span.map(|span| span.of(message))));
+                }
+                rest.is_some_and(<[u8]>::is_empty)
+            }
+        }
+    }
+}
+
+/// What follows one string in what was written down.
+fn after<'k>(key: &'k [u8], text: Option<Text<'_>>) -> Option<&'k [u8]> {
+    let bytes = text.map_or(&[][..], |text| text.bytes);
+    let (length, rest) = key.split_first_chunk::<8>()?;
+    let (escaped, rest) = rest.split_first()?;
+    let same = usize::from_le_bytes(*length) == bytes.len()
+        && *escaped == text.map_or(2, |text| u8::from(text.escaped));
+    rest.strip_prefix(bytes).filter(|_| same)
+}
+
+fn stored_texts(bytes: &[u8], count: usize, big_endian: bool) -> impl Iterator<Item = Text<'_>> {
+    let mut at = 0_usize;
+    (0..count).map_while(move |_| {
+        at = at.next_multiple_of(4);
+        let length = bytes.get(at..at + 4)?;
+        let Cell::Integer(length) = number(length, Primitive::U32, big_endian) else {
+            return None;
+        };
+        let length = usize::try_from(length).ok()?;
+        let text = bytes.get(at + 4..(at + 4).checked_add(length)?)?;
+        at += 4 + length;
+        Some(Text {
+            bytes: without_end_mark(text),
+            escaped: false,
         })
+    })
+}
+
+impl Span {
+    /// The string that lies there in `message`.
+    pub(super) fn of(self, message: &[u8]) -> Text<'_> {
+        Text {
+            bytes: message.get(self.start..self.end).unwrap_or_default(),
+            escaped: self.escaped,
+        }
     }
 }
 
 /// CDR counts a terminating zero into a string's length; some writers leave it out of empty ones.
 pub(super) fn without_end_mark(text: &[u8]) -> &[u8] {
     text.strip_suffix(&[0]).unwrap_or(text)
-}
-
-/// The number in `bytes`, which are as many as `of` needs.
-pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Value<'static> {
-    macro_rules! integer {
-        ($t:ty) => {{
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                <$t>::from_be_bytes(bytes)
-            } else {
-                <$t>::from_le_bytes(bytes)
-            };
-            Value::Integer(i64::from(stored))
-        }};
-    }
-    macro_rules! float {
-        ($t:ty) => {{
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                <$t>::from_be_bytes(bytes)
-            } else {
-                <$t>::from_le_bytes(bytes)
-            };
-            Value::Number(stored.into())
-        }};
-    }
-    match of {
-        Primitive::Bool | Primitive::U8 => integer!(u8),
-        Primitive::I8 => integer!(i8),
-        Primitive::I16 => integer!(i16),
-        Primitive::U16 => integer!(u16),
-        Primitive::I32 => integer!(i32),
-        Primitive::U32 => integer!(u32),
-        Primitive::I64 => integer!(i64),
-        Primitive::U64 => {
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                u64::from_be_bytes(bytes)
-            } else {
-                u64::from_le_bytes(bytes)
-            };
-            i64::try_from(stored).map_or(Value::Number(stored as f64), Value::Integer)
-        }
-        Primitive::F32 => float!(f32),
-        Primitive::F64 => float!(f64),
-    }
 }

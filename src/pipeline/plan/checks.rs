@@ -9,7 +9,9 @@ use super::PlanError;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
+use crate::ingest::WrongFields;
 use crate::io::log::Limits;
+use crate::io::message;
 use crate::pipeline::file::PipelineFile;
 use crate::similarity::SimilaritySettings;
 
@@ -60,6 +62,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     if let Some(kg) = file.robot.valid_for.payload_kg {
         not_negative("[robot.valid_for] payload_kg", kg)?;
     }
+    mapping(file, joints)?;
     uncertainty(&file.tracker.uncertainty)?;
     geometric(&file.fit.geometric)?;
     full(&file.fit.full)?;
@@ -67,6 +70,46 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     grid(&file.grid)?;
     tolerance(&file.tolerance)?;
     limits(&file.limits)
+}
+
+/// Which fields of messages are named, and how.
+fn mapping(file: &PipelineFile, joints: usize) -> Check {
+    let of_section = |section: &'static str| {
+        move |fields: WrongFields| Wrong {
+            key: format!("[{section}] {}", fields.key),
+            found: fields.found,
+            wanted: fields.wanted,
+        }
+    };
+    let controller = &file.controller.fields;
+    controller.check(joints).map_err(of_section("controller"))?;
+    paths("[controller] fields", &controller.paths())?;
+    let tracker = &file.tracker.mapping.fields;
+    tracker.check().map_err(of_section("tracker"))?;
+    paths("[tracker] fields", &tracker.paths())?;
+    let Some(commanded) = file.commanded.as_ref() else {
+        return Ok(());
+    };
+    let commanded = &commanded.mapping.fields;
+    commanded.check().map_err(of_section("commanded"))?;
+    wrong_unless(
+        commanded.temperature.is_none(),
+        "[commanded] fields.temperature",
+        "given",
+        "left out: temperatures are read by [tracker]",
+    )?;
+    paths("[commanded] fields", &commanded.paths())
+}
+
+fn paths(key: &str, paths: &[&str]) -> Check {
+    each(paths.iter(), |path| {
+        wrong_unless(
+            message::FieldPath::parse(path).is_ok(),
+            key,
+            format!("{path:?}"),
+            "a field path like pose.position.x, joints[2].angle or joints[].name",
+        )
+    })
 }
 
 fn uncertainty(u: &TrackerUncertainty) -> Check {

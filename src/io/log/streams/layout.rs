@@ -1,16 +1,19 @@
-//! The common message types: which fields are read of each, and which stream it can be.
+//! Which fields of a message a stream is made of: those of the common types, or those that the pipeline file names.
 
 use super::Stream;
-use crate::io::message::ros2msg;
+use crate::ingest::{
+    AngleFields, JointFields, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
+};
+use crate::io::message::{FieldPath, MessageSchema, Plan, SchemaError, ros2msg};
 
 /// What a type of message is decoded as.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// `sensor_msgs/JointState`.
+    /// Names and positions of joints: `sensor_msgs/JointState` and its like.
     Joints,
-    /// `geometry_msgs/PoseStamped`.
+    /// Position and orientation: `geometry_msgs/PoseStamped` and its like.
     Pose,
-    /// `geometry_msgs/PointStamped`.
+    /// Position: `geometry_msgs/PointStamped` and its like.
     Point,
     /// `geometry_msgs/PoseWithCovarianceStamped`.
     PoseWithCovariance,
@@ -18,17 +21,160 @@ pub enum Layout {
     Temperature,
 }
 
+/// A message type that needs no field paths.
+struct Common {
+    names: &'static [&'static str],
+    layout: Layout,
+    stamp: &'static str,
+    fields: &'static [&'static str],
+}
+
+/// In both its ROS 2 and its protobuf or JSON name.
+const COMMON: [Common; 9] = [
+    Common {
+        names: &["sensor_msgs/JointState"],
+        layout: Layout::Joints,
+        stamp: "header.stamp",
+        fields: &["name", "position"],
+    },
+    Common {
+        names: &["control_msgs/JointTrajectoryControllerState"],
+        layout: Layout::Joints,
+        stamp: "header.stamp",
+        // ROS 2 Jazzy calls it feedback, Humble actual.
+        fields: &["joint_names", "feedback|actual.positions"],
+    },
+    Common {
+        names: &["foxglove.JointStates", "foxglove_msgs/JointStates"],
+        layout: Layout::Joints,
+        stamp: "timestamp",
+        fields: &["joints[].name", "joints[].position"],
+    },
+    Common {
+        names: &["geometry_msgs/PoseStamped"],
+        layout: Layout::Pose,
+        stamp: "header.stamp",
+        fields: &POSE,
+    },
+    Common {
+        names: &["foxglove.PoseInFrame", "foxglove_msgs/PoseInFrame"],
+        layout: Layout::Pose,
+        stamp: "timestamp",
+        fields: &POSE,
+    },
+    Common {
+        names: &["geometry_msgs/TransformStamped"],
+        layout: Layout::Pose,
+        stamp: "header.stamp",
+        fields: &[
+            "transform.translation.x",
+            "transform.translation.y",
+            "transform.translation.z",
+            "transform.rotation.x",
+            "transform.rotation.y",
+            "transform.rotation.z",
+            "transform.rotation.w",
+        ],
+    },
+    Common {
+        names: &["geometry_msgs/PointStamped"],
+        layout: Layout::Point,
+        stamp: "header.stamp",
+        fields: &["point.x", "point.y", "point.z"],
+    },
+    Common {
+        names: &["foxglove.Point3InFrame", "foxglove_msgs/Point3InFrame"],
+        layout: Layout::Point,
+        stamp: "timestamp",
+        fields: &["point.x", "point.y", "point.z"],
+    },
+    Common {
+        names: &["geometry_msgs/PoseWithCovarianceStamped"],
+        layout: Layout::PoseWithCovariance,
+        stamp: "header.stamp",
+        fields: &[
+            "pose.pose.position.x",
+            "pose.pose.position.y",
+            "pose.pose.position.z",
+            "pose.pose.orientation.x",
+            "pose.pose.orientation.y",
+            "pose.pose.orientation.z",
+            "pose.pose.orientation.w",
+            "pose.covariance",
+        ],
+    },
+];
+
+const POSE: [&str; 7] = [
+    "pose.position.x",
+    "pose.position.y",
+    "pose.position.z",
+    "pose.orientation.x",
+    "pose.orientation.y",
+    "pose.orientation.z",
+    "pose.orientation.w",
+];
+
+const TEMPERATURE: Common = Common {
+    names: &["sensor_msgs/Temperature"],
+    layout: Layout::Temperature,
+    stamp: "header.stamp",
+    fields: &["temperature"],
+};
+
+/// Where messages of no common type have their stamp, as far as nothing else is said.
+const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
+/// What a time is made of, in ROS 2, in protobuf, and in ROS 1 and JSON.
+const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
+
+/// What the first values of a row are: the message's stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum StampValues {
+    /// None: the time is the record's.
+    Record,
+    /// Seconds and nanoseconds.
+    Time,
+    /// One number.
+    Number(TimeUnit),
+}
+
+/// What the values of a row are, behind stamp and frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Meaning {
+    /// An array of names, an array of as many angles.
+    NamedAngles,
+    /// The angle of each joint of the arm.
+    Angles,
+    /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
+    Pose { orientation: bool, covariance: bool },
+    /// °C.
+    Temperature,
+}
+
+/// How a stream's values are taken out of one channel's messages.
+#[derive(Debug)]
+pub(super) struct Recipe {
+    pub(super) stamp: StampValues,
+    /// The frame that the value behind the stamp must name.
+    pub(super) frame: Option<String>,
+    pub(super) meaning: Meaning,
+    pub(super) paths: Vec<FieldPath>,
+    pub(super) plan: Plan,
+}
+
+/// What the pipeline file says of a stream's messages.
+struct Said<'m> {
+    stamp: Option<&'m StampField>,
+    frame: Option<&'m str>,
+    frame_field: Option<&'m str>,
+    named: Option<(Meaning, Vec<&'m str>)>,
+    ignore_orientation: bool,
+}
+
 impl Layout {
-    /// The layout of a common type, named `pkg/msg/T` or `pkg/T`.
+    /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as protobuf does.
     pub fn of_type(name: &str) -> Option<Self> {
-        Some(match ros2msg::short_name(name).as_str() {
-            "sensor_msgs/JointState" => Self::Joints,
-            "geometry_msgs/PoseStamped" => Self::Pose,
-            "geometry_msgs/PointStamped" => Self::Point,
-            "geometry_msgs/PoseWithCovarianceStamped" => Self::PoseWithCovariance,
-            "sensor_msgs/Temperature" => Self::Temperature,
-            _ => return None,
-        })
+        common(name).map(|common| common.layout)
     }
 
     /// Whether a stream can be made of it.
@@ -42,41 +188,237 @@ impl Layout {
         }
     }
 
-    /// Paths of the fields that are read.
-    pub const fn fields(self) -> &'static [&'static str] {
+    const fn meaning(self) -> Meaning {
         match self {
-            Self::Joints => &["name", "position"],
-            Self::Pose => &[
-                "pose.position.x",
-                "pose.position.y",
-                "pose.position.z",
-                "pose.orientation.x",
-                "pose.orientation.y",
-                "pose.orientation.z",
-                "pose.orientation.w",
-            ],
-            Self::Point => &["point.x", "point.y", "point.z"],
-            Self::PoseWithCovariance => &[
-                "pose.pose.position.x",
-                "pose.pose.position.y",
-                "pose.pose.position.z",
-                "pose.pose.orientation.x",
-                "pose.pose.orientation.y",
-                "pose.pose.orientation.z",
-                "pose.pose.orientation.w",
-                "pose.covariance",
-            ],
-            Self::Temperature => &["temperature"],
+            Self::Joints => Meaning::NamedAngles,
+            Self::Temperature => Meaning::Temperature,
+            Self::Pose | Self::Point | Self::PoseWithCovariance => Meaning::Pose {
+                orientation: !matches!(self, Self::Point),
+                covariance: matches!(self, Self::PoseWithCovariance),
+            },
         }
+    }
+}
+
+fn common(name: &str) -> Option<&'static Common> {
+    let name = ros2msg::short_name(name);
+    let mut all = COMMON.iter().chain([&TEMPERATURE]);
+    all.find(|common| common.names.contains(&name.as_str()))
+}
+
+/// What can be taken of messages without a pipeline file.
+#[derive(Debug)]
+pub struct Glance {
+    /// Seconds and nanoseconds of the message's own stamp, where it is in one of the usual places.
+    pub stamp: Option<Plan>,
+    /// The array of joint names, of the common types.
+    pub joint_names: Option<Plan>,
+}
+
+impl Glance {
+    /// What can be taken of a channel's messages.
+    pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
+        let schema = MessageSchema::read(encoding, type_name, language, definition);
+        let schema = schema.and_then(Result::ok);
+        let common = common(type_name);
+        let stamp = |schema: &MessageSchema| {
+            let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
+            let path = FieldPath::parse(common.map(|common| common.stamp).or(usual)?).ok()?;
+            let [sec, nanosec] = TIME.map(|part| path.join(part).ok());
+            schema.plan(&[sec?, nanosec?]).ok()
+        };
+        let names = |schema: &MessageSchema| {
+            let joints = common.filter(|common| common.layout == Layout::Joints)?;
+            schema
+                .plan(&[FieldPath::parse(joints.fields[0]).ok()?])
+                .ok()
+        };
+        Self {
+            stamp: schema.as_ref().and_then(stamp),
+            joint_names: schema.as_ref().and_then(names),
+        }
+    }
+}
+
+/// Whether there is a time at this path, as far as is known.
+fn has_time(schema: &MessageSchema, path: &str) -> bool {
+    let seconds = FieldPath::parse(path).and_then(|path| path.join(TIME[0]));
+    seconds.is_ok_and(|seconds| schema.has(&seconds))
+}
+
+impl Recipe {
+    /// How the stream is made of messages of the type `name`; `None` where nothing says how.
+    pub(super) fn resolve(
+        stream: Stream,
+        time: TimeSource,
+        mapping: &Mapping,
+        name: &str,
+        schema: &MessageSchema,
+    ) -> Result<Option<Self>, SchemaError> {
+        let said = Said::of(stream, mapping);
+        let common = common(name).filter(|common| common.layout.suits(stream));
+        let (meaning, fields) = match (&said.named, common) {
+            (Some((meaning, fields)), _) => (*meaning, fields.clone()),
+            (None, Some(common)) => (common.layout.meaning(), common.fields.to_vec()),
+            (None, None) => return Ok(None),
+        };
+        let (meaning, fields) = without_orientation(meaning, fields, said.ignore_orientation);
+        let stamp_path = said.stamp_path(common, schema)?;
+        let mut paths = Vec::new();
+        let stamp = match (time, said.stamp) {
+            (TimeSource::Publish | TimeSource::Log, _) => StampValues::Record,
+            (TimeSource::Header, Some(StampField::Number(number))) => {
+                paths.push(FieldPath::parse(&number.field)?);
+                StampValues::Number(number.unit)
+            }
+            (TimeSource::Header, _) => {
+                paths.extend([stamp_path.join(TIME[0])?, stamp_path.join(TIME[1])?]);
+                StampValues::Time
+            }
+        };
+        if said.frame.is_some() {
+            paths.push(match said.frame_field {
+                Some(field) => FieldPath::parse(field)?,
+                None => beside(&stamp_path, "frame_id")?,
+            });
+        }
+        for field in fields {
+            paths.push(FieldPath::parse(field)?);
+        }
+        Ok(Some(Self {
+            stamp,
+            frame: said.frame.map(str::to_owned),
+            meaning,
+            plan: schema.plan(&paths)?,
+            paths,
+        }))
+    }
+}
+
+impl<'m> Said<'m> {
+    fn of(stream: Stream, mapping: &'m Mapping) -> Self {
+        let tracker = &mapping.tracker;
+        match (stream, &mapping.commanded) {
+            (Stream::Commands, Some(commanded)) => {
+                Self::of_poses(&commanded.fields, commanded.frame.as_deref(), false)
+            }
+            // Commands are wanted only where the pipeline file has them.
+            (Stream::Joints, _) | (Stream::Commands, None) => {
+                Self::of_joints(&mapping.controller.fields)
+            }
+            (Stream::Readings, _) => Self::of_poses(
+                &tracker.fields,
+                tracker.frame.as_deref(),
+                tracker.ignore_orientation,
+            ),
+            (Stream::Temperatures, _) => {
+                let field = tracker.fields.temperature.as_deref();
+                Self {
+                    stamp: tracker.fields.stamp.as_ref(),
+                    frame: None,
+                    frame_field: None,
+                    named: field.map(|field| (Meaning::Temperature, vec![field])),
+                    ignore_orientation: false,
+                }
+            }
+        }
+    }
+
+    fn of_joints(fields: &'m JointFields) -> Self {
+        let names = fields.names.as_deref();
+        let named = match (names, &fields.angles) {
+            (Some(names), Some(AngleFields::Array(angles))) => {
+                Some((Meaning::NamedAngles, vec![names, angles.as_str()]))
+            }
+            (None, Some(AngleFields::Each(angles))) => {
+                Some((Meaning::Angles, angles.iter().map(String::as_str).collect()))
+            }
+            _ => None,
+        };
+        Self {
+            stamp: fields.stamp.as_ref(),
+            frame: None,
+            frame_field: None,
+            named,
+            ignore_orientation: false,
+        }
+    }
+
+    fn of_poses(fields: &'m PoseFields, frame: Option<&'m str>, ignore_orientation: bool) -> Self {
+        let named = fields.position().map(|position| {
+            let orientation = fields.orientation();
+            let covariance = fields.covariance.as_deref();
+            let meaning = Meaning::Pose {
+                orientation: orientation.is_some(),
+                covariance: covariance.is_some(),
+            };
+            let rest = orientation.into_iter().flatten().chain(covariance);
+            (meaning, position.into_iter().chain(rest).collect())
+        });
+        Self {
+            stamp: fields.stamp.as_ref(),
+            frame,
+            frame_field: fields.frame.as_deref(),
+            named,
+            ignore_orientation,
+        }
+    }
+
+    /// Where the message's own stamp is: where the pipeline file says, where the common type has it, or else in one
+    /// of the usual places.
+    fn stamp_path(
+        &self,
+        common: Option<&Common>,
+        schema: &MessageSchema,
+    ) -> Result<FieldPath, SchemaError> {
+        if let Some(StampField::Time(path)) = self.stamp {
+            return FieldPath::parse(path);
+        }
+        if let Some(common) = common {
+            return FieldPath::parse(common.stamp);
+        }
+        let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
+        FieldPath::parse(usual.unwrap_or(STAMPS[0]))
+    }
+}
+
+/// The field of another name in the same message.
+fn beside(path: &FieldPath, name: &str) -> Result<FieldPath, SchemaError> {
+    let path = path.to_string();
+    let inside = path.rsplit_once('.').map(|(inside, _)| inside);
+    FieldPath::parse(&inside.map_or_else(|| name.to_owned(), |inside| format!("{inside}.{name}")))
+}
+
+fn without_orientation(
+    meaning: Meaning,
+    mut fields: Vec<&str>,
+    ignore: bool,
+) -> (Meaning, Vec<&str>) {
+    match meaning {
+        Meaning::Pose {
+            orientation: true,
+            covariance,
+        } if ignore => {
+            fields.drain(3..7);
+            let meaning = Meaning::Pose {
+                orientation: false,
+                covariance,
+            };
+            (meaning, fields)
+        }
+        other => (other, fields),
     }
 }
 
 /// What a stream's message types are called, for an error.
 pub const fn suitable_types(stream: Stream) -> &'static str {
     match stream {
-        Stream::Joints => "sensor_msgs/msg/JointState",
+        Stream::Joints => {
+            "sensor_msgs/msg/JointState, control_msgs/msg/JointTrajectoryControllerState and foxglove.JointStates"
+        }
         Stream::Commands | Stream::Readings => {
-            "geometry_msgs/msg/PoseStamped, PointStamped and PoseWithCovarianceStamped"
+            "geometry_msgs/msg/PoseStamped, PointStamped, PoseWithCovarianceStamped and TransformStamped, \
+             foxglove.PoseInFrame and Point3InFrame"
         }
         Stream::Temperatures => "sensor_msgs/msg/Temperature",
     }

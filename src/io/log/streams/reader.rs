@@ -5,25 +5,36 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use super::Stream;
-use super::layout::Layout;
-use crate::ingest::{DecodedJoints, DecodedPoses, DecodedTemperatures, TimeSource};
+use super::layout::{Meaning, Recipe, StampValues};
+use crate::ingest::{DecodedJoints, DecodedPoses, DecodedTemperatures, TimeSource, TimeUnit};
 use crate::io::log::block::Tally;
 use crate::io::log::record::MessageRecord;
-use crate::io::message::{CdrPlan, MessageFault, Texts, Value};
+use crate::io::message::{MessageFault, Row, Texts, Value};
 
-/// Why one message of a wanted topic is left out.
+/// Why one message of a wanted topic is left out. Numbers are places: of a joint in the arm, or of a wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum RowFault {
     #[error(transparent)]
     Message(#[from] MessageFault),
-    /// The index is the joint's place in the arm.
     #[error("joint")]
     JointMissing(usize),
     #[error("joint")]
     JointTwice(usize),
     #[error("the message has another number of positions than of joint names")]
     UnequalArrays,
-    #[error("the header stamp's nanoseconds are a second or more")]
+    #[error("field")]
+    NoValue(usize),
+    #[error("field")]
+    NoNumber(usize),
+    #[error("field")]
+    NoArray(usize),
+    #[error("the covariance is no array of 9 or 36 numbers")]
+    Covariance,
+    #[error("frame")]
+    OtherFrame,
+    #[error(
+        "the message's stamp is no time: nanoseconds of a second or more, no number, or after the year 2262"
+    )]
     Stamp,
     #[error("the message's time lies after the year 2262: it is damaged")]
     Time,
@@ -36,18 +47,15 @@ pub type Decoder = Option<Box<Reader>>;
 #[derive(Debug)]
 pub struct Reader {
     pub(super) stream: Stream,
-    pub(super) layout: Layout,
     pub(super) time: TimeSource,
-    pub(super) plan: CdrPlan,
+    pub(super) recipe: Recipe,
 }
-
-/// Most values that a layout lends: stamp and pose and covariance.
-const MOST_VALUES: usize = 10;
 
 /// What one block gives.
 #[derive(Debug, Default)]
 pub struct Part {
     pub(super) joints: DecodedJoints,
+    row: Row,
     order: JointOrder,
     pub(super) commands: DecodedPoses,
     pub(super) readings: DecodedPoses,
@@ -60,8 +68,14 @@ pub struct Part {
 #[derive(Debug, Default)]
 struct JointOrder {
     names: Vec<u8>,
-    count: usize,
     places: Vec<usize>,
+}
+
+/// The values of one message.
+#[derive(Clone, Copy)]
+struct Values<'m> {
+    row: &'m Row,
+    payload: &'m [u8],
 }
 
 impl Part {
@@ -91,46 +105,62 @@ impl Reader {
         joint_names: &[String],
         part: &mut Part,
     ) -> Result<(), RowFault> {
-        let stamp_fields = if self.time == TimeSource::Header {
-            2
-        } else {
-            0
+        let recipe = &self.recipe;
+        recipe.plan.read(message.payload, &mut part.row)?;
+        let values = Values {
+            row: &part.row,
+            payload: message.payload,
         };
-        let mut values = [Value::Unread; MOST_VALUES];
-        let values = &mut values[..stamp_fields + self.layout.fields().len()];
-        self.plan.read(message.payload, values)?;
-        let (stamp, fields) = values.split_at(stamp_fields);
-        let stamp = self.stamp(message, stamp)?;
-        match (self.layout, self.stream) {
-            (Layout::Joints, _) => {
+        let (stamp, mut first) = self.stamp(message, values)?;
+        if let Some(frame) = &recipe.frame {
+            values.check_frame(first, frame)?;
+            first += 1;
+        }
+        match (recipe.meaning, self.stream) {
+            (Meaning::NamedAngles, _) => {
                 part.order
-                    .read(fields, joint_names, &mut part.joints.angles)?;
+                    .read(values, first, joint_names, &mut part.joints)?;
                 part.joints.stamps.push(stamp);
             }
-            (Layout::Temperature, _) => {
-                part.temperatures.celsius.push(double(&fields[0]));
+            (Meaning::Angles, _) => {
+                push_angles(&mut part.joints, values, first)?;
+                part.joints.stamps.push(stamp);
+            }
+            (Meaning::Temperature, _) => {
+                part.temperatures.celsius.push(values.number(first)?);
                 part.temperatures.stamps.push(stamp);
             }
-            (layout, Stream::Commands) => push_pose(&mut part.commands, layout, stamp, fields),
-            (layout, _) => push_pose(&mut part.readings, layout, stamp, fields),
+            (
+                Meaning::Pose {
+                    orientation,
+                    covariance,
+                },
+                stream,
+            ) => {
+                let poses = match stream {
+                    Stream::Commands => &mut part.commands,
+                    _ => &mut part.readings,
+                };
+                push_pose(poses, stamp, values, first, orientation, covariance)?;
+            }
         }
         Ok(())
     }
 
-    fn stamp(&self, message: &MessageRecord<'_>, header: &[Value<'_>]) -> Result<i64, RowFault> {
-        match (self.time, header) {
-            (TimeSource::Header, [sec, nanosec]) => {
-                let (Some(sec), Some(nanosec)) = (sec.integer(), nanosec.integer()) else {
-                    return Err(RowFault::Stamp);
-                };
-                if !(0..1_000_000_000).contains(&nanosec) {
-                    return Err(RowFault::Stamp);
-                }
-                Ok(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
+    /// The message's time, and the place of the value behind it.
+    fn stamp(
+        &self,
+        message: &MessageRecord<'_>,
+        values: Values<'_>,
+    ) -> Result<(i64, usize), RowFault> {
+        Ok(match self.recipe.stamp {
+            StampValues::Time => (values.time()?, 2),
+            StampValues::Number(unit) => (values.stamp(unit)?, 1),
+            StampValues::Record if self.time == TimeSource::Publish => {
+                (stamp_of(message.publish_time)?, 0)
             }
-            (TimeSource::Publish, _) => stamp_of(message.publish_time),
-            _ => stamp_of(message.log_time),
-        }
+            StampValues::Record => (stamp_of(message.log_time)?, 0),
+        })
     }
 }
 
@@ -138,33 +168,84 @@ fn stamp_of(time: u64) -> Result<i64, RowFault> {
     i64::try_from(time).map_err(|_| RowFault::Time)
 }
 
-/// A number that the plan lent; a schema that stores a text there is met as not finite.
-fn double(value: &Value<'_>) -> f64 {
-    value.number().unwrap_or(f64::NAN)
+impl<'m> Values<'m> {
+    fn get(self, slot: usize) -> Value<'m> {
+        self.row.value(self.payload, slot)
+    }
+
+    fn number(self, slot: usize) -> Result<f64, RowFault> {
+        match self.get(slot) {
+            Value::Absent => Err(RowFault::NoValue(slot)),
+            value => value.number().ok_or(RowFault::NoNumber(slot)),
+        }
+    }
+
+    /// Seconds and nanoseconds in the first two places.
+    fn time(self) -> Result<i64, RowFault> {
+        let integer = |slot| match self.get(slot) {
+            Value::Absent => Err(RowFault::NoValue(slot)),
+            value => value.integer().ok_or(RowFault::Stamp),
+        };
+        let (sec, nanosec) = (integer(0)?, integer(1)?);
+        if !(0..1_000_000_000).contains(&nanosec) {
+            return Err(RowFault::Stamp);
+        }
+        let ns = sec.checked_mul(1_000_000_000);
+        ns.and_then(|ns| ns.checked_add(nanosec))
+            .ok_or(RowFault::Stamp)
+    }
+
+    /// One number in the first place. A floating-point one is as fine as its digits: 0.24 µs for seconds since 1970.
+    fn stamp(self, unit: TimeUnit) -> Result<i64, RowFault> {
+        match self.get(0) {
+            Value::Absent => Err(RowFault::NoValue(0)),
+            Value::Integer(whole) => whole.checked_mul(unit.to_ns()).ok_or(RowFault::Stamp),
+            Value::Number(number) => {
+                let ns = (number * unit.to_ns() as f64).round();
+                if ns.abs() < 9.2e18 {
+                    #[expect(clippy::cast_possible_truncation, reason = "whole and in range")]
+                    let ns = ns as i64;
+                    Ok(ns)
+                } else {
+                    Err(RowFault::Stamp)
+                }
+            }
+            _ => Err(RowFault::Stamp),
+        }
+    }
+
+    fn check_frame(self, slot: usize, frame: &str) -> Result<(), RowFault> {
+        match self.get(slot) {
+            Value::Text(text) if text.is(frame) => Ok(()),
+            Value::Absent => Err(RowFault::NoValue(slot)),
+            _ => Err(RowFault::OtherFrame),
+        }
+    }
 }
 
 impl JointOrder {
     fn read(
         &mut self,
-        fields: &[Value<'_>],
-        joints: &[String],
-        angles: &mut [Vec<f64>],
+        values: Values<'_>,
+        first: usize,
+        joint_names: &[String],
+        joints: &mut DecodedJoints,
     ) -> Result<(), RowFault> {
-        let [Value::Texts(names), Value::Numbers(positions)] = fields else {
-            return Err(RowFault::UnequalArrays);
-        };
-        if names.len() != positions.len() {
+        let (names, angles) = (values.get(first), values.get(first + 1));
+        let names = names.texts().ok_or(RowFault::NoArray(first))?;
+        let angles = angles.numbers().ok_or(RowFault::NoArray(first + 1))?;
+        if names.len() != angles.len() {
             return Err(RowFault::UnequalArrays);
         }
         // The order hardly ever changes, so the names are looked at only when their bytes do.
-        if self.count != names.len()
-            || self.names != names.as_stored()
-            || self.places.len() != joints.len()
-        {
-            self.find(names, joints)?;
+        if self.places.len() != joint_names.len() || !names.are(&self.names) {
+            self.find(&names, joint_names)?;
         }
-        for (column, &place) in angles.iter_mut().zip(&self.places) {
-            column.push(positions.get(place).expect("as many positions as names"));
+        for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
+            match angles.get(place) {
+                Some(angle) => column.push(angle),
+                None => return Err(take_back(joints, RowFault::NoNumber(first + 1))),
+            }
         }
         Ok(())
     }
@@ -175,32 +256,80 @@ impl JointOrder {
             let mut found = names
                 .iter()
                 .enumerate()
-                .filter(|(_, name)| *name == joint.as_bytes());
+                .filter(|(_, name)| name.is_some_and(|name| name.is(joint)));
             match (found.next(), found.next()) {
                 (Some((index, _)), None) => self.places.push(index),
                 (None, _) => return Err(RowFault::JointMissing(place)),
                 (Some(_), Some(_)) => return Err(RowFault::JointTwice(place)),
             }
         }
-        self.count = names.len();
-        self.names.clear();
-        self.names.extend_from_slice(names.as_stored());
+        names.remember(&mut self.names);
         Ok(())
     }
 }
 
-fn push_pose(poses: &mut DecodedPoses, layout: Layout, stamp: i64, fields: &[Value<'_>]) {
+fn push_angles(
+    joints: &mut DecodedJoints,
+    values: Values<'_>,
+    first: usize,
+) -> Result<(), RowFault> {
+    for place in 0..joints.angles.len() {
+        match values.number(first + place) {
+            Ok(angle) => joints.angles[place].push(angle),
+            Err(fault) => return Err(take_back(joints, fault)),
+        }
+    }
+    Ok(())
+}
+
+/// Takes the beginning of a row out again.
+fn take_back(joints: &mut DecodedJoints, fault: RowFault) -> RowFault {
+    let rows = joints.stamps.len();
+    joints
+        .angles
+        .iter_mut()
+        .for_each(|column| column.truncate(rows));
+    fault
+}
+
+fn push_pose(
+    poses: &mut DecodedPoses,
+    stamp: i64,
+    values: Values<'_>,
+    first: usize,
+    orientation: bool,
+    covariance: bool,
+) -> Result<(), RowFault> {
+    let number = |place: usize| values.number(first + place);
+    let position = [number(0)?, number(1)?, number(2)?];
+    let quaternion = if orientation {
+        Some([number(3)?, number(4)?, number(5)?, number(6)?])
+    } else {
+        None
+    };
+    if covariance {
+        let covariance = position_covariance(values, first + if orientation { 7 } else { 3 })?;
+        poses.covariances.get_or_insert_default().push(covariance);
+    }
+    if let Some(quaternion) = quaternion {
+        poses.orientations.get_or_insert_default().push(quaternion);
+    }
+    poses.positions.push(position);
     poses.stamps.push(stamp);
-    poses.positions.push([0, 1, 2].map(|i| double(&fields[i])));
-    if layout != Layout::Point {
-        let orientation = [3, 4, 5, 6].map(|i| double(&fields[i]));
-        poses.orientations.get_or_insert_default().push(orientation);
+    Ok(())
+}
+
+/// xx xy xz yy yz zz out of rows of three, or of rows of six: x y z and three rotations.
+fn position_covariance(values: Values<'_>, slot: usize) -> Result<[f64; 6], RowFault> {
+    let covariance = values.get(slot).numbers().ok_or(RowFault::NoArray(slot))?;
+    let upper = match covariance.len() {
+        9 => [0, 1, 2, 4, 5, 8],
+        36 => [0, 1, 2, 7, 8, 14],
+        _ => return Err(RowFault::Covariance),
+    };
+    let mut found = [0.0; 6];
+    for (found, place) in found.iter_mut().zip(upper) {
+        *found = covariance.get(place).ok_or(RowFault::NoNumber(slot))?;
     }
-    if let (Layout::PoseWithCovariance, Value::Numbers(covariance)) =
-        (layout, fields[fields.len() - 1])
-    {
-        // Rows of six: x y z and three rotations.
-        let upper = [0, 1, 2, 7, 8, 14].map(|i| covariance.get(i).unwrap_or(f64::NAN));
-        poses.covariances.get_or_insert_default().push(upper);
-    }
+    Ok(found)
 }

@@ -1,0 +1,291 @@
+//! `fields` of the pipeline file: where a message that is of no common type has what a stream is made of.
+//!
+//! A path is a field's name, the names inside it parted by dots, `[2]` for an element of an array (counted from 0),
+//! `[]` for each element: `pose.position.x`, `joints[2].angle`, `joints[].name`.
+
+use serde::{Deserialize, Serialize};
+
+/// `fields` of `[controller]`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointFields {
+    /// The message's own stamp, for `time = "header"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<StampField>,
+    /// The array of joint names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub names: Option<String>,
+    /// The array of joint angles, as many as names; or the angle of each joint of the arm, in the arm's order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub angles: Option<AngleFields>,
+}
+
+/// Where joint angles are.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "angles has to be the path of an array (with names), or a list with the path of each joint's angle"
+)]
+pub enum AngleFields {
+    /// In an array beside the names.
+    Array(String),
+    /// In a field for each joint of the arm, in the arm's order.
+    Each(Vec<String>),
+}
+
+/// `fields` of `[commanded]` and `[tracker]`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseFields {
+    /// The message's own stamp, for `time = "header"`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stamp: Option<StampField>,
+    /// The name of the frame, where `frame` asks for one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
+    /// Position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x: Option<String>,
+    /// Position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y: Option<String>,
+    /// Position.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z: Option<String>,
+    /// Orientation, a quaternion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub qx: Option<String>,
+    /// Orientation, a quaternion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub qy: Option<String>,
+    /// Orientation, a quaternion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub qz: Option<String>,
+    /// Orientation, a quaternion.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub qw: Option<String>,
+    /// An array of 9 (x y z) or 36 (x y z and three rotations) numbers, row by row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<String>,
+    /// Of the messages on `[tracker] temperature`: °C.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature: Option<String>,
+}
+
+/// Where a message has its own stamp.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "stamp has to be the path of a time (seconds and nanoseconds), or of a number with its unit: { field = \
+                 \"t\", unit = \"ns\" }, unit \"s\", \"ms\", \"us\" or \"ns\""
+)]
+pub enum StampField {
+    /// A time: seconds and nanoseconds.
+    Time(String),
+    /// A number.
+    Number(NumberStamp),
+}
+
+/// A stamp that is one number.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NumberStamp {
+    /// Its path.
+    pub field: String,
+    /// Its unit.
+    pub unit: TimeUnit,
+}
+
+/// Unit of a stamp that is one number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TimeUnit {
+    /// Second.
+    S,
+    /// Millisecond.
+    Ms,
+    /// Microsecond.
+    Us,
+    /// Nanosecond.
+    Ns,
+}
+
+/// A combination of `fields` that makes no sense: key, what is found, what is wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrongFields {
+    /// The key.
+    pub key: &'static str,
+    /// What stands there.
+    pub found: String,
+    /// What would do.
+    pub wanted: String,
+}
+
+impl TimeUnit {
+    /// ns in one of it.
+    pub const fn to_ns(self) -> i64 {
+        match self {
+            Self::S => 1_000_000_000,
+            Self::Ms => 1_000_000,
+            Self::Us => 1000,
+            Self::Ns => 1,
+        }
+    }
+}
+
+impl StampField {
+    /// Where it is.
+    pub fn path(&self) -> &str {
+        match self {
+            Self::Time(path) => path,
+            Self::Number(number) => &number.field,
+        }
+    }
+}
+
+impl JointFields {
+    /// Whether nothing is said.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// All paths.
+    pub fn paths(&self) -> Vec<&str> {
+        let stamp = self.stamp.iter().map(StampField::path);
+        let angles = match &self.angles {
+            None => &[],
+            Some(AngleFields::Array(path)) => std::slice::from_ref(path),
+            Some(AngleFields::Each(paths)) => paths,
+        };
+        let rest = self.names.iter().chain(angles).map(String::as_str);
+        stamp.chain(rest).collect()
+    }
+
+    /// Whether what is said belongs together, for an arm of so many joints.
+    pub fn check(&self, joints: usize) -> Result<(), WrongFields> {
+        let wrong = |key, found: &str, wanted: String| {
+            Err(WrongFields {
+                key,
+                found: found.to_owned(),
+                wanted,
+            })
+        };
+        match (&self.names, &self.angles) {
+            (Some(_), None) => {
+                return wrong(
+                    "fields.angles",
+                    "nothing",
+                    "the array that goes with names".to_owned(),
+                );
+            }
+            (None, Some(AngleFields::Array(path))) => {
+                let wanted = "a list with the path of each joint's angle, or names beside it: the order of joints in an \
+                              array is not fixed"
+                    .to_owned();
+                return wrong("fields.angles", &format!("{path:?}"), wanted);
+            }
+            (Some(_), Some(AngleFields::Each(_))) => {
+                let wanted = "left out where angles lists a path for each joint".to_owned();
+                return wrong("fields.names", "given", wanted);
+            }
+            (None, Some(AngleFields::Each(paths))) if paths.len() != joints => {
+                let wanted =
+                    format!("one path for each of the arm's {joints} joints, in its order");
+                return wrong("fields.angles", &format!("{} paths", paths.len()), wanted);
+            }
+            _ => {}
+        }
+        named_once(&self.paths())
+    }
+}
+
+impl PoseFields {
+    /// Whether nothing is said.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The paths of x, y and z, where they are given.
+    pub fn position(&self) -> Option<[&str; 3]> {
+        Some([self.x.as_deref()?, self.y.as_deref()?, self.z.as_deref()?])
+    }
+
+    /// The paths of the quaternion's x, y, z and w, where they are given.
+    pub fn orientation(&self) -> Option<[&str; 4]> {
+        Some([
+            self.qx.as_deref()?,
+            self.qy.as_deref()?,
+            self.qz.as_deref()?,
+            self.qw.as_deref()?,
+        ])
+    }
+
+    /// The paths of a pose's message.
+    fn pose_paths(&self) -> Vec<&str> {
+        let pose = [
+            &self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw,
+        ];
+        let rest = [&self.frame, &self.covariance];
+        pose.into_iter()
+            .chain(rest)
+            .filter_map(Option::as_deref)
+            .collect()
+    }
+
+    /// All paths.
+    pub fn paths(&self) -> Vec<&str> {
+        let stamp = self.stamp.as_ref().map(StampField::path);
+        let temperature = self.temperature.as_deref();
+        self.pose_paths()
+            .into_iter()
+            .chain(stamp)
+            .chain(temperature)
+            .collect()
+    }
+
+    /// Whether what is said belongs together.
+    pub fn check(&self) -> Result<(), WrongFields> {
+        let given =
+            |fields: &[&Option<String>]| fields.iter().filter(|field| field.is_some()).count();
+        let position = given(&[&self.x, &self.y, &self.z]);
+        let orientation = given(&[&self.qx, &self.qy, &self.qz, &self.qw]);
+        let wrong = |found: String, wanted: &str| {
+            Err(WrongFields {
+                key: "fields",
+                found,
+                wanted: wanted.to_owned(),
+            })
+        };
+        if !matches!(position, 0 | 3) {
+            return wrong(
+                format!("{position} of x, y, z"),
+                "all of x, y and z, or none for a common type",
+            );
+        }
+        if !matches!(orientation, 0 | 4) {
+            return wrong(
+                format!("{orientation} of qx, qy, qz, qw"),
+                "all of qx, qy, qz and qw, or none where there is no orientation",
+            );
+        }
+        if position == 0 && (orientation > 0 || self.covariance.is_some()) {
+            return wrong(
+                "no x, y, z".to_owned(),
+                "x, y and z where other fields of the pose are named",
+            );
+        }
+        named_once(&self.pose_paths())
+    }
+}
+
+/// One field for two things is a slip of the pen.
+fn named_once(paths: &[&str]) -> Result<(), WrongFields> {
+    let twice = (1..paths.len()).find(|&i| paths[..i].contains(&paths[i]));
+    twice.map_or(Ok(()), |i| {
+        Err(WrongFields {
+            key: "fields",
+            found: format!("{:?} twice", paths[i]),
+            wanted: "a field of its own for each".to_owned(),
+        })
+    })
+}

@@ -1,0 +1,211 @@
+//! What a channel could be read as: for `posegrid inspect`, which prints a pipeline snippet.
+//!
+//! A common type needs nothing but its name. Of any other the fields are guessed by their names: x, y and z beside one
+//! another are a position, with w a quaternion; an array of names goes with one of positions or angles.
+
+use super::layout::Layout;
+use crate::io::message::{FieldPath, JsonSchema, MessageSchema};
+
+/// What a channel could be read as.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Suggestion {
+    /// What its messages have.
+    pub layout: Layout,
+    /// The line `fields = { … }` that the section needs besides, a guess, where the type is not a common one.
+    pub fields: Option<String>,
+    /// Whether messages have a stamp of their own in a place that is found.
+    pub stamped: bool,
+}
+
+/// What the channel's messages could be read as; `None` where nothing fits or they cannot be read.
+///
+/// `first_message` helps where JSON comes without a schema.
+pub fn suggest(
+    encoding: &str,
+    type_name: &str,
+    language: &str,
+    definition: &[u8],
+    first_message: Option<&[u8]>,
+) -> Option<Suggestion> {
+    let schema = MessageSchema::read(encoding, type_name, language, definition)?.ok()?;
+    if let Some(layout) = Layout::of_type(type_name) {
+        return Some(Suggestion {
+            layout,
+            fields: None,
+            stamped: true,
+        });
+    }
+    let leaves = match (&schema, first_message) {
+        (MessageSchema::Json(known), Some(message)) if known.leaves.is_empty() => {
+            JsonSchema::of_message(message).leaves
+        }
+        _ => schema.leaves(),
+    };
+    let leaves = Leaves(&leaves);
+    let (layout, mut named) = leaves.joints().or_else(|| leaves.pose())?;
+    let stamp = leaves.stamp();
+    if let Some(path) = stamp
+        .as_ref()
+        .filter(|path| !["header.stamp", "timestamp"].contains(&path.as_str()))
+    {
+        named.insert(0, ("stamp", path.clone()));
+    }
+    let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
+    Some(Suggestion {
+        layout,
+        fields: Some(format!(
+            "fields = {{ {} }}",
+            named.collect::<Vec<_>>().join(", ")
+        )),
+        stamped: stamp.is_some(),
+    })
+}
+
+/// Paths of a type's fields.
+struct Leaves<'l>(&'l [String]);
+
+type Named = Vec<(&'static str, String)>;
+
+impl Leaves<'_> {
+    /// Paths that a pipeline file can name: a message may be made so that a name is none.
+    fn sound(&self) -> impl Iterator<Item = &str> {
+        let plain = |leaf: &&str| {
+            leaf.chars()
+                .all(|c| c.is_alphanumeric() || "_.[]-".contains(c))
+        };
+        let leaves = self.0.iter().map(String::as_str).filter(plain);
+        leaves.filter(|leaf| FieldPath::parse(leaf).is_ok())
+    }
+
+    fn has(&self, prefix: &str, name: &str) -> Option<String> {
+        let path = format!("{prefix}{name}");
+        self.sound().any(|leaf| leaf == path).then_some(path)
+    }
+
+    /// What stands before one of these names, with its dot.
+    fn before(&self, name: &str) -> Vec<&str> {
+        let before = self.sound().filter_map(|leaf| leaf.strip_suffix(name));
+        before
+            .filter(|before| before.is_empty() || before.ends_with('.'))
+            .collect()
+    }
+
+    fn joints(&self) -> Option<(Layout, Named)> {
+        for names in ["name", "names", "joint_name", "joint_names"] {
+            for prefix in self.before(names) {
+                let angles = ["position", "positions", "angle", "angles", "q"];
+                let angles = angles.iter().find_map(|angles| self.has(prefix, angles));
+                let angles = angles.or_else(|| self.has(prefix, "actual.positions"));
+                // Single values are arrays only where they stand in each element of one.
+                let many = prefix.contains("[]") || names != "name";
+                if let Some(angles) = angles.filter(|_| many) {
+                    let named = vec![("names", format!("{prefix}{names}")), ("angles", angles)];
+                    return Some((Layout::Joints, named));
+                }
+            }
+        }
+        None
+    }
+
+    fn pose(&self) -> Option<(Layout, Named)> {
+        let axes = |prefix: &str, names: &[&str]| -> Option<Vec<String>> {
+            names.iter().map(|name| self.has(prefix, name)).collect()
+        };
+        let single = |prefix: &&str| !prefix.contains("[]");
+        let prefixes: Vec<_> = self.before("x").into_iter().filter(single).collect();
+        let is_place = |prefix: &str| {
+            let odd = [
+                "velocity",
+                "acceleration",
+                "twist",
+                "force",
+                "torque",
+                "scale",
+                "linear",
+                "angular",
+            ];
+            axes(prefix, &["w"]).is_none() && !odd.iter().any(|word| prefix.contains(word))
+        };
+        let mut position = prefixes.iter().filter(|prefix| is_place(prefix));
+        let position = position.find_map(|prefix| axes(prefix, &["x", "y", "z"]))?;
+        let mut named: Named = ["x", "y", "z"].into_iter().zip(position).collect();
+        let quaternion = prefixes
+            .iter()
+            .find_map(|prefix| axes(prefix, &["x", "y", "z", "w"]));
+        let layout = if quaternion.is_some() {
+            Layout::Pose
+        } else {
+            Layout::Point
+        };
+        named.extend(
+            ["qx", "qy", "qz", "qw"]
+                .into_iter()
+                .zip(quaternion.into_iter().flatten()),
+        );
+        Some((layout, named))
+    }
+
+    /// The time among the fields: seconds and nanoseconds.
+    fn stamp(&self) -> Option<String> {
+        let parts = [
+            ("sec", "nanosec"),
+            ("sec", "nsec"),
+            ("seconds", "nanos"),
+            ("secs", "nsecs"),
+        ];
+        parts.iter().find_map(|(sec, nanosec)| {
+            let mut before = self.before(sec).into_iter();
+            let found = before.find(|prefix| {
+                !prefix.is_empty() && !prefix.contains("[]") && self.has(prefix, nanosec).is_some()
+            });
+            found.map(|prefix| prefix.trim_end_matches('.').to_owned())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of_json(message: &str) -> Option<Suggestion> {
+        suggest("json", "", "", b"", Some(message.as_bytes()))
+    }
+
+    #[test]
+    fn common_types_need_no_fields() {
+        let found = suggest("json", "foxglove.PoseInFrame", "jsonschema", b"{}", None);
+        let found = found.expect("a common type");
+        assert_eq!((found.layout, found.fields), (Layout::Pose, None));
+        assert_eq!(suggest("cbor", "foxglove.PoseInFrame", "", b"", None), None);
+    }
+
+    #[test]
+    fn fields_of_other_types_are_guessed() {
+        let found = of_json(
+            "{\"t\": {\"secs\": 1, \"nsecs\": 2}, \"v\": {\"twist\": {\"x\": 0, \"y\": 0, \"z\": 0}},
+              \"w\": {\"p\": {\"x\": 0, \"y\": 0, \"z\": 0}, \"q\": {\"x\": 0, \"y\": 0, \"z\": 0, \"w\": 1}}}",
+        );
+        let found = found.expect("a pose");
+        assert_eq!((found.layout, found.stamped), (Layout::Pose, true));
+        assert_eq!(
+            found.fields.as_deref(),
+            Some(
+                "fields = { stamp = \"t\", x = \"w.p.x\", y = \"w.p.y\", z = \"w.p.z\", qx = \"w.q.x\", \
+                 qy = \"w.q.y\", qz = \"w.q.z\", qw = \"w.q.w\" }"
+            )
+        );
+        let found = of_json("{\"axes\": [{\"name\": \"a\", \"angle\": 1}]}").expect("joints");
+        assert_eq!(found.layout, Layout::Joints);
+        assert!(!found.stamped);
+        assert_eq!(
+            found.fields.as_deref(),
+            Some("fields = { names = \"axes[].name\", angles = \"axes[].angle\" }")
+        );
+        assert_eq!(of_json("{\"text\": \"x\"}"), None);
+        // A name from a log that is no plain one is not offered.
+        assert_eq!(
+            of_json("{\"\\u001b\": {\"x\": 0, \"y\": 0, \"z\": 0}}"),
+            None
+        );
+    }
+}

@@ -1,0 +1,217 @@
+//! JSON's signs, strings and numbers; what is passed over.
+
+use crate::io::message::MessageFault;
+use crate::io::message::row::{Cell, Span};
+
+/// How deep objects and arrays may stand in one another.
+pub(super) const MOST_LEVELS: usize = 64;
+
+/// Where reading stands.
+pub(super) struct Scan<'m> {
+    pub(super) bytes: &'m [u8],
+    pub(super) at: usize,
+}
+
+impl Scan<'_> {
+    /// The next sign that is no space; it stays.
+    #[inline]
+    pub(super) fn peek(&mut self) -> Result<u8, MessageFault> {
+        while let Some(&byte) = self.bytes.get(self.at) {
+            if !matches!(byte, b' ' | b'\n' | b'\r' | b'\t') {
+                return Ok(byte);
+            }
+            self.at += 1;
+        }
+        Err(MessageFault::Short)
+    }
+
+    /// Takes the next sign if it is this one.
+    #[inline]
+    pub(super) fn take_if(&mut self, sign: u8) -> Result<bool, MessageFault> {
+        let is = self.peek()? == sign;
+        self.at += usize::from(is);
+        Ok(is)
+    }
+
+    #[inline]
+    pub(super) fn expect(&mut self, sign: u8) -> Result<(), MessageFault> {
+        if self.take_if(sign)? {
+            Ok(())
+        } else {
+            Err(MessageFault::Json)
+        }
+    }
+
+    /// A string, whose opening quote comes next.
+    #[inline]
+    pub(super) fn text(&mut self) -> Result<Span, MessageFault> {
+        self.expect(b'"')?;
+        let start = self.at;
+        let mut escaped = false;
+        loop {
+            match self.bytes.get(self.at) {
+                None => return Err(MessageFault::Short),
+                Some(b'"') => {
+                    let end = self.at;
+                    self.at += 1;
+                    return Ok(Span {
+                        start,
+                        end,
+                        escaped,
+                    });
+                }
+                Some(b'\\') => {
+                    escaped = true;
+                    self.at += 2;
+                }
+                Some(_) => self.at += 1,
+            }
+        }
+    }
+
+    /// A number, string, truth value or null; objects and arrays are not.
+    #[inline]
+    pub(super) fn scalar(&mut self) -> Result<Cell, MessageFault> {
+        match self.peek()? {
+            b'"' => self.text().map(Cell::Text),
+            b'-' if self.bytes.get(self.at + 1) == Some(&b'I') => {
+                self.word("-Infinity", Cell::Number(f64::NEG_INFINITY))
+            }
+            b'-' | b'0'..=b'9' => self.number(),
+            b't' => self.word("true", Cell::Integer(1)),
+            b'f' => self.word("false", Cell::Integer(0)),
+            b'n' => self.word("null", Cell::Absent),
+            b'N' => self.word("NaN", Cell::Number(f64::NAN)),
+            b'I' => self.word("Infinity", Cell::Number(f64::INFINITY)),
+            _ => Err(MessageFault::Json),
+        }
+    }
+
+    fn word(&mut self, word: &str, meaning: Cell) -> Result<Cell, MessageFault> {
+        let rest = &self.bytes[self.at..];
+        if rest.starts_with(word.as_bytes()) {
+            self.at += word.len();
+            Ok(meaning)
+        } else if word.as_bytes().starts_with(rest) {
+            Err(MessageFault::Short)
+        } else {
+            Err(MessageFault::Json)
+        }
+    }
+
+    /// The nearest number to what is written; a whole one that fits is an integer.
+    fn number(&mut self) -> Result<Cell, MessageFault> {
+        let start = self.at;
+        let whole = self.skip_number()?;
+        let text = str::from_utf8(&self.bytes[start..self.at]).map_err(|_| MessageFault::Json)?;
+        if whole && let Ok(integer) = text.parse() {
+            return Ok(Cell::Integer(integer));
+        }
+        text.parse()
+            .map(Cell::Number)
+            .map_err(|_| MessageFault::Json)
+    }
+
+    /// Passes over a number; tells whether it is written as a whole one.
+    #[inline]
+    fn skip_number(&mut self) -> Result<bool, MessageFault> {
+        self.at += usize::from(self.bytes[self.at] == b'-');
+        let first = self.at;
+        self.digits()?;
+        if self.bytes[first] == b'0' && self.at > first + 1 {
+            return Err(MessageFault::Json);
+        }
+        let mut whole = true;
+        if self.bytes.get(self.at) == Some(&b'.') {
+            self.at += 1;
+            self.digits()?;
+            whole = false;
+        }
+        if let Some(b'e' | b'E') = self.bytes.get(self.at) {
+            self.at += 1;
+            self.at += usize::from(matches!(self.bytes.get(self.at), Some(b'+' | b'-')));
+            self.digits()?;
+            whole = false;
+        }
+        Ok(whole)
+    }
+
+    /// One digit or more.
+    #[inline]
+    fn digits(&mut self) -> Result<(), MessageFault> {
+        let start = self.at;
+        while self.bytes.get(self.at).is_some_and(u8::is_ascii_digit) {
+            self.at += 1;
+        }
+        match self.bytes.get(self.at) {
+            _ if self.at > start => Ok(()),
+            None => Err(MessageFault::Short),
+            Some(_) => Err(MessageFault::Json),
+        }
+    }
+
+    /// Passes over a value.
+    pub(super) fn skip(&mut self, levels: usize) -> Result<(), MessageFault> {
+        let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
+        match self.peek()? {
+            b'{' => self.members(|scan, _| scan.skip(levels)),
+            b'[' => self.elements(|scan, _| scan.skip(levels)),
+            b'-' if self.bytes.get(self.at + 1) != Some(&b'I') => self.skip_number().map(drop),
+            b'0'..=b'9' => self.skip_number().map(drop),
+            _ => self.scalar().map(drop),
+        }
+    }
+
+    /// An object, whose brace comes next: `member` gets each name and reads its value.
+    #[inline]
+    pub(super) fn members(
+        &mut self,
+        mut member: impl FnMut(&mut Self, Span) -> Result<(), MessageFault>,
+    ) -> Result<(), MessageFault> {
+        self.expect(b'{')?;
+        if self.take_if(b'}')? {
+            return Ok(());
+        }
+        loop {
+            self.peek()?;
+            let name = self.text()?;
+            self.expect(b':')?;
+            member(self, name)?;
+            if !self.take_if(b',')? {
+                return self.expect(b'}');
+            }
+        }
+    }
+
+    /// An array, whose bracket comes next: `element` gets each index and reads its value.
+    #[inline]
+    pub(super) fn elements(
+        &mut self,
+        mut element: impl FnMut(&mut Self, usize) -> Result<(), MessageFault>,
+    ) -> Result<(), MessageFault> {
+        self.expect(b'[')?;
+        if self.take_if(b']')? {
+            return Ok(());
+        }
+        let mut index = 0;
+        loop {
+            self.peek()?;
+            element(self, index)?;
+            index += 1;
+            if !self.take_if(b',')? {
+                return self.expect(b']');
+            }
+        }
+    }
+
+    /// Nothing but spaces, or the zeros that some writers end a text with, may follow the value.
+    pub(super) fn finish(&self) -> Result<(), MessageFault> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let blank = |byte: &u8| matches!(byte, b' ' | b'\n' | b'\r' | b'\t' | 0);
+        if rest.iter().all(blank) {
+            Ok(())
+        } else {
+            Err(MessageFault::LeftOver)
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Field paths: `pose.position.x`, `joints[2].angle`, `joints[].position`.
+//!
+//! A path is a field's name, the names of fields inside it parted by dots, and for arrays the element meant, counted
+//! from 0, or `[]` for each of them. A name may be a choice, `sec|seconds`: the first that the schema has is taken.
+
+use std::fmt;
+
+use super::SchemaError;
+
+/// The way from a message to one of its fields.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FieldPath {
+    text: String,
+    pub(super) segments: Vec<Segment>,
+}
+
+/// One step of a path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Segment {
+    /// The field of the first of these names that is there.
+    Field(Vec<String>),
+    /// One element of an array.
+    Element(usize),
+    /// All elements of an array, in order.
+    Each,
+}
+
+/// What is still to go to the field wanted at a place among the values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Want<'p> {
+    pub(super) rest: &'p [Segment],
+    pub(super) slot: usize,
+    /// An [`Segment::Each`] lies behind: each value found is added to a list.
+    pub(super) each: bool,
+}
+
+impl FieldPath {
+    /// Reads a path as it stands in a pipeline file.
+    pub fn parse(text: &str) -> Result<Self, SchemaError> {
+        let wrong = || SchemaError::Path {
+            path: text.to_owned(),
+        };
+        let mut segments = Vec::new();
+        for part in text.split('.') {
+            let (names, elements) = part.split_at(part.find('[').unwrap_or(part.len()));
+            if !names.is_empty() {
+                segments.push(field(names).ok_or_else(wrong)?);
+            } else if elements.is_empty() || !segments.is_empty() {
+                return Err(wrong());
+            }
+            for element in elements.split_terminator(']') {
+                segments.push(self::element(element).ok_or_else(wrong)?);
+            }
+            if !elements.is_empty() && !elements.ends_with(']') {
+                return Err(wrong());
+            }
+        }
+        if segments.iter().filter(|s| **s == Segment::Each).count() > 1 {
+            return Err(wrong());
+        }
+        Ok(Self {
+            text: text.to_owned(),
+            segments,
+        })
+    }
+
+    /// The field inside this one.
+    pub fn join(&self, inner: &str) -> Result<Self, SchemaError> {
+        Self::parse(&format!("{}.{inner}", self.text))
+    }
+
+    /// Whether it may mean the field at `other`, which has no choices.
+    pub(super) fn may_be(&self, other: &Self) -> bool {
+        let same = |(mine, other): (&Segment, &Segment)| match (mine, other) {
+            (Segment::Field(names), Segment::Field(other)) => names.contains(&other[0]),
+            _ => mine == other,
+        };
+        self.segments.len() == other.segments.len()
+            && self.segments.iter().zip(&other.segments).all(same)
+    }
+
+    pub(super) fn want(&self, slot: usize) -> Want<'_> {
+        Want {
+            rest: &self.segments,
+            slot,
+            each: false,
+        }
+    }
+}
+
+impl fmt::Display for FieldPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Want<'_> {
+    /// The same want one step on.
+    pub(super) fn inner(self) -> Self {
+        Self {
+            rest: &self.rest[1..],
+            each: self.each || self.rest[0] == Segment::Each,
+            ..self
+        }
+    }
+
+    /// Whether its next step is a choice of names of which `name` is the first that `has` says is there.
+    pub(super) fn chooses(&self, name: &str, has: impl Fn(&str) -> bool) -> bool {
+        match self.rest.first() {
+            Some(Segment::Field(names)) => names
+                .iter()
+                .find(|known| has(known))
+                .is_some_and(|chosen| chosen == name),
+            _ => false,
+        }
+    }
+}
+
+fn field(names: &str) -> Option<Segment> {
+    let names: Vec<_> = names.split('|').map(str::to_owned).collect();
+    let sound = |name: &String| {
+        !name.is_empty() && name.trim() == name && !name.contains(']') && !name.contains('\n')
+    };
+    names.iter().all(sound).then_some(Segment::Field(names))
+}
+
+fn element(text: &str) -> Option<Segment> {
+    let index = text.strip_prefix('[')?;
+    if index.is_empty() {
+        return Some(Segment::Each);
+    }
+    // No array of the field is longer, and a list is never grown to an index.
+    let index = index.parse().ok().filter(|&index| index < 100_000)?;
+    Some(Segment::Element(index))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn one(name: &str) -> Segment {
+        Segment::Field(vec![name.to_owned()])
+    }
+
+    #[test]
+    fn names_elements_and_choices_are_read() {
+        let segments = |text| FieldPath::parse(text).expect("sound").segments;
+        assert_eq!(segments("x"), [one("x")]);
+        assert_eq!(
+            segments("joints[2].angle"),
+            [one("joints"), Segment::Element(2), one("angle")]
+        );
+        assert_eq!(
+            segments("[0][1].a[]"),
+            [
+                Segment::Element(0),
+                Segment::Element(1),
+                one("a"),
+                Segment::Each
+            ]
+        );
+        let choice = Segment::Field(vec!["sec".to_owned(), "seconds".to_owned()]);
+        assert_eq!(segments("stamp.sec|seconds"), [one("stamp"), choice]);
+    }
+
+    #[test]
+    fn what_is_no_path_is_refused() {
+        for text in [
+            "",
+            ".",
+            "a.",
+            ".a",
+            "a..b",
+            "a[",
+            "a]",
+            "a[x]",
+            "a[-1]",
+            "a[1",
+            "a[1]b",
+            "a.[1]",
+            "a|",
+            "a b ",
+            "a[].b[]",
+            "a[4294967296]",
+        ] {
+            assert!(FieldPath::parse(text).is_err(), "{text:?}");
+        }
+    }
+}

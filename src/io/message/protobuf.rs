@@ -1,0 +1,19 @@
+//! Protobuf: the descriptor set that a log carries → a plan over field numbers → the wanted values of each message.
+//!
+//! Source: Protocol Buffers documentation, "Encoding" and `descriptor.proto`. What official readers do is done here:
+//! unknown fields and fields of another wire type are passed over, of a field given twice the last counts, nested
+//! messages given twice are merged, repeated numbers may be packed or not, a member of a oneof ousts the others. A
+//! number without presence (proto3) that is not there is 0; a field with presence, or inside a message that is not
+//! there, has no value.
+//!
+//! 1. [`Descriptors::read`]: descriptor set → message types.
+//! 2. [`ProtobufPlan::resolve`]: types + paths → for each message type on the way, what to do with which field number.
+//! 3. [`ProtobufPlan::read`]: payload → the wanted values in a row.
+
+mod descriptor;
+mod plan;
+mod read;
+mod wire;
+
+pub use descriptor::Descriptors;
+pub use plan::ProtobufPlan;

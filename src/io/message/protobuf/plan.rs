@@ -1,0 +1,258 @@
+//! Message types + wanted paths → for each message type on the way, what to do with which field number.
+
+use super::descriptor::{Descriptors, Field, Kind, Type};
+use crate::io::message::path::{Segment, Want};
+use crate::io::message::row::Cell;
+use crate::io::message::{FieldPath, SchemaError};
+
+/// How to read the wanted values of one message type.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProtobufPlan {
+    /// The first one is the message itself.
+    pub(super) nodes: Vec<Node>,
+    /// Elements of repeated numbers and strings that are wanted: slot of the list, index, slot of the value.
+    pub(super) picks: Vec<(usize, usize, usize)>,
+    /// Slots of the row: the wanted ones and those needed on the way.
+    pub(super) slots: usize,
+}
+
+/// What to do with the fields of one message on the way to wanted ones.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Node {
+    /// By number.
+    pub(super) entries: Vec<Entry>,
+    /// What values are as long as nothing is read.
+    pub(super) defaults: Vec<(Target, Cell)>,
+    /// Lists that begin empty.
+    pub(super) lists: Vec<usize>,
+}
+
+/// What to do with one field.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Entry {
+    pub(super) number: u32,
+    /// Values that it ousts: those of the other members of its oneof.
+    pub(super) ousts: Vec<Target>,
+    pub(super) action: Action,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Action {
+    Skip,
+    Value(Target, Kind),
+    /// Values of a repeated field are added to the list in a slot.
+    Values(usize, Kind),
+    /// A nested message: its node.
+    Message(usize),
+    Messages(Messages),
+}
+
+/// A repeated nested message.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Messages {
+    /// Slot in which elements are counted.
+    pub(super) counter: usize,
+    /// The node of an element.
+    pub(super) each: usize,
+    /// The nodes of elements of which something else is wanted, by index.
+    pub(super) picked: Vec<(usize, usize)>,
+    /// Lists that each element adds to.
+    pub(super) lists: Vec<usize>,
+}
+
+/// Where a value goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Target {
+    /// Into the slot itself.
+    Slot(usize),
+    /// Into the last element of the list in the slot.
+    Last(usize),
+}
+
+/// What is carried while paths are resolved.
+struct Resolving<'d> {
+    descriptors: &'d Descriptors,
+    wanted: &'d [FieldPath],
+    plan: ProtobufPlan,
+}
+
+impl ProtobufPlan {
+    /// The plan that takes the fields at `wanted`, in that order.
+    pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
+        let mut resolving = Resolving {
+            descriptors,
+            wanted,
+            plan: Self {
+                nodes: Vec::new(),
+                picks: Vec::new(),
+                slots: wanted.len(),
+            },
+        };
+        let wants = wanted
+            .iter()
+            .enumerate()
+            .map(|(slot, path)| path.want(slot));
+        resolving.node(descriptors.root, &wants.collect::<Vec<_>>())?;
+        Ok(resolving.plan)
+    }
+}
+
+impl Resolving<'_> {
+    /// Adds the node of a message type and those below it; returns its index.
+    fn node(&mut self, index: usize, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
+        let of: &Type = &self.descriptors.types[index];
+        let has = |name: &str| of.fields.iter().any(|field| field.name == name);
+        let chosen = |want: &Want<'_>| of.fields.iter().find(|f| want.chooses(&f.name, has));
+        if let Some(missing) = wants.iter().find(|want| chosen(want).is_none()) {
+            return Err(SchemaError::NoField {
+                path: self.wanted[missing.slot].to_string(),
+                message: self.descriptors.types[self.descriptors.root].name.clone(),
+                fields: self.descriptors.leaves().join(", "),
+            });
+        }
+        let place = self.plan.nodes.len();
+        self.plan.nodes.push(Node::default());
+        let mut node = Node::default();
+        // The wanted values of each field, to be ousted by the others of its oneof.
+        let mut targets = Vec::new();
+        for field in &of.fields {
+            let inner = wants.iter().filter(|want| want.chooses(&field.name, has));
+            let inner: Vec<_> = inner.map(|want| want.inner()).collect();
+            targets.push(inner.iter().map(target).collect::<Vec<_>>());
+            let action = if inner.is_empty() {
+                Action::Skip
+            } else {
+                self.action(field, &inner, &mut node)?
+            };
+            let (number, ousts) = (field.number, Vec::new());
+            node.entries.push(Entry {
+                number,
+                ousts,
+                action,
+            });
+        }
+        for (entry, field) in node.entries.iter_mut().zip(&of.fields) {
+            let others = of.fields.iter().zip(&targets).filter(|(other, _)| {
+                field.oneof.is_some() && other.oneof == field.oneof && other.number != field.number
+            });
+            entry.ousts = others
+                .flat_map(|(_, targets)| targets.iter().copied())
+                .collect();
+        }
+        node.entries
+            .retain(|entry| entry.action != Action::Skip || !entry.ousts.is_empty());
+        self.plan.nodes[place] = node;
+        Ok(place)
+    }
+
+    fn action(
+        &mut self,
+        field: &Field,
+        wants: &[Want<'_>],
+        node: &mut Node,
+    ) -> Result<Action, SchemaError> {
+        match (field.kind, field.repeated) {
+            (Kind::Message(inner), false) => {
+                if let Some(want) = wants.iter().find(|want| want.rest.is_empty()) {
+                    return Err(self.wrong_type(want, "a message"));
+                }
+                self.node(inner, wants).map(Action::Message)
+            }
+            (Kind::Message(inner), true) => self.messages(inner, wants, node).map(Action::Messages),
+            (kind, false) => match wants {
+                [want] if want.rest.is_empty() => {
+                    let target = target(want);
+                    node.defaults.push((target, field.default));
+                    Ok(Action::Value(target, kind))
+                }
+                _ => Err(self.wrong_type(&wants[wants.len() - 1], "a single value")),
+            },
+            (kind, true) => {
+                let slot = self.repeated(wants)?;
+                node.lists.push(slot);
+                Ok(Action::Values(slot, kind))
+            }
+        }
+    }
+
+    /// The slot of the list that a repeated number or string is gathered in.
+    fn repeated(&mut self, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
+        if let [want] = wants
+            && matches!(want.rest, [] | [Segment::Each])
+            && !want.each
+        {
+            return Ok(want.slot);
+        }
+        let list = self.new_slot();
+        for want in wants {
+            match want.rest {
+                [Segment::Element(index)] if !want.each => {
+                    self.plan.picks.push((list, *index, want.slot));
+                }
+                _ => return Err(self.wrong_type(want, "an array")),
+            }
+        }
+        Ok(list)
+    }
+
+    /// A repeated message: some elements may be wanted, or a field of each of them.
+    fn messages(
+        &mut self,
+        inner: usize,
+        wants: &[Want<'_>],
+        node: &mut Node,
+    ) -> Result<Messages, SchemaError> {
+        let is_map = self.descriptors.types[inner].is_map_entry;
+        let (mut each, mut indices) = (Vec::new(), Vec::new());
+        for want in wants {
+            match want.rest {
+                _ if is_map => return Err(self.wrong_type(want, "a map")),
+                [Segment::Each, _, ..] => each.push(want.inner()),
+                [Segment::Element(index), _, ..] => indices.push(*index),
+                _ => return Err(self.wrong_type(want, "an array of messages")),
+            }
+        }
+        indices.sort_unstable();
+        indices.dedup();
+        let lists: Vec<_> = each.iter().map(|want| want.slot).collect();
+        node.lists.extend(&lists);
+        let mut messages = Messages {
+            counter: self.new_slot(),
+            each: self.node(inner, &each)?,
+            picked: Vec::new(),
+            lists,
+        };
+        for index in indices {
+            let here = wants
+                .iter()
+                .filter(|want| want.rest[0] == Segment::Element(index));
+            let here: Vec<_> = each
+                .iter()
+                .copied()
+                .chain(here.map(|want| want.inner()))
+                .collect();
+            messages.picked.push((index, self.node(inner, &here)?));
+        }
+        Ok(messages)
+    }
+
+    fn new_slot(&mut self) -> usize {
+        self.plan.slots += 1;
+        self.plan.slots - 1
+    }
+
+    fn wrong_type(&self, want: &Want<'_>, found: &str) -> SchemaError {
+        SchemaError::WrongType {
+            path: self.wanted[want.slot].to_string(),
+            found: found.to_owned(),
+        }
+    }
+}
+
+const fn target(want: &Want<'_>) -> Target {
+    if want.each {
+        Target::Last(want.slot)
+    } else {
+        Target::Slot(want.slot)
+    }
+}

@@ -1,0 +1,248 @@
+//! A message's bytes → the wanted values.
+
+use super::descriptor::Kind;
+use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
+use super::wire::{Wire, wire_type};
+use crate::io::message::row::{Cell, Span};
+use crate::io::message::{MessageFault, Row};
+
+impl ProtobufPlan {
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
+    ///
+    /// What was taken before a fault was met must not be used.
+    pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+        row.begin(self.slots);
+        let mut wire = Wire::new(message);
+        self.message(0, &mut wire, row)?;
+        for &(list, index, slot) in &self.picks {
+            let picked = row.list(list).element(index);
+            row.set(slot, picked);
+        }
+        Ok(())
+    }
+
+    /// Reads up to where the wire's message ends.
+    fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Result<(), MessageFault> {
+        let node = &self.nodes[node];
+        node.begin(row);
+        while let Some((number, wire_type)) = wire.tag()? {
+            match node.entry(number) {
+                Some(entry) => self.field(entry, wire_type, wire, row)?,
+                None => wire.skip(number, wire_type)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads up to the end of a group.
+    fn group(
+        &self,
+        node: usize,
+        group: u32,
+        wire: &mut Wire<'_>,
+        row: &mut Row,
+    ) -> Result<(), MessageFault> {
+        let node = &self.nodes[node];
+        node.begin(row);
+        loop {
+            let (number, wire_type) = wire.tag()?.ok_or(MessageFault::Short)?;
+            match node.entry(number) {
+                _ if (number, wire_type) == (group, wire_type::GROUP_END) => return Ok(()),
+                Some(entry) => self.field(entry, wire_type, wire, row)?,
+                None => wire.skip(number, wire_type)?,
+            }
+        }
+    }
+
+    fn field(
+        &self,
+        entry: &Entry,
+        wire_type: u8,
+        wire: &mut Wire<'_>,
+        row: &mut Row,
+    ) -> Result<(), MessageFault> {
+        match &entry.action {
+            Action::Value(target, kind) if kind.wire_type() == wire_type => {
+                oust(&entry.ousts, row);
+                target.set(kind.read(wire)?, row);
+                Ok(())
+            }
+            Action::Values(slot, kind) if kind.wire_type() == wire_type => {
+                row.list(*slot).begin_element()?;
+                let value = kind.read(wire)?;
+                row.list(*slot).set_last(value);
+                Ok(())
+            }
+            // Packed: the values one behind the other.
+            Action::Values(slot, kind) if wire_type == wire_type::LENGTH => inside(wire, |wire| {
+                while wire.at < wire.end {
+                    let value = kind.read(wire)?;
+                    let list = row.list(*slot);
+                    list.begin_element()?;
+                    list.set_last(value);
+                }
+                Ok(())
+            }),
+            Action::Message(node) if is_message(wire_type) => {
+                oust(&entry.ousts, row);
+                self.nested(*node, entry.number, wire_type, wire, row)
+            }
+            Action::Messages(messages) if is_message(wire_type) => {
+                let node = messages.begin_element(row)?;
+                self.nested(node, entry.number, wire_type, wire, row)
+            }
+            Action::Skip => {
+                oust(&entry.ousts, row);
+                wire.skip(entry.number, wire_type)
+            }
+            _ => wire.skip(entry.number, wire_type),
+        }
+    }
+
+    fn nested(
+        &self,
+        node: usize,
+        number: u32,
+        wire_type: u8,
+        wire: &mut Wire<'_>,
+        row: &mut Row,
+    ) -> Result<(), MessageFault> {
+        if wire_type == wire_type::GROUP {
+            return self.group(node, number, wire, row);
+        }
+        inside(wire, |wire| self.message(node, wire, row))
+    }
+}
+
+const fn is_message(wire_type: u8) -> bool {
+    matches!(wire_type, wire_type::LENGTH | wire_type::GROUP)
+}
+
+/// Reads what begins with its length in bytes.
+fn inside<'m>(
+    wire: &mut Wire<'m>,
+    read: impl FnOnce(&mut Wire<'m>) -> Result<(), MessageFault>,
+) -> Result<(), MessageFault> {
+    let end = wire.length()?;
+    let whole = std::mem::replace(&mut wire.end, end);
+    read(wire)?;
+    (wire.at, wire.end) = (end, whole);
+    Ok(())
+}
+
+fn oust(targets: &[Target], row: &mut Row) {
+    for &target in targets {
+        match target {
+            Target::Slot(slot) => row.forget(slot),
+            Target::Last(_) => target.set(Cell::Absent, row),
+        }
+    }
+}
+
+impl Target {
+    fn set(self, cell: Cell, row: &mut Row) {
+        match self {
+            Self::Slot(slot) => row.set(slot, cell),
+            Self::Last(slot) => row.list(slot).set_last(cell),
+        }
+    }
+
+    fn is_absent(self, row: &mut Row) -> bool {
+        match self {
+            Self::Slot(slot) => row.cell(slot) == Cell::Absent,
+            Self::Last(slot) => row.list(slot).last_is_absent(),
+        }
+    }
+}
+
+impl Node {
+    /// What holds as long as no field is read; of a message given twice what was read before stays.
+    fn begin(&self, row: &mut Row) {
+        for &slot in &self.lists {
+            row.list(slot);
+        }
+        for &(target, default) in &self.defaults {
+            if target.is_absent(row) {
+                target.set(default, row);
+            }
+        }
+    }
+
+    #[inline]
+    fn entry(&self, number: u32) -> Option<&Entry> {
+        self.entries.iter().find(|entry| entry.number == number)
+    }
+}
+
+impl Messages {
+    /// Adds an element to the lists; returns its node.
+    fn begin_element(&self, row: &mut Row) -> Result<usize, MessageFault> {
+        let index = match row.cell(self.counter) {
+            Cell::Integer(index) => index,
+            _ => 0,
+        };
+        row.set(self.counter, Cell::Integer(index + 1));
+        for &slot in &self.lists {
+            row.list(slot).begin_element()?;
+        }
+        let mut picked = self.picked.iter();
+        let here = picked.find(|(picked, _)| i64::try_from(*picked) == Ok(index));
+        Ok(here.map_or(self.each, |(_, node)| *node))
+    }
+}
+
+impl Kind {
+    const fn wire_type(self) -> u8 {
+        match self {
+            Self::Double | Self::Fixed64 | Self::Sfixed64 => wire_type::FIXED_64,
+            Self::Float | Self::Fixed32 | Self::Sfixed32 => wire_type::FIXED_32,
+            Self::Text | Self::Message(_) => wire_type::LENGTH,
+            _ => wire_type::VARINT,
+        }
+    }
+
+    /// One value, stored as its kind is.
+    #[inline]
+    fn read(self, wire: &mut Wire<'_>) -> Result<Cell, MessageFault> {
+        Ok(match self {
+            Self::Double => Cell::Number(f64::from_le_bytes(wire.fixed()?)),
+            Self::Float => Cell::Number(f32::from_le_bytes(wire.fixed()?).into()),
+            Self::Fixed64 => unsigned(u64::from_le_bytes(wire.fixed()?)),
+            Self::Sfixed64 => Cell::Integer(i64::from_le_bytes(wire.fixed()?)),
+            Self::Fixed32 => Cell::Integer(u32::from_le_bytes(wire.fixed()?).into()),
+            Self::Sfixed32 => Cell::Integer(i32::from_le_bytes(wire.fixed()?).into()),
+            Self::Uint64 => unsigned(wire.varint()?),
+            Self::Int64 => Cell::Integer(wire.varint()?.cast_signed()),
+            Self::Uint32 => Cell::Integer(lower_half(wire.varint()?).into()),
+            Self::Int32 => Cell::Integer(lower_half(wire.varint()?).cast_signed().into()),
+            Self::Sint64 => {
+                let stored = wire.varint()?;
+                Cell::Integer((stored >> 1).cast_signed() ^ -(stored & 1).cast_signed())
+            }
+            Self::Sint32 => {
+                let stored = lower_half(wire.varint()?);
+                Cell::Integer(((stored >> 1).cast_signed() ^ -(stored & 1).cast_signed()).into())
+            }
+            Self::Bool => Cell::Integer(i64::from(wire.varint()? != 0)),
+            Self::Text | Self::Message(_) => {
+                let end = wire.length()?;
+                let start = std::mem::replace(&mut wire.at, end);
+                Cell::Text(Span {
+                    start,
+                    end,
+                    escaped: false,
+                })
+            }
+        })
+    }
+}
+
+fn unsigned(stored: u64) -> Cell {
+    i64::try_from(stored).map_or(Cell::Number(stored as f64), Cell::Integer)
+}
+
+/// A number of 32 bits is stored in up to 64.
+#[expect(clippy::cast_possible_truncation, reason = "the lower half is meant")]
+const fn lower_half(stored: u64) -> u32 {
+    stored as u32
+}

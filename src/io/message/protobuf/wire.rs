@@ -1,0 +1,112 @@
+//! Protobuf's wire format: varints, tags, lengths, and what is passed over.
+
+use crate::io::message::MessageFault;
+
+/// How deep groups that are passed over may stand in one another.
+const MOST_LEVELS: usize = 64;
+
+/// How a field's value is stored.
+pub(super) mod wire_type {
+    pub const VARINT: u8 = 0;
+    pub const FIXED_64: u8 = 1;
+    pub const LENGTH: u8 = 2;
+    pub const GROUP: u8 = 3;
+    pub const GROUP_END: u8 = 4;
+    pub const FIXED_32: u8 = 5;
+}
+
+/// Where reading stands in a message, which may lie inside another.
+pub(super) struct Wire<'m> {
+    pub(super) bytes: &'m [u8],
+    pub(super) at: usize,
+    /// Where the message that is read ends.
+    pub(super) end: usize,
+}
+
+impl<'m> Wire<'m> {
+    pub(super) const fn new(bytes: &'m [u8]) -> Self {
+        Self {
+            bytes,
+            at: 0,
+            end: bytes.len(),
+        }
+    }
+
+    /// The next field's number and wire type; `None` at the end.
+    #[inline]
+    pub(super) fn tag(&mut self) -> Result<Option<(u32, u8)>, MessageFault> {
+        if self.at >= self.end {
+            return Ok(None);
+        }
+        let tag = u32::try_from(self.varint()?).map_err(|_| MessageFault::Wire)?;
+        let wire_type = (tag & 7).to_le_bytes()[0];
+        if tag >> 3 == 0 || wire_type > wire_type::FIXED_32 {
+            return Err(MessageFault::Wire);
+        }
+        Ok(Some((tag >> 3, wire_type)))
+    }
+
+    /// A number of up to ten bytes of seven bits each.
+    #[inline]
+    pub(super) fn varint(&mut self) -> Result<u64, MessageFault> {
+        let mut number = 0;
+        for shift in (0..70).step_by(7) {
+            let byte = self.fixed::<1>()?[0];
+            // Of the tenth byte only the lowest bit has room; official readers drop the rest.
+            number |= u64::from(byte & 0x7F) << shift;
+            if byte < 0x80 {
+                return Ok(number);
+            }
+        }
+        Err(MessageFault::Wire)
+    }
+
+    #[inline]
+    pub(super) fn fixed<const N: usize>(&mut self) -> Result<[u8; N], MessageFault> {
+        let rest = self.bytes.get(self.at..self.end);
+        let bytes = rest.and_then(|rest| rest.first_chunk::<N>());
+        self.at += N;
+        bytes.copied().ok_or(MessageFault::Short)
+    }
+
+    /// Where the bytes of a string, a packed array or a nested message end; they begin here.
+    #[inline]
+    pub(super) fn length(&mut self) -> Result<usize, MessageFault> {
+        let length = usize::try_from(self.varint()?).map_err(|_| MessageFault::Short)?;
+        let end = self.at.checked_add(length);
+        end.filter(|&end| end <= self.end)
+            .ok_or(MessageFault::Short)
+    }
+
+    /// Passes over the value of a field.
+    pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Result<(), MessageFault> {
+        self.skip_within(number, wire_type, MOST_LEVELS)
+    }
+
+    fn skip_within(
+        &mut self,
+        number: u32,
+        wire_type: u8,
+        levels: usize,
+    ) -> Result<(), MessageFault> {
+        match wire_type {
+            wire_type::VARINT => self.varint().map(drop),
+            wire_type::FIXED_64 => self.fixed::<8>().map(drop),
+            wire_type::FIXED_32 => self.fixed::<4>().map(drop),
+            wire_type::LENGTH => {
+                self.at = self.length()?;
+                Ok(())
+            }
+            wire_type::GROUP => {
+                let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
+                loop {
+                    match self.tag()?.ok_or(MessageFault::Short)? {
+                        (end, wire_type::GROUP_END) if end == number => return Ok(()),
+                        (inner, wire_type) => self.skip_within(inner, wire_type, levels)?,
+                    }
+                }
+            }
+            _ => Err(MessageFault::Wire),
+        }
+    }
+}
