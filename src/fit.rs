@@ -243,8 +243,10 @@ pub fn identify_from(
 /// Root mean square of measured minus predicted position over all observations, per axis, mm.
 fn misfit_mm(problem: &Problem<'_>, offsets: &DVector<f64>) -> f64 {
     let observations = problem.observations();
+    let chains = problem.held(offsets);
     let square = |o: &Observation| {
-        (o.position.coords - problem.predict(o, offsets).translation.vector).norm_squared()
+        let predicted = chains[o.session].end(&o.axes).translation.vector;
+        (o.position.coords - predicted).norm_squared()
     };
     (observations.iter().map(square).sum::<f64>() / (3 * observations.len().max(1)) as f64).sqrt()
 }

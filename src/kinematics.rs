@@ -8,16 +8,19 @@
 //! - [`parameter`]: what can be identified, by name.
 //! - [`arm`]: a robot file made into a chain; joint names, limits, coupling.
 //! - [`configuration`]: arm configurations and how near a singularity is.
+//! - [`held`]: the same chain for many poses at the same offsets.
 //! - [`inverse`](mod@inverse): joint angles that reach a pose.
 
 pub mod arm;
 pub mod chain;
 pub mod configuration;
+pub mod held;
 pub mod inverse;
 pub mod parameter;
 
 pub use arm::{Arm, ArmError, Joint, RobotFile};
 pub use chain::{Axis, Chain, Differential, Element, Motion, Twist};
 pub use configuration::{Configuration, Side, SingularityFactors};
+pub use held::{ChainView, HeldChain};
 pub use inverse::{InverseError, InverseSettings, inverse};
 pub use parameter::{LinkQuantity, Parameter};

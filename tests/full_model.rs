@@ -2,75 +2,11 @@
 
 mod common;
 
-use std::f64::consts::{FRAC_PI_2, PI};
-
 use common::NOISE;
+use common::trained::{base_refitted, observed, predictions, trained};
 use nalgebra::{Point3, Vector3};
-use posegrid::figures::Figures;
-use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
-use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation};
-use posegrid::geometry::{align, isometry_from_rpy};
-use posegrid::join::{JoinSettings, join};
-use posegrid::kinematics::Arm;
-
-fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> FullModel {
-    let settings = FitSettings::default();
-    let start =
-        fit::identify(arm, observations, sessions, Freedom::Geometry, &settings).expect("a fit");
-    FullModel::train(
-        arm,
-        observations,
-        &start.frames,
-        &start.geometry,
-        settings.prior(),
-        &FullSettings::default(),
-        Some(Vector3::z_axis()),
-    )
-    .expect("a positive definite model")
-}
-
-/// Predicted target positions for a session that took no part, in the tracker frame of the first training session.
-fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> {
-    let query = |o: &Observation| {
-        let query = Query {
-            axes: &o.axes,
-            known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
-            lever: Vector3::zeros(),
-            session: 0,
-            own: false,
-            station: Some(o.station),
-        };
-        model.predict(&query).position
-    };
-    test.iter().map(query).collect()
-}
-
-/// Error norms with the base refitted on all test stations, unweighted.
-fn base_refitted(predicted: &[Point3<f64>], test: &[Observation]) -> Figures {
-    let measured: Vec<Point3<f64>> = test.iter().map(|o| o.position).collect();
-    let base = align(predicted, &measured, &vec![1.0; measured.len()]).expect("stations in space");
-    let norms: Vec<f64> = measured
-        .iter()
-        .zip(predicted)
-        .map(|(m, p)| (base * m - p).norm())
-        .collect();
-    Figures::of(&norms).expect("stations")
-}
-
-/// A recording, joined, as observations with what its commands fell short of.
-fn observed(name: &str, arm: &Arm, noise: &Noise) -> Option<Vec<Observation>> {
-    let recording = common::session(name, arm)?;
-    let joined = join(&recording, arm, &JoinSettings::default()).expect(name);
-    let frames = CommandFrames {
-        base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
-        flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
-    };
-    let commanded = commanded(&joined.stations, arm, &frames);
-    let mut observations = fit::observations(0, &joined.stations, arm, noise);
-    fit::add_shortfalls(&mut observations, &joined.stations, &commanded);
-    Some(observations)
-}
+use posegrid::fit::full::{FullModel, Known, Query};
+use posegrid::fit::{self, FitSettings, Freedom, Observation};
 
 #[test]
 fn random_a_predicts_random_b() {
@@ -86,7 +22,10 @@ fn random_a_predicts_random_b() {
         let is_used =
             |o: &&Observation| o.station.is_multiple_of(stride) && o.station < stride * count;
         let train: Vec<_> = a.iter().filter(is_used).cloned().collect();
-        let figures = base_refitted(&predictions(&trained(&arm, &train, 1), &b), &b);
+        let figures = base_refitted(
+            &predictions(&trained(&arm, &train, 1, &FitSettings::default()), &b),
+            &b,
+        );
         println!("{count} stations: {figures:?}");
         assert!(figures.mean <= limit, "{count} stations: {figures:?}");
     }
@@ -107,7 +46,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
         observation.position +=
             Vector3::new(turn.sin(), turn.cos(), (1.7 * turn).sin()).normalize() * 2.0;
     }
-    let model = trained(&arm, &a, 1);
+    let model = trained(&arm, &a, 1, &FitSettings::default());
     let figures = base_refitted(&predictions(&model, &b), &b);
     assert!(figures.mean <= 0.055, "{figures:?}");
     let mut order: Vec<usize> = (0..a.len()).collect();
@@ -121,7 +60,7 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
 /// Mean variance per axis that the model states for its predictions on `test`, mm².
 fn stated_variance(model: &FullModel, test: &[Observation]) -> f64 {
     let variance = |o: &Observation| {
-        let known = o.shortfall.as_deref().map_or(Known::Reported, Known::Both);
+        let known = o.shortfall.as_ref().map_or(Known::Reported, Known::Both);
         let query = Query {
             axes: &o.axes,
             known,
@@ -150,10 +89,13 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
             .cloned()
             .collect::<Vec<_>>()
     };
-    let (few, many) = (trained(&arm, &every(70), 1), trained(&arm, &every(7), 1));
+    let (few, many) = (
+        trained(&arm, &every(70), 1, &FitSettings::default()),
+        trained(&arm, &every(7), 1, &FitSettings::default()),
+    );
     // The fast way to a mean is the rows' way.
     for o in &b[..20] {
-        let known = o.shortfall.as_deref().map_or(Known::Reported, Known::Both);
+        let known = o.shortfall.as_ref().map_or(Known::Reported, Known::Both);
         let lever = Vector3::new(1.0, 2.0, 3.0);
         let query = Query {
             axes: &o.axes,
@@ -205,9 +147,12 @@ fn a_station_that_stands_twice_changes_little() {
         .collect();
     let mut twice = once.clone();
     twice.extend(once[..5].to_vec());
-    let apart = predictions(&trained(&arm, &once, 1), &b)
+    let apart = predictions(&trained(&arm, &once, 1, &FitSettings::default()), &b)
         .iter()
-        .zip(predictions(&trained(&arm, &twice, 1), &b))
+        .zip(predictions(
+            &trained(&arm, &twice, 1, &FitSettings::default()),
+            &b,
+        ))
         .map(|(p, q)| (p - q).norm())
         .sum::<f64>()
         / b.len() as f64;

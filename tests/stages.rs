@@ -81,6 +81,7 @@ fn settings() -> StageSettings {
             first: 50,
             with_target: false,
         },
+        leave_sessions_out: true,
     }
 }
 

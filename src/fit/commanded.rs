@@ -6,8 +6,8 @@
 //!    of the arm: its median per axis is taken out;
 //! 2. one regularised step of inverse kinematics from the reported angles, bounded at singularities, gives the
 //!    shortfall;
-//! 3. where orientations scatter far beyond any arm's, the commanded orientation is not what was sent, and there is no
-//!    shortfall to speak of.
+//! 3. where orientations scatter far beyond any arm's, the commanded orientation is not what was sent: it counts by that
+//!    scatter, so that the shortfall is mostly one of position, and means something in its own session alone.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -38,10 +38,29 @@ pub struct CommandedPose {
 pub struct Commanded {
     /// The commanded pose of each station, where the log has one.
     pub poses: Vec<Option<CommandedPose>>,
-    /// Commanded minus reported axis variables of each station, rad; `None` where no orientation is commanded.
-    pub shortfalls: Vec<Option<Vec<f64>>>,
-    /// Whether the shortfalls can be used.
+    /// What each station fell short of; `None` where no orientation is commanded.
+    pub shortfalls: Vec<Option<Shortfall>>,
+    /// Whether commanded orientations are those that were sent.
     pub trust: Trust,
+}
+
+/// Commanded minus reported axis variables of one station, rad.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shortfall {
+    /// Of the command as it was sent: means the same in every session.
+    Sent(Vec<f64>),
+    /// Of a command whose orientation is not what was sent: says something in its own session alone.
+    OfPosition(Vec<f64>),
+}
+
+impl Shortfall {
+    /// Commanded minus reported axis variables, rad, where both are the same motion.
+    pub fn sent(&self) -> Option<&[f64]> {
+        match self {
+            Self::Sent(axes) => Some(axes),
+            Self::OfPosition(_) => None,
+        }
+    }
 }
 
 /// Whether commanded orientations agree with the arm.
@@ -106,8 +125,14 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         .zip(&turns)
         .map(|((station, pose), turn)| {
             let (pose, turn) = (pose.as_ref()?, (*turn)?);
-            matches!(trust, Trust::Agrees(_))
-                .then(|| shortfall(station, pose, turn - constant, arm, &flange_from_tool))
+            let turn = turn - constant;
+            let shortfall =
+                |turn_rad| shortfall(station, pose, turn, turn_rad, arm, &flange_from_tool);
+            match trust {
+                Trust::Agrees(_) => Some(Shortfall::Sent(shortfall(ORIENTATION_RAD))),
+                Trust::Scatters(scatter) => Some(Shortfall::OfPosition(shortfall(scatter))),
+                Trust::NoOrientations => None,
+            }
         });
     Commanded {
         shortfalls: shortfalls.collect(),
@@ -152,11 +177,12 @@ fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
     Some(Vector3::new(along(0)?, along(1)?, along(2)?))
 }
 
-/// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles.
+/// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles; the turn Δr is known to `turn_rad`.
 fn shortfall(
     station: &Station,
     pose: &CommandedPose,
     turn: Vector3<f64>,
+    turn_rad: f64,
     arm: &Arm,
     flange_from_tool: &Isometry3<f64>,
 ) -> Vec<f64> {
@@ -171,13 +197,13 @@ fn shortfall(
         let linear = (twist.linear + twist.angular.cross(&lever)) / POSITION_MM;
         rows.fixed_view_mut::<3, 1>(0, column).copy_from(&linear);
         rows.fixed_view_mut::<3, 1>(3, column)
-            .copy_from(&(twist.angular / ORIENTATION_RAD));
+            .copy_from(&(twist.angular / turn_rad));
     }
     let mut away = DVector::zeros(6);
     away.fixed_rows_mut::<3>(0)
         .copy_from(&((pose.position - tool) / POSITION_MM));
     away.fixed_rows_mut::<3>(3)
-        .copy_from(&(differential.end.rotation * turn / ORIENTATION_RAD));
+        .copy_from(&(differential.end.rotation * turn / turn_rad));
     let ridge = DMatrix::identity(axes.len(), axes.len()) / SHORTFALL_RAD.powi(2);
     let factor = (rows.tr_mul(&rows) + ridge)
         .cholesky()

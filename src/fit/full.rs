@@ -23,13 +23,17 @@ pub mod saved;
 pub mod settings;
 pub mod spectrum;
 pub mod standing;
+pub mod tabulated;
 pub mod train;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, Vector3};
 
+use rayon::prelude::*;
+
+use super::commanded::Shortfall;
 use super::observation::Observation;
-use super::problem::{Frames, Freedom, Prior, Problem, TargetView, Unknown};
-use crate::kinematics::{Arm, Parameter, Twist};
+use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
+use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
@@ -39,6 +43,7 @@ pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
 use standing::Standing;
+use tabulated::Tabulated;
 
 /// The whole model of an arm, trained.
 #[derive(Debug)]
@@ -57,6 +62,7 @@ pub struct FullModel {
     mean: DVector<f64>,
     posterior: Posterior,
     span: f64,
+    ready: Ready,
     /// What is left beside the model.
     pub repeatability: Repeatability,
     /// Weight of each observation.
@@ -67,13 +73,37 @@ pub struct FullModel {
     pub parts: Vec<PartEvidence>,
 }
 
+/// What predictions read and follows from the rest of the model.
+#[derive(Debug)]
+struct Ready {
+    /// The measurement chain of each session.
+    chains: Vec<HeldChain>,
+    /// The joint curves.
+    curves: Tabulated,
+}
+
+impl Ready {
+    fn of(
+        problem: &Problem<'_>,
+        offsets: &DVector<f64>,
+        layout: &Layout,
+        mean: &DVector<f64>,
+    ) -> Self {
+        let chains = problem.held(offsets);
+        Self {
+            curves: Tabulated::new(layout, mean, chains.len()),
+            chains,
+        }
+    }
+}
+
 /// What the axis variables of a query are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known<'q> {
     /// Reported angles, the command not known.
     Reported,
-    /// Reported angles, with what they fell short of the command, rad.
-    Both(&'q [f64]),
+    /// Reported angles, with what they fell short of the command.
+    Both(&'q Shortfall),
     /// Commanded angles: all an off-line programmer has.
     Commanded,
 }
@@ -98,7 +128,7 @@ pub struct Query<'q> {
 
 /// A point before the columns move it.
 struct Viewed {
-    target: TargetView,
+    target: ChainView,
     flange: UnitQuaternion<f64>,
 }
 
@@ -156,6 +186,7 @@ impl FullModel {
             ..
         } = settled;
         Some(Self {
+            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             problem: Problem::with_target_turn(
                 &[],
                 arm.chain(),
@@ -201,14 +232,22 @@ impl FullModel {
     /// The predicted point alone, in the tracker's frame, mm: many times as fast.
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
         let target = self.viewed(query).target;
-        let moved = self.pose(query, &target).moved(&self.layout, &self.mean);
+        let pose = self.pose(query, &target);
+        let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
         let (shift, _) = self.stands(query, &target.joints);
         Point3::from(target.end.translation.vector + moved + shift)
     }
 
+    /// [`Self::position`] of every query, on all cores.
+    pub fn positions(&self, queries: &[Query<'_>]) -> Vec<Point3<f64>> {
+        const AT_ONCE: usize = 256;
+        let at = |query| self.position(query);
+        queries.par_iter().with_min_len(AT_ONCE).map(at).collect()
+    }
+
     /// The point at the offsets that rows are taken at, and how it moves.
     fn viewed(&self, query: &Query<'_>) -> Viewed {
-        let view = self.problem.view(query.session, query.axes, &self.offsets);
+        let view = self.ready.chains[query.session].view(query.axes);
         let from_target = self.frames[query.session]
             .flange_from_target
             .isometry()
@@ -224,7 +263,7 @@ impl FullModel {
         Viewed { target, flange }
     }
 
-    fn pose<'v>(&self, query: &Query<'v>, view: &'v TargetView) -> PoseView<'v> {
+    fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
         let root = self.frames[query.session]
             .tracker_from_base
             .isometry()
@@ -336,7 +375,7 @@ impl FullModel {
 
     /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        let view = self.problem.view(0, &observation.axes, &self.offsets);
+        let view = self.ready.chains[0].view(&observation.axes);
         let covariance = self.repeatability.covariance(observation, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
     }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::commanded::Commanded;
+use super::commanded::{Commanded, Shortfall};
 use crate::join::{Attained, Pairing, Station};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
@@ -66,8 +66,8 @@ pub struct Observation {
     pub position_factor: Matrix3<f64>,
     /// Measured target orientation in the tracker frame with its standard uncertainty per axis, rad.
     pub orientation: Option<(UnitQuaternion<f64>, f64)>,
-    /// Commanded minus reported axis variables, rad, where the log has commanded poses.
-    pub shortfall: Option<Vec<f64>>,
+    /// What the station fell short of its command, where the log has commanded poses.
+    pub shortfall: Option<Shortfall>,
 }
 
 /// What is known of the measurement besides the readings.
@@ -111,7 +111,7 @@ pub fn add_shortfalls(
     stations: &[Station],
     commanded: &Commanded,
 ) {
-    let shortfalls: BTreeMap<usize, &Vec<f64>> = stations
+    let shortfalls: BTreeMap<usize, &Shortfall> = stations
         .iter()
         .zip(&commanded.shortfalls)
         .filter_map(|(station, shortfall)| Some((station.number, shortfall.as_ref()?)))

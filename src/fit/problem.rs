@@ -3,13 +3,13 @@
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` (METHOD.md 2). Geometry is shared by all
 //! sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::observation::Observation;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
-use crate::kinematics::{Axis, Chain, Element, Motion, Parameter, Twist};
+use crate::kinematics::{Axis, Chain, Element, HeldChain, Motion, Parameter, Twist};
 
 /// The two frames of one session that the fit finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,31 +110,6 @@ pub struct Rows {
     pub residual: DVector<f64>,
     /// Derivative of the prediction with respect to all unknowns, whitened.
     pub jacobian: DMatrix<f64>,
-}
-
-/// The target at one pose and how it moves, in the tracker's frame.
-#[derive(Debug, Clone)]
-pub struct TargetView {
-    /// Where the target is predicted.
-    pub end: Isometry3<f64>,
-    /// The target's motion per unit of each unknown that moves it.
-    pub unknowns: Vec<(usize, Twist)>,
-    /// The target's motion per unit of each axis variable.
-    pub joints: Vec<Twist>,
-    /// Origin and direction of each joint axis.
-    pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
-}
-
-impl TargetView {
-    /// The same for a point that sits `lever` (root frame, mm) beside the target on the same body.
-    #[must_use]
-    pub fn moved(mut self, lever: &Vector3<f64>) -> Self {
-        let carry = |twist: &mut Twist| twist.linear += twist.angular.cross(lever);
-        self.unknowns.iter_mut().for_each(|(_, twist)| carry(twist));
-        self.joints.iter_mut().for_each(carry);
-        self.end.translation.vector += lever;
-        self
-    }
 }
 
 /// The weighted normal equations at a point.
@@ -275,16 +250,21 @@ impl<'a> Problem<'a> {
             .sum()
     }
 
-    /// The predicted pose of the target of `observation` in the tracker's frame.
-    pub fn predict(&self, observation: &Observation, offsets: &DVector<f64>) -> Isometry3<f64> {
-        let local = self.local_offsets(observation.session, offsets);
-        self.chains[observation.session].forward(&observation.axes, &local)
+    /// Each session's measurement chain, from the tracker's frame to the target, at `offsets`.
+    pub fn held(&self, offsets: &DVector<f64>) -> Vec<HeldChain> {
+        let held = |session: usize| {
+            let local = self.local_offsets(session, offsets);
+            HeldChain::new(&self.chains[session], &local, &self.columns[session])
+        };
+        (0..self.chains.len()).map(held).collect()
     }
 
     /// Whitened residual norm of each observation.
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
+        let chains = self.held(offsets);
         let norm = |observation: &Observation| {
-            let residual = residual(observation, &self.predict(observation, offsets));
+            let predicted = chains[observation.session].end(&observation.axes);
+            let residual = residual(observation, &predicted);
             let whitened = whitened_position(observation, &residual.position);
             let turned = residual.rotation.zip(observation.orientation);
             let rotation = turned.map_or(0.0, |(rotation, (_, sd))| (rotation / sd).norm_squared());
@@ -297,27 +277,10 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// How the target of `session` moves at the axis variables `axes`, nothing whitened, in the tracker's frame.
-    pub fn view(&self, session: usize, axes: &[f64], offsets: &DVector<f64>) -> TargetView {
-        let local = self.local_offsets(session, offsets);
-        let chain = &self.chains[session];
-        let differential = chain.differential(axes, &local);
-        let parameters = self.columns[session].iter().zip(&differential.parameters);
-        TargetView {
-            unknowns: parameters
-                .filter_map(|(column, twist)| Some(((*column)?, *twist)))
-                .collect(),
-            axes: chain.joint_axes(axes, &local),
-            end: differential.end,
-            joints: differential.joints,
-        }
-    }
-
-    /// Whitened residual and Jacobian rows of one observation.
-    pub fn rows(&self, observation: &Observation, offsets: &DVector<f64>) -> Rows {
-        let local = self.local_offsets(observation.session, offsets);
-        let differential = self.chains[observation.session].differential(&observation.axes, &local);
-        let residual = residual(observation, &differential.end);
+    /// Whitened residual and Jacobian rows of one observation, at the offsets that its session's chain is held at.
+    pub fn rows(&self, observation: &Observation, chain: &HeldChain) -> Rows {
+        let view = chain.view(&observation.axes);
+        let residual = residual(observation, &view.end);
         let count = if observation.orientation.is_some() {
             6
         } else {
@@ -335,13 +298,8 @@ impl<'a> Problem<'a> {
                 .fixed_rows_mut::<3>(3)
                 .copy_from(&(rotation / sd));
         }
-        for (column, twist) in self.columns[observation.session]
-            .iter()
-            .zip(&differential.parameters)
-        {
-            if let Some(column) = *column {
-                fill(&mut rows.jacobian, column, observation, twist);
-            }
+        for (column, twist) in &view.unknowns {
+            fill(&mut rows.jacobian, *column, observation, twist);
         }
         rows
     }
@@ -349,13 +307,15 @@ impl<'a> Problem<'a> {
     /// The weighted normal equations at `offsets`, one weight per observation.
     pub fn normal(&self, offsets: &DVector<f64>, weights: &[f64]) -> Normal {
         let size = self.unknowns.len();
+        let chains = self.held(offsets);
         let part = |(observations, weights): (&[Observation], &[f64])| {
             let mut sum = Normal {
                 information: DMatrix::zeros(size, size),
                 gradient: DVector::zeros(size),
             };
             for (observation, &weight) in observations.iter().zip(weights) {
-                let Rows { residual, jacobian } = self.rows(observation, offsets);
+                let Rows { residual, jacobian } =
+                    self.rows(observation, &chains[observation.session]);
                 sum.information.gemm_tr(weight, &jacobian, &jacobian, 1.0);
                 sum.gradient.gemv_tr(weight, &jacobian, &residual, 1.0);
             }

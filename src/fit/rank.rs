@@ -122,8 +122,11 @@ fn triangle(problem: &Problem<'_>, offsets: &DVector<f64>) -> DMatrix<f64> {
     let size = problem.unknowns().len();
     let mut stacked = DMatrix::zeros(problem.row_count(), size);
     let mut first = 0;
+    let chains = problem.held(offsets);
     for observation in problem.observations() {
-        let rows = problem.rows(observation, offsets).jacobian;
+        let rows = problem
+            .rows(observation, &chains[observation.session])
+            .jacobian;
         stacked.rows_mut(first, rows.nrows()).copy_from(&rows);
         first += rows.nrows();
     }

@@ -12,7 +12,7 @@ use crate::geometry::Transform;
 use crate::kinematics::{Arm, Axis, Chain, Element, LinkQuantity, Motion, Parameter};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// What is wrong with a saved model.
 #[derive(Debug, Clone, PartialEq, Error)]

@@ -42,6 +42,13 @@ pub enum Motion {
 }
 
 impl Motion {
+    /// The axis it is along or about, as a unit vector of its own frame.
+    pub fn axis(self) -> Vector3<f64> {
+        match self {
+            Self::Translation(axis) | Self::Rotation(axis) => axis.unit().into_inner(),
+        }
+    }
+
     /// The transform of this motion by `amount` (mm or rad).
     pub fn by(self, amount: f64) -> Isometry3<f64> {
         match self {

@@ -253,6 +253,8 @@ pub struct ReportSection {
     pub refit_first_stations: usize,
     /// Whether a held-out session has a target mounting of its own.
     pub refit_target: bool,
+    /// Whether each session of a pool is judged by a training on the others.
+    pub leave_sessions_out: bool,
 }
 
 /// `[output]`.
@@ -268,6 +270,7 @@ impl Default for ReportSection {
         Self {
             refit_first_stations: 50,
             refit_target: false,
+            leave_sessions_out: true,
         }
     }
 }

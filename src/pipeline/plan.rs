@@ -216,6 +216,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
             first: file.report.refit_first_stations,
             with_target: file.report.refit_target,
         },
+        leave_sessions_out: file.report.leave_sessions_out,
     }
 }
 

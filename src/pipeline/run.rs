@@ -25,7 +25,7 @@ use crate::io::tables::{self, GridBasis, PublishContext, PublishError, Validity}
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
-use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, ResidualSet, Split};
 
 /// What a finished piece of work comes to.
 #[derive(Debug, Clone)]
@@ -425,6 +425,7 @@ fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
             parts.join(", ")
         ));
     }
+    words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.push(match &outcome.grids.choice.verdict {
         Verdict::Meets => format!("tolerance {tolerance_mm} mm: met"),
@@ -432,6 +433,44 @@ fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
         Verdict::NotShown(reason) => format!("tolerance {tolerance_mm} mm: not shown ({reason})"),
     });
     words
+}
+
+/// A station that counts for less than this in the whole model is far from what all others say.
+const FAR: f64 = 0.25;
+/// The most stations that are named.
+const NAMED: usize = 5;
+
+/// Stations that the whole model hardly believes, the least believed first.
+fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
+    let is_weighed = |set: &&ResidualSet| {
+        let subject = &set.subject;
+        (subject.model, subject.split, subject.angles)
+            == (Model::Full, Split::None, Angles::Blended)
+    };
+    let mut far: Vec<(f64, String)> = Vec::new();
+    for set in outcome.residuals.iter().filter(is_weighed) {
+        let own = set.residuals.iter().filter_map(|residual| {
+            let weight = residual.weight.filter(|weight| *weight < FAR)?;
+            let (session, station) = (&set.subject.of_session, residual.station);
+            let away = residual.residual.norm();
+            Some((weight, format!("{session} {station} ({away:.2} mm)")))
+        });
+        far.extend(own);
+    }
+    far.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
+    let more = far.len().saturating_sub(NAMED);
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    (!far.is_empty()).then(|| {
+        format!(
+            "stations far from what all others say, hardly counted: {}{more}; see weight in residuals",
+            named.join(", ")
+        )
+    })
 }
 
 /// Figures on stations that took no part, and the command as it is.

@@ -20,7 +20,7 @@ use crate::report::{
 };
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use gridded::{grid_stations, grids};
-use judged::{Judged, raw_command, train_folds};
+use judged::{Judged, raw_command, sessions, train_folds};
 use observed::{Observed, observations};
 
 /// What the stages are set to.
@@ -46,6 +46,8 @@ pub struct StageSettings {
     pub tolerance: Tolerance,
     /// How an unseen session's frames are found.
     pub refit: RefitSettings,
+    /// Whether each session of a pool is judged by a training on the others.
+    pub leave_sessions_out: bool,
 }
 
 /// The base in which an error against the raw command is given; command and target are one point.
@@ -92,6 +94,16 @@ pub fn run<'a>(
     };
     let mut residuals = judged.training(&training);
     residuals.extend(judged.blocks(&training));
+    if training.len() > 1 && settings.leave_sessions_out {
+        residuals.extend(sessions(
+            arm,
+            &observed,
+            &training,
+            &train,
+            settings.refit.first,
+            progress,
+        )?);
+    }
     for session in &test {
         let own = observations(arm, 0, session, settings);
         let stations = Stations {

@@ -240,7 +240,7 @@ fn predictions(
         Some(
             o.axes
                 .iter()
-                .zip(o.shortfall.as_ref()?)
+                .zip(o.shortfall.as_ref()?.sent()?)
                 .map(|(q, short)| q + short)
                 .collect(),
         )
@@ -251,7 +251,7 @@ fn predictions(
             Angles::Reported => (o.axes.clone(), Known::Reported),
             Angles::Blended => (
                 o.axes.clone(),
-                o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+                o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
             ),
         };
         let session = if own { o.session } else { 0 };

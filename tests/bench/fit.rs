@@ -1,7 +1,7 @@
 //! What the fits cost: geometry alone, the whole error model, its predictions, beside a dense Gaussian process.
 //!
 //! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
-//! the identification of 1000 stations, the training of the whole model on 800 and on 200, one evaluation of the
+//! the identification of 1000 stations, the training of the whole model on 800, on 200 and on 5000, one evaluation of the
 //! evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of the same short and long kernels on
 //! 200, of which a search of hyper-parameters needs tens, and predictions a second. Without `--bench` (as `cargo test`
 //! calls it) small sessions show that it works.
@@ -25,19 +25,20 @@ const SPREAD_DEG: f64 = 40.0;
 
 fn main() {
     let full_size = std::env::args().any(|arg| arg == "--bench");
-    let [many, most, few] = if full_size {
-        [1000, 800, 200]
+    let [most_of_all, many, most, few] = if full_size {
+        [5000, 1000, 800, 200]
     } else {
-        [60, 50, 40]
+        [60, 60, 50, 40]
     };
     let arm = ur10();
-    let stations = observed(&arm, many);
+    let all = observed(&arm, most_of_all);
+    let stations = &all[..many];
     println!("{:<58} {:>12} {:>10}", "step", "wall ms", "ratio");
 
     let repeats = if full_size { 9 } else { 1 };
-    let calibration = identified(&arm, &stations);
+    let calibration = identified(&arm, stations);
     let unknowns = calibration.unknowns.len();
-    let base = median_ms(repeats, || identified(&arm, &stations).frames.len());
+    let base = median_ms(repeats, || identified(&arm, stations).frames.len());
     let what = format!("identify: {} stations, {unknowns} unknowns", stations.len());
     row(&what, base, base);
 
@@ -45,6 +46,12 @@ fn main() {
     row(&format!("whole model: {most} stations"), large, base);
     let (_, small) = timed_ms(|| trained(&arm, &stations[..few], &calibration));
     row(&format!("whole model: {few} stations"), small, base);
+    let (_, largest) = timed_ms(|| trained(&arm, &all, &calibration));
+    row(
+        &format!("whole model: {} stations", all.len()),
+        largest,
+        base,
+    );
     let jacobians: Vec<DMatrix<f64>> = stations[..few].iter().map(|o| jacobian(&arm, o)).collect();
     let dense = median_ms(repeats.min(3), || {
         dense_evidence(&stations[..few], &jacobians)
@@ -62,7 +69,12 @@ fn main() {
             .sum::<f64>()
     });
     per_second("predictions, mean, one core", stations.len(), mean);
-    let (rows, mean) = timed_ms(|| predicted(&model, &stations));
+    let queries: Vec<Query<'_>> = (0..if full_size { 200 } else { 1 })
+        .flat_map(|_| stations.iter().map(query))
+        .collect();
+    let (_, mean) = timed_ms(|| model.positions(&queries).len());
+    per_second("predictions, mean, all cores", queries.len(), mean);
+    let (rows, mean) = timed_ms(|| predicted(&model, stations));
     let (_, covariance) = timed_ms(|| {
         rows.iter()
             .map(|rows| model.covariances(rows).len())
@@ -143,7 +155,7 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
 fn query(o: &Observation) -> Query<'_> {
     Query {
         axes: &o.axes,
-        known: o.shortfall.as_deref().map_or(Known::Reported, Known::Both),
+        known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
         lever: Vector3::zeros(),
         session: 0,
         own: true,

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod trained;
+
 use std::path::PathBuf;
 
 use nalgebra::{Point3, Quaternion, UnitQuaternion};

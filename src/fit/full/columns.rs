@@ -6,6 +6,7 @@ use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::train::FEW_HARMONICS;
+use crate::fit::observation::Observation;
 use crate::fit::problem::Problem;
 
 /// A joint moves the target little when its lever is below this share of the largest.
@@ -26,17 +27,13 @@ pub(super) fn layout(
     let sessions = problem.starts().len();
     let observations = problem.observations();
     let joints = observations.first().map_or(0, |o| o.axes.len());
-    let mut layout = Layout::default();
+    let mut layout = Layout::new(settings.curve_period_turns);
     layout.push(Block::Unknowns, problem.unknowns().len());
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
     }
-    if settings.blend && observations.iter().any(|o| o.shortfall.is_some()) {
-        layout.push(Block::Blend, joints);
-        layout.push(Block::StopShort, joints);
-        (0..sessions)
-            .filter(|_| sessions > 1)
-            .for_each(|session| layout.push(Block::SessionBlend(session), joints));
+    if settings.blend {
+        blends(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
         // Beyond this order the prior leaves nothing.
@@ -54,11 +51,37 @@ pub(super) fn layout(
         for session in (0..sessions).filter(|_| sessions > 1) {
             layout.push(
                 Block::SessionCurve { session, joint },
-                2 * FEW_HARMONICS.min(harmonics) + 1,
+                2 * few_harmonics(settings).min(harmonics) + 1,
             );
         }
     }
     layout
+}
+
+/// Blends between reported and commanded angles, for sessions whose commands say something.
+fn blends(layout: &mut Layout, observations: &[Observation], sessions: usize, joints: usize) {
+    let sent = |session: usize, is_sent: bool| {
+        let own = observations.iter().filter(|o| o.session == session);
+        own.filter_map(|o| o.shortfall.as_ref())
+            .any(|shortfall| shortfall.sent().is_some() == is_sent)
+    };
+    if (0..sessions).any(|session| sent(session, true)) {
+        layout.push(Block::Blend, joints);
+        layout.push(Block::StopShort, joints);
+    }
+    for session in 0..sessions {
+        if sessions > 1 && sent(session, true) {
+            layout.push(Block::SessionBlend(session), joints);
+        }
+        if sent(session, false) {
+            layout.push(Block::OwnBlend(session), joints);
+        }
+    }
+}
+
+/// Harmonics of a curve that is coarse or hardly seen.
+const fn few_harmonics(settings: &FullSettings) -> usize {
+    FEW_HARMONICS * settings.curve_period_turns as usize
 }
 
 /// Full harmonics for joints that move the target, fewer for those that hardly do.
@@ -69,9 +92,10 @@ fn harmonics(
     joints: usize,
 ) -> Vec<usize> {
     let observations = problem.observations();
+    let chains = problem.held(offsets);
     let views = observations
         .iter()
-        .map(|o| problem.view(o.session, &o.axes, offsets).joints);
+        .map(|o| chains[o.session].view(&o.axes).joints);
     let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
         largest
             .iter()
@@ -82,17 +106,14 @@ fn harmonics(
     let longest = levers.iter().copied().fold(0.0, f64::max);
     // An orientation shows what a position near the axis does not.
     let turned = observations.iter().any(|o| o.orientation.is_some());
+    let all = settings.harmonics * settings.curve_period_turns as usize;
     let few = if turned {
-        2 * settings.harmonics / 3
+        2 * all / 3
     } else {
-        FEW_HARMONICS
+        few_harmonics(settings)
     };
     let count = |lever: &f64| {
-        if *lever > LITTLE * longest {
-            settings.harmonics
-        } else {
-            few
-        }
+        if *lever > LITTLE * longest { all } else { few }
     };
     levers.iter().map(count).collect()
 }

@@ -155,12 +155,16 @@ impl Components {
         settings: &FullSettings,
         span: f64,
     ) {
+        // On a circle of several turns a length is a smaller share of it.
+        let length = |deg: f64| deg.to_radians() / f64::from(settings.curve_period_turns);
         let even = |columns: &Range<usize>| vec![1.0; columns.len()];
         let pairs =
             |variances: &[f64]| variances.iter().flat_map(|&v| [v, v]).collect::<Vec<f64>>();
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
-            Block::Blend => self.fixed[columns].fill(settings.blend_sd.powi(2)),
+            Block::Blend | Block::OwnBlend(_) => {
+                self.fixed[columns].fill(settings.blend_sd.powi(2));
+            }
             Block::Gravity => self.join(
                 Part::Gravity,
                 settings.gravity_sd,
@@ -197,8 +201,8 @@ impl Components {
             Block::Curve(joint) => {
                 let harmonics = columns.len() / 2;
                 let short =
-                    Kernel::Matern52(settings.short_length_deg.to_radians()).variances(harmonics);
-                let long = Kernel::SquaredExponential(settings.long_length_deg.to_radians())
+                    Kernel::Matern52(length(settings.short_length_deg)).variances(harmonics);
+                let long = Kernel::SquaredExponential(length(settings.long_length_deg))
                     .variances(harmonics);
                 self.join(
                     Part::ShortCurve(joint),
@@ -216,7 +220,7 @@ impl Components {
                 );
             }
             Block::SessionCurve { .. } => {
-                let kernel = Kernel::SquaredExponential(settings.session_length_deg.to_radians());
+                let kernel = Kernel::SquaredExponential(length(settings.session_length_deg));
                 let variances = kernel.variances((columns.len() - 1) / 2);
                 let mut profile = vec![variances[0]];
                 profile.extend(pairs(&variances[1..]));

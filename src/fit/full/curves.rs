@@ -32,12 +32,13 @@ impl FullModel {
     pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
         let mut curve = DMatrix::zeros(angles.len(), self.layout.size());
         let mut lines = curve.clone();
+        let period = f64::from(self.layout.period_turns());
         for (block, columns) in self.layout.blocks() {
             match block {
                 Block::Curve(own) if own == joint => {
                     for pair in 0..columns.len() / 2 {
                         let first = columns.start + 2 * pair;
-                        fill(&mut curve, first, angles, (pair + 1) as f64);
+                        fill(&mut curve, first, angles, (pair + 1) as f64 / period);
                     }
                 }
                 Block::Line { joint: own, cycles } if own == joint => {

@@ -6,6 +6,8 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::layout::{Block, Layout};
+use super::tabulated::Tabulated;
+use crate::fit::commanded::Shortfall;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
@@ -30,8 +32,8 @@ pub struct PoseView<'a> {
     pub base: Matrix3<f64>,
     /// Axis variables, rad.
     pub angles: &'a [f64],
-    /// Commanded minus reported axis variables, rad.
-    pub shortfall: Option<&'a [f64]>,
+    /// Commanded minus reported axis variables.
+    pub shortfall: Option<&'a Shortfall>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
     /// Place in the session as a share of the drift's span; `None` where drift does not apply.
@@ -47,24 +49,42 @@ impl PoseView<'_> {
     /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
     pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
         let mut rows = DMatrix::zeros(count, layout.size());
-        self.walk(layout, &mut |column, twist, amount| {
-            put(&mut rows, column, twist, amount);
-        });
+        self.walk(
+            layout.blocks(),
+            layout.period_turns(),
+            &mut |column, twist, amount| {
+                put(&mut rows, column, twist, amount);
+            },
+        );
         rows
     }
 
     /// How the target is moved by the coefficients `mean` of all columns, mm: the rows times them, without the rows.
-    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>) -> Vector3<f64> {
+    /// `curves` are the joint curves of the same coefficients.
+    pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
         let mut moved = Vector3::zeros();
-        self.walk(layout, &mut |column, twist, amount| {
-            moved += twist.linear * (amount * mean[column]);
-        });
-        moved
+        let blocks = layout.blocks().filter(|(block, _)| !block.is_curve());
+        self.walk(
+            blocks,
+            layout.period_turns(),
+            &mut |column, twist, amount| {
+                moved += twist.linear * (amount * mean[column]);
+            },
+        );
+        let errors = curves.at(self.session, self.angles);
+        errors
+            .zip(self.joints)
+            .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
     }
 
-    /// Every column with the twist and the amount by which its coefficient moves the target.
-    fn walk(&self, layout: &Layout, each: &mut impl FnMut(usize, &Twist, f64)) {
-        for (block, columns) in layout.blocks() {
+    /// Every column of `blocks` with the twist and the amount by which its coefficient moves the target.
+    fn walk(
+        &self,
+        blocks: impl Iterator<Item = (Block, Range<usize>)>,
+        period: u32,
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
+        for (block, columns) in blocks {
             match block {
                 Block::Unknowns => {
                     for (unknown, twist) in self.unknowns {
@@ -72,26 +92,32 @@ impl PoseView<'_> {
                     }
                 }
                 Block::Gravity => self.gravity(columns.start, each),
-                Block::Blend => self.blend(columns, each),
+                Block::Blend => self.blend(columns, self.sent(), each),
                 Block::StopShort => self.stop_short(columns, each),
                 Block::SessionBlend(session) if self.session == Some(session) => {
-                    self.blend(columns, each);
+                    self.blend(columns, self.sent(), each);
+                }
+                Block::OwnBlend(session) if self.session == Some(session) => {
+                    self.blend(columns, self.of_position(), each);
                 }
                 Block::WarmUp => self.drift(columns, each),
                 Block::Drift(session) if self.session == Some(session) => {
                     self.drift(columns, each);
                 }
-                Block::Curve(joint) => self.curve(columns, joint, each),
+                Block::Curve(joint) => self.curve(columns, joint, period, each),
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
-                    self.curve(columns.start + 1..columns.end, joint, each);
+                    self.curve(columns.start + 1..columns.end, joint, period, each);
                 }
                 Block::Line { joint, cycles } => {
                     let (sin, cos) = (cycles * self.angles[joint]).sin_cos();
                     each(columns.start, &self.joints[joint], cos);
                     each(columns.start + 1, &self.joints[joint], sin);
                 }
-                Block::SessionBlend(_) | Block::Drift(_) | Block::SessionCurve { .. } => {}
+                Block::SessionBlend(_)
+                | Block::OwnBlend(_)
+                | Block::Drift(_)
+                | Block::SessionCurve { .. } => {}
             }
         }
     }
@@ -113,20 +139,34 @@ impl PoseView<'_> {
         }
     }
 
-    fn blend(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let Some(shortfall) = self.shortfall else {
-            return;
-        };
+    fn sent(&self) -> &[f64] {
+        match self.shortfall {
+            Some(Shortfall::Sent(axes)) => axes,
+            Some(Shortfall::OfPosition(_)) | None => &[],
+        }
+    }
+
+    fn of_position(&self) -> &[f64] {
+        match self.shortfall {
+            Some(Shortfall::OfPosition(axes)) => axes,
+            Some(Shortfall::Sent(_)) | None => &[],
+        }
+    }
+
+    fn blend(
+        &self,
+        columns: Range<usize>,
+        shortfall: &[f64],
+        each: &mut impl FnMut(usize, &Twist, f64),
+    ) {
         for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
             each(column, twist, *shortfall);
         }
     }
 
     fn stop_short(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let Some(shortfall) = self.shortfall else {
-            return;
-        };
-        for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
+        let shortfalls = self.joints.iter().zip(self.sent());
+        for (column, (twist, shortfall)) in columns.zip(shortfalls) {
             each(column, twist, (shortfall / SATURATION_RAD).clamp(-1.0, 1.0));
         }
     }
@@ -150,9 +190,10 @@ impl PoseView<'_> {
         &self,
         columns: Range<usize>,
         joint: usize,
+        period_turns: u32,
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
-        let (sin, cos) = self.angles[joint].sin_cos();
+        let (sin, cos) = (self.angles[joint] / f64::from(period_turns)).sin_cos();
         let (mut sin_k, mut cos_k) = (sin, cos);
         for pair in 0..columns.len() / 2 {
             each(columns.start + 2 * pair, &self.joints[joint], cos_k);

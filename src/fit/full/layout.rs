@@ -15,11 +15,13 @@ pub enum Block {
     StopShort,
     /// The blend as one session differs from all.
     SessionBlend(usize),
+    /// The blend of a session whose commanded orientations are not what was sent.
+    OwnBlend(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,
     /// Slow translation of the base in one session alone.
     Drift(usize),
-    /// Error curve of one joint (from 0): pairs `cos kq, sin kq`.
+    /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::period_turns`].
     Curve(usize),
     /// How the curve of one joint changed in one session.
     SessionCurve {
@@ -37,14 +39,40 @@ pub enum Block {
     },
 }
 
+impl Block {
+    /// Whether it is a joint's smooth error curve, of all sessions or of one.
+    pub const fn is_curve(self) -> bool {
+        matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
+    }
+}
+
 /// Blocks in column order.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
     blocks: Vec<(Block, Range<usize>)>,
     size: usize,
+    period_turns: u32,
 }
 
 impl Layout {
+    /// No blocks yet; joint curves repeat after `period_turns` turns.
+    ///
+    /// # Panics
+    /// When that is no turn at all.
+    pub fn new(period_turns: u32) -> Self {
+        assert!(period_turns > 0, "a curve repeats after a turn or more");
+        Self {
+            blocks: Vec::new(),
+            size: 0,
+            period_turns,
+        }
+    }
+
+    /// After how many turns joint curves repeat: the k-th pair of a curve is `cos, sin` of `k q` over this.
+    pub const fn period_turns(&self) -> u32 {
+        self.period_turns
+    }
+
     /// Puts a block of `columns` behind the others.
     pub fn push(&mut self, block: Block, columns: usize) {
         self.blocks.push((block, self.size..self.size + columns));

@@ -140,7 +140,7 @@ pub(super) fn find_lines(
         // A joint that hardly moves the target says nothing of its gears.
         let moves = layout
             .columns(Block::Curve(joint))
-            .is_some_and(|c| c.len() > 2 * FEW_HARMONICS);
+            .is_some_and(|c| c.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize);
         let most = if moves { LINES_PER_ROUND } else { 0 };
         lines::find(
             joint,

@@ -23,7 +23,7 @@ const OPTIONAL: [Optional; 5] = [
     ("blend", |block| {
         matches!(
             block,
-            Block::Blend | Block::StopShort | Block::SessionBlend(_)
+            Block::Blend | Block::StopShort | Block::SessionBlend(_) | Block::OwnBlend(_)
         )
     }),
     ("drift", |block| {

@@ -33,8 +33,9 @@ pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
 
 pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>>) -> Vec<Row> {
     let frames = problem.frames(&state.offsets);
+    let chains = problem.held(&state.offsets);
     let row = |observation: &Observation| {
-        let view = problem.view(observation.session, &observation.axes, &state.offsets);
+        let view = chains[observation.session].view(&observation.axes);
         let root = frames[observation.session]
             .tracker_from_base
             .isometry()
@@ -47,7 +48,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             up: up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: &observation.axes,
-            shortfall: observation.shortfall.as_deref(),
+            shortfall: observation.shortfall.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
         };

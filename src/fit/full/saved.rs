@@ -5,6 +5,8 @@
 //! 3.4 MB for 800 columns (as decimal text it would be 6 MB). Robust weights and leave-one-out residuals belong to the
 //! stations, not to the model, and are not saved.
 
+use std::num::NonZeroU32;
+
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -14,7 +16,7 @@ use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::regression::Posterior;
 use super::standing::Standing;
-use super::{FullModel, PartEvidence};
+use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{
     SavedArm, SavedError, SavedSession, SavedUnknown, VERSION, read, same_length,
@@ -46,6 +48,8 @@ pub struct SavedFull {
     pub scale: Vec<f64>,
     /// Factor L of the posterior information over `scale`.
     pub factor: String,
+    /// After how many turns joint curves repeat.
+    pub curve_period_turns: NonZeroU32,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
     /// Degrees of freedom of the Student t that weighed stations; 0 for none.
@@ -89,6 +93,11 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
+    /// The blend of a session whose commanded orientations are not what was sent.
+    OwnBlend {
+        /// The session.
+        session: usize,
+    },
     /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
     WarmUp,
     /// The same of one session.
@@ -96,7 +105,7 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
-    /// Error curve of one joint: pairs `cos kq, sin kq`, k from 1.
+    /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1.
     Curve {
         /// The joint.
         joint: usize,
@@ -163,6 +172,8 @@ impl FullModel {
             mean: self.mean.as_slice().to_vec(),
             scale: self.posterior.scale.as_slice().to_vec(),
             factor: encode(self.posterior.factor.lower()),
+            curve_period_turns: NonZeroU32::new(self.layout.period_turns())
+                .expect("a layout's curves repeat after a turn or more"),
             span_stations: self.span,
             student_t: self.student_t,
             drift_variance_mm2: self.drift_variance,
@@ -192,6 +203,7 @@ impl FullModel {
         let problem = saved.problem()?;
         let offsets = DVector::from_column_slice(&saved.offsets);
         Ok(Self {
+            ready: Ready::of(&problem, &offsets, &layout, &mean),
             frames: problem.frames(&offsets),
             problem,
             up: saved.up.map(Vector3::from),
@@ -235,7 +247,7 @@ impl SavedFull {
             self.arm.joints.len(),
             self.repeatability.joints_rad2.len(),
         )?;
-        let mut layout = Layout::default();
+        let mut layout = Layout::new(self.curve_period_turns.get());
         for block in &self.blocks {
             same_length("columns in a block", self.columns_of(block)?, block.columns)?;
             layout.push(block.block.block(), block.columns);
@@ -265,7 +277,10 @@ impl SavedFull {
         Ok(match block.block {
             BlockName::Unknowns => self.unknowns.len(),
             BlockName::Gravity => (1..=joints).sum(),
-            BlockName::Blend | BlockName::StopShort | BlockName::SessionBlend { .. } => joints,
+            BlockName::Blend
+            | BlockName::StopShort
+            | BlockName::SessionBlend { .. }
+            | BlockName::OwnBlend { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
             BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
@@ -322,6 +337,7 @@ impl SavedBlock {
             Block::Blend => BlockName::Blend,
             Block::StopShort => BlockName::StopShort,
             Block::SessionBlend(session) => BlockName::SessionBlend { session },
+            Block::OwnBlend(session) => BlockName::OwnBlend { session },
             Block::WarmUp => BlockName::WarmUp,
             Block::Drift(session) => BlockName::Drift { session },
             Block::Curve(joint) => BlockName::Curve { joint },
@@ -343,6 +359,7 @@ impl BlockName {
             Self::Blend => Block::Blend,
             Self::StopShort => Block::StopShort,
             Self::SessionBlend { session } => Block::SessionBlend(session),
+            Self::OwnBlend { session } => Block::OwnBlend(session),
             Self::WarmUp => Block::WarmUp,
             Self::Drift { session } => Block::Drift(session),
             Self::Curve { joint } => Block::Curve(joint),
@@ -357,7 +374,9 @@ impl BlockName {
             Self::Unknowns | Self::Gravity | Self::Blend | Self::StopShort | Self::WarmUp => {
                 (None, None)
             }
-            Self::SessionBlend { session } | Self::Drift { session } => (None, Some(session)),
+            Self::SessionBlend { session }
+            | Self::OwnBlend { session }
+            | Self::Drift { session } => (None, Some(session)),
             Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
         }

@@ -25,7 +25,10 @@ pub struct FullSettings {
     pub short_length_deg: f64,
     /// Length of the long kernel of the joint curves, degrees.
     pub long_length_deg: f64,
-    /// Harmonics of the joint curves.
+    /// After how many turns joint curves repeat; 1 for gears that repeat with the joint, 2 or more for those that do not
+    /// within the joint's range.
+    pub curve_period_turns: u32,
+    /// Harmonics of the joint curves in one turn.
     pub harmonics: usize,
     /// Expected size of each kernel of the joint curves, rad.
     pub curve_sd_rad: f64,
@@ -68,6 +71,7 @@ impl Default for FullSettings {
             blend: true,
             short_length_deg: 6.0,
             long_length_deg: 50.0,
+            curve_period_turns: 1,
             harmonics: 90,
             curve_sd_rad: 0.4e-3,
             gravity_sd: 0.4e-3,

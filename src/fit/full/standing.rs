@@ -27,9 +27,9 @@ impl Standing {
         blend: &DVector<f64>,
         stop_short: &DVector<f64>,
     ) -> Option<Self> {
-        let shortfalls: Vec<&Vec<f64>> = observations
+        let shortfalls: Vec<&[f64]> = observations
             .iter()
-            .filter_map(|o| o.shortfall.as_ref())
+            .filter_map(|o| o.shortfall.as_ref()?.sent())
             .collect();
         let n = shortfalls.len() as f64;
         let joints = shortfalls.first()?.len();

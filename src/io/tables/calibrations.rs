@@ -2,8 +2,7 @@
 
 use super::validity::{joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, words};
-use crate::fit::full::FullModel;
-use crate::fit::full::layout::Block;
+use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::{SavedCalibration, VERSION};
 use crate::fit::{Calibration, Convergence, Frames, Loss, Observability, Unknown};
 use crate::io::schema;
@@ -65,6 +64,15 @@ pub fn calibrations(
         .column("model_kind", rows.iter().map(|row| words::model(row.model)))
         .column("parts", rows.iter().map(|row| row.parts(true)))
         .column("parts_dropped", rows.iter().map(|row| row.parts(false)))
+        .column(
+            "parts_tried",
+            rows.iter()
+                .map(|row| row.tried(|part| part_name(part.name))),
+        )
+        .column(
+            "parts_gain_nat",
+            rows.iter().map(|row| row.tried(|part| part.gain)),
+        )
         .same("sessions", names)
         .column("angles", rows.iter().map(|row| words::angles(row.angles())))
         .same("joint_lower_rad", lower)
@@ -130,11 +138,17 @@ impl<'a> Row<'a> {
         parts
     }
 
+    /// `of` each optional part that the evidence was asked about.
+    fn tried<T>(&self, of: impl Fn(&PartEvidence) -> T) -> Vec<T> {
+        match self.of {
+            Of::Calibration(_) => Vec::new(),
+            Of::Full(full) => full.parts.iter().map(of).collect(),
+        }
+    }
+
     fn angles(&self) -> Angles {
         match self.of {
-            Of::Full(full) if full.layout().columns(Block::Blend).is_some() && self.blends() => {
-                Angles::Blended
-            }
+            Of::Full(_) if self.blends() => Angles::Blended,
             Of::Full(_) | Of::Calibration(_) => Angles::Reported,
         }
     }

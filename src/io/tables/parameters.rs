@@ -204,7 +204,7 @@ fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
                     )
                 }));
             }
-            Block::SessionBlend(session) => {
+            Block::SessionBlend(session) | Block::OwnBlend(session) => {
                 let session = Some(session);
                 columns.extend(own.map(|place| {
                     (

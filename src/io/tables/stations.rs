@@ -4,6 +4,7 @@ use nalgebra::DVector;
 
 use super::PublishError;
 use super::words::xyzw;
+use crate::fit::commanded::Shortfall;
 use crate::fit::saved::axes_from_joints;
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
@@ -63,8 +64,8 @@ fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>>
     let joints_from_axes = axes_from_joints(arm)
         .try_inverse()
         .expect("a robot file's joint map was checked to be invertible");
-    let commanded = |(station, shortfall): (&Station, &Option<Vec<f64>>)| {
-        let away = &joints_from_axes * DVector::from_column_slice(shortfall.as_deref()?);
+    let commanded = |(station, shortfall): (&Station, &Option<Shortfall>)| {
+        let away = &joints_from_axes * DVector::from_column_slice(shortfall.as_ref()?.sent()?);
         Some(
             station
                 .joints

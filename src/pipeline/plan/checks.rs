@@ -164,6 +164,12 @@ fn full(full: &FullSettings) -> Check {
         "[fit.full] harmonics",
         full.harmonics,
         "1 to 1000",
+    )?;
+    wrong_unless(
+        (1..=10).contains(&full.curve_period_turns),
+        "[fit.full] curve_period_turns",
+        full.curve_period_turns,
+        "1 to 10",
     )
 }
 

@@ -10,7 +10,7 @@ use crate::join::{Pairing, Station};
 use crate::kinematics::Arm;
 use crate::pipeline::outcome::JoinedSession;
 use crate::progress::Progress;
-use crate::report::evaluate::{self, Stations};
+use crate::report::evaluate::{self, RefitSettings, Stations};
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 /// The models of every fold that holds a station out, in fold order.
@@ -54,7 +54,16 @@ impl Judged<'_> {
                 session: &session.name,
                 observations: &own,
             };
-            evaluate::own_session(self.arm, self.models, stations, Split::None, None)
+            let mut sets =
+                evaluate::own_session(self.arm, self.models, stations, Split::None, None);
+            let first = self.observed.all.partition_point(|o| o.session < place);
+            for set in &mut sets {
+                let weights = &weights(self.models, set.subject.model)[first..];
+                for (residual, weight) in set.residuals.iter_mut().zip(weights) {
+                    residual.weight = Some(*weight);
+                }
+            }
+            sets
         };
         training.iter().enumerate().flat_map(of).collect()
     }
@@ -83,6 +92,51 @@ impl Judged<'_> {
         }
         sets
     }
+}
+
+/// What each station of the training counted for in a model.
+fn weights(models: &Models, model: Model) -> &[f64] {
+    match model {
+        Model::BaseTarget => &models.base_target.solution.weights,
+        Model::Geometric => &models.geometric.solution.weights,
+        Model::Full => models.full.as_ref().map_or(&[], |full| &full.weights),
+        Model::RawCommand | Model::Table => &[],
+    }
+}
+
+/// Every session of a pool judged by the models of all the others, its base and target refitted.
+pub(super) fn sessions(
+    arm: &Arm,
+    observed: &Observed,
+    training: &[JoinedSession],
+    settings: &TrainingSettings<'_>,
+    first: usize,
+    progress: &dyn Progress,
+) -> Result<Vec<ResidualSet>, FitError> {
+    let refit = RefitSettings {
+        first,
+        // Each session of a pool has a mounting of its own.
+        with_target: true,
+    };
+    progress.begin("sessions left out", training.len() as u64);
+    let judge = |(place, session): (usize, &JoinedSession)| {
+        let models = fit::models::train(
+            arm,
+            &observed.without_session(place),
+            training.len() - 1,
+            settings,
+        )?;
+        let own: Vec<_> = observed.of_session(place).map(|(o, _)| o.clone()).collect();
+        let stations = Stations {
+            session: &session.name,
+            observations: &own,
+        };
+        progress.advance(1);
+        Ok(evaluate::unseen_session(arm, &models, stations, refit))
+    };
+    let judged: Result<Vec<_>, FitError> = training.par_iter().enumerate().map(judge).collect();
+    progress.end();
+    Ok(judged?.into_iter().flatten().collect())
 }
 
 /// Adds residuals to the set of their subject, in station order.

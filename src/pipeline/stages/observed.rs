@@ -34,6 +34,16 @@ impl Observed {
         self.of_session(session).map(|(_, fold)| fold).collect()
     }
 
+    /// All other sessions, numbered anew.
+    pub(super) fn without_session(&self, session: usize) -> Vec<Observation> {
+        let others = self.all.iter().filter(|o| o.session != session);
+        let renumbered = others.map(|o| Observation {
+            session: o.session - usize::from(o.session > session),
+            ..o.clone()
+        });
+        renumbered.collect()
+    }
+
     pub(super) fn without(&self, fold: usize) -> Vec<Observation> {
         let kept = self
             .all

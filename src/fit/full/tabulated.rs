@@ -1,0 +1,121 @@
+//! Joint curves as tables of value and slope, so that a prediction reads two entries instead of summing every harmonic.
+//!
+//! Between entries a cubic takes value and slope of both: with 90 harmonics and 4096 entries a turn it is within
+//! `h⁴/384 · k⁴`, 10⁻⁶ of the last harmonic's amplitude.
+
+use std::f64::consts::TAU;
+
+use nalgebra::DVector;
+
+use super::layout::{Block, Layout};
+
+/// Entries of a period.
+const ENTRIES: usize = 4096;
+
+/// The curves of all joints: as any session has them, and as each session of the training has its own.
+#[derive(Debug, Clone)]
+pub struct Tabulated {
+    common: Vec<Curve>,
+    own: Vec<Vec<Curve>>,
+    period: f64,
+}
+
+/// One joint's curve over a period.
+#[derive(Debug, Clone)]
+struct Curve {
+    /// Value, and slope times the distance of entries, rad.
+    entries: Vec<[f64; 2]>,
+}
+
+impl Tabulated {
+    /// The curves of `sessions` sessions with the coefficients `mean`.
+    pub fn new(layout: &Layout, mean: &DVector<f64>, sessions: usize) -> Self {
+        let joint = |block| match block {
+            Block::Curve(joint) | Block::SessionCurve { joint, .. } => joint + 1,
+            _ => 0,
+        };
+        let joints = layout.blocks().map(|(block, _)| joint(block)).max();
+        let mut common = vec![Curve::zero(); joints.unwrap_or(0)];
+        for (block, columns) in layout.blocks() {
+            if let Block::Curve(joint) = block {
+                common[joint].add(&mean.as_slice()[columns]);
+            }
+        }
+        let mut own = vec![common.clone(); sessions];
+        for (block, columns) in layout.blocks() {
+            if let Block::SessionCurve { session, joint } = block {
+                let [constant, harmonics @ ..] = &mean.as_slice()[columns] else {
+                    continue;
+                };
+                let curve = &mut own[session][joint];
+                curve
+                    .entries
+                    .iter_mut()
+                    .for_each(|entry| entry[0] += constant);
+                curve.add(harmonics);
+            }
+        }
+        Self {
+            common,
+            own,
+            period: TAU * f64::from(layout.period_turns()),
+        }
+    }
+
+    /// The error of each joint at `angles` (axis variables, rad), in one session or in any.
+    pub fn at<'t>(
+        &'t self,
+        session: Option<usize>,
+        angles: &'t [f64],
+    ) -> impl Iterator<Item = f64> + 't {
+        let curves = session.map_or(&self.common, |session| &self.own[session]);
+        curves
+            .iter()
+            .zip(angles)
+            .map(|(curve, angle)| curve.at(angle / self.period))
+    }
+}
+
+impl Curve {
+    fn zero() -> Self {
+        Self {
+            entries: vec![[0.0; 2]; ENTRIES],
+        }
+    }
+
+    /// Adds the pairs `cos kq, sin kq`, k from 1.
+    fn add(&mut self, coefficients: &[f64]) {
+        if coefficients.iter().all(|c| *c == 0.0) {
+            return;
+        }
+        let step = TAU / ENTRIES as f64;
+        for (place, entry) in self.entries.iter_mut().enumerate() {
+            let (sin, cos) = (step * place as f64).sin_cos();
+            let (mut sin_k, mut cos_k) = (sin, cos);
+            for (k, pair) in (1u32..).zip(coefficients.chunks_exact(2)) {
+                entry[0] += pair[0] * cos_k + pair[1] * sin_k;
+                entry[1] += step * f64::from(k) * (pair[1] * cos_k - pair[0] * sin_k);
+                (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
+            }
+        }
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a place of the table"
+    )]
+    /// At a share of the period.
+    fn at(&self, share: f64) -> f64 {
+        let place = share.rem_euclid(1.0) * ENTRIES as f64;
+        // A share just below zero rounds to a whole period.
+        let first = place as usize % ENTRIES;
+        let t = place - place.floor();
+        let ([v0, s0], [v1, s1]) = (self.entries[first], self.entries[(first + 1) % ENTRIES]);
+        let (square, cube) = (t * t, t * t * t);
+        v0 * (2.0 * cube - 3.0 * square + 1.0)
+            + v1 * (3.0 * square - 2.0 * cube)
+            + s0 * (cube - 2.0 * square + t)
+            + s1 * (cube - square)
+    }
+}

@@ -1,0 +1,318 @@
+//! A chain whose parameters are held: everything constant between two joints is one transform, so that a pose costs a
+//! turn per joint and a few products, however many elements the chain has.
+//!
+//! Same kinematics as [`Chain::differential`], for many poses at the same offsets.
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::chain::{Axis, Chain, Element, Motion, Twist};
+
+/// A chain at given offsets.
+#[derive(Debug, Clone)]
+pub struct HeldChain {
+    segments: Vec<Segment>,
+    joints: usize,
+}
+
+/// What stands between a joint (or the root) and the next joint (or the end).
+#[derive(Debug, Clone)]
+struct Segment {
+    /// Free elements: which unknown moves each, and how, in the frame the segment begins in.
+    free: Vec<(usize, UnitMotion)>,
+    rotation: Matrix3<f64>,
+    origin: Vector3<f64>,
+    /// The joint that ends the segment; `None` at the chain's end.
+    joint: Option<(Motion, usize, f64)>,
+}
+
+/// A unit motion in the frame its segment begins in.
+#[derive(Debug, Clone, Copy)]
+enum UnitMotion {
+    Translation(Vector3<f64>),
+    Rotation {
+        axis: Vector3<f64>,
+        through: Vector3<f64>,
+    },
+}
+
+/// The chain's end at one pose and how it moves, in the root frame.
+#[derive(Debug, Clone)]
+pub struct ChainView {
+    /// The end.
+    pub end: Isometry3<f64>,
+    /// The end's motion per unit of each unknown that moves it.
+    pub unknowns: Vec<(usize, Twist)>,
+    /// The end's motion per unit of each axis variable.
+    pub joints: Vec<Twist>,
+    /// Origin and direction of each joint axis.
+    pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
+}
+
+impl ChainView {
+    /// The same for a point that sits `lever` (root frame, mm) beside the end on the same body.
+    #[must_use]
+    pub fn moved(mut self, lever: &Vector3<f64>) -> Self {
+        let carry = |twist: &mut Twist| twist.linear += twist.angular.cross(lever);
+        self.unknowns.iter_mut().for_each(|(_, twist)| carry(twist));
+        self.joints.iter_mut().for_each(carry);
+        self.end.translation.vector += lever;
+        self
+    }
+}
+
+impl HeldChain {
+    /// `chain` with `offsets` added to its free parameters; `unknowns` says which unknown moves each of them, if any.
+    ///
+    /// # Panics
+    /// When there are fewer offsets or unknowns than parameters.
+    pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
+        let mut segments = Vec::with_capacity(chain.joint_count() + 1);
+        let (mut free, mut end) = (Vec::new(), Isometry3::identity());
+        let mut parameter = 0;
+        for element in chain.elements() {
+            match element {
+                Element::Fixed(transform) => end *= transform,
+                Element::Free {
+                    motion, nominal, ..
+                } => {
+                    if let Some(unknown) = unknowns[parameter] {
+                        free.push((unknown, UnitMotion::of(*motion, &end)));
+                    }
+                    end *= motion.by(nominal + offsets[parameter]);
+                    parameter += 1;
+                }
+                Element::Joint {
+                    motion,
+                    joint,
+                    sign,
+                } => {
+                    let joint = Some((*motion, *joint, *sign));
+                    segments.push(Segment::new(std::mem::take(&mut free), &end, joint));
+                    end = Isometry3::identity();
+                }
+            }
+        }
+        segments.push(Segment::new(free, &end, None));
+        Self {
+            segments,
+            joints: chain.joint_count(),
+        }
+    }
+
+    /// The end in the root frame at the axis variables `q` (rad or mm).
+    pub fn end(&self, q: &[f64]) -> Isometry3<f64> {
+        let mut frame = Frame::root();
+        for segment in &self.segments {
+            frame.pass(segment);
+            if let Some((motion, joint, sign)) = segment.joint {
+                frame.turn(motion, sign * q[joint]);
+            }
+        }
+        frame.isometry()
+    }
+
+    /// The end and how it moves at the axis variables `q` (rad or mm).
+    pub fn view(&self, q: &[f64]) -> ChainView {
+        let mut frame = Frame::root();
+        let mut unknowns = Vec::with_capacity(self.segments.iter().map(|s| s.free.len()).sum());
+        let mut axes = Vec::with_capacity(self.joints);
+        for segment in &self.segments {
+            let in_root = |(unknown, motion): &(usize, UnitMotion)| (*unknown, frame.unit(motion));
+            unknowns.extend(segment.free.iter().map(in_root));
+            frame.pass(segment);
+            if let Some((motion, joint, sign)) = segment.joint {
+                axes.push((Point3::from(frame.origin), frame.rotation * motion.axis()));
+                frame.turn(motion, sign * q[joint]);
+            }
+        }
+        let end = frame.origin;
+        ChainView {
+            end: frame.isometry(),
+            unknowns: unknowns
+                .into_iter()
+                .map(|(unknown, motion)| (unknown, motion.carried_to(&end)))
+                .collect(),
+            joints: self.joint_twists(&axes, &end),
+            axes,
+        }
+    }
+
+    fn joint_twists(&self, axes: &[(Point3<f64>, Vector3<f64>)], end: &Vector3<f64>) -> Vec<Twist> {
+        let mut twists = vec![Twist::zero(); self.joints];
+        let joints = self.segments.iter().filter_map(|segment| segment.joint);
+        for ((motion, joint, sign), (origin, axis)) in joints.zip(axes) {
+            let unit = match motion {
+                Motion::Translation(_) => UnitMotion::Translation(*axis),
+                Motion::Rotation(_) => UnitMotion::Rotation {
+                    axis: *axis,
+                    through: origin.coords,
+                },
+            };
+            let twist = unit.carried_to(end);
+            twists[joint].linear += twist.linear * sign;
+            twists[joint].angular += twist.angular * sign;
+        }
+        twists
+    }
+}
+
+impl Segment {
+    fn new(
+        free: Vec<(usize, UnitMotion)>,
+        transform: &Isometry3<f64>,
+        joint: Option<(Motion, usize, f64)>,
+    ) -> Self {
+        Self {
+            free,
+            rotation: *transform.rotation.to_rotation_matrix().matrix(),
+            origin: transform.translation.vector,
+            joint,
+        }
+    }
+}
+
+impl UnitMotion {
+    fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
+        let axis = frame.rotation * motion.axis();
+        match motion {
+            Motion::Translation(_) => Self::Translation(axis),
+            Motion::Rotation(_) => Self::Rotation {
+                axis,
+                through: frame.translation.vector,
+            },
+        }
+    }
+
+    fn carried_to(self, end: &Vector3<f64>) -> Twist {
+        match self {
+            Self::Translation(direction) => Twist {
+                linear: direction,
+                angular: Vector3::zeros(),
+            },
+            Self::Rotation { axis, through } => Twist {
+                linear: axis.cross(&(end - through)),
+                angular: axis,
+            },
+        }
+    }
+}
+
+/// A frame on the way from the root to the end.
+struct Frame {
+    rotation: Matrix3<f64>,
+    origin: Vector3<f64>,
+}
+
+impl Frame {
+    fn root() -> Self {
+        Self {
+            rotation: Matrix3::identity(),
+            origin: Vector3::zeros(),
+        }
+    }
+
+    fn pass(&mut self, segment: &Segment) {
+        self.origin += self.rotation * segment.origin;
+        self.rotation *= segment.rotation;
+    }
+
+    /// Moves along or turns about an own axis: only the two other columns turn.
+    fn turn(&mut self, motion: Motion, amount: f64) {
+        let (first, second) = match motion {
+            Motion::Translation(_) => {
+                self.origin += self.rotation * motion.axis() * amount;
+                return;
+            }
+            Motion::Rotation(Axis::X) => (1, 2),
+            Motion::Rotation(Axis::Y) => (2, 0),
+            Motion::Rotation(Axis::Z) => (0, 1),
+        };
+        let (sin, cos) = amount.sin_cos();
+        for row in 0..3 {
+            let (a, b) = (self.rotation[(row, first)], self.rotation[(row, second)]);
+            self.rotation[(row, first)] = cos * a + sin * b;
+            self.rotation[(row, second)] = cos * b - sin * a;
+        }
+    }
+
+    fn unit(&self, motion: &UnitMotion) -> UnitMotion {
+        match motion {
+            UnitMotion::Translation(direction) => {
+                UnitMotion::Translation(self.rotation * direction)
+            }
+            UnitMotion::Rotation { axis, through } => UnitMotion::Rotation {
+                axis: self.rotation * axis,
+                through: self.rotation * through + self.origin,
+            },
+        }
+    }
+
+    fn isometry(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(
+            Translation3::from(self.origin),
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(self.rotation)),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kinematics::parameter::{LinkQuantity, Parameter};
+
+    #[test]
+    fn a_held_chain_is_its_chain() {
+        let free = |motion, nominal, link| Element::Free {
+            motion,
+            nominal,
+            parameter: Parameter::Link {
+                joint: link,
+                quantity: LinkQuantity::A,
+            },
+        };
+        let joint = |motion, joint, sign| Element::Joint {
+            motion,
+            joint,
+            sign,
+        };
+        let chain = Chain::new(vec![
+            Element::Fixed(Motion::Rotation(Axis::X).by(0.3)),
+            free(Motion::Translation(Axis::Z), 120.0, 0),
+            joint(Motion::Rotation(Axis::Z), 0, -1.0),
+            free(Motion::Rotation(Axis::Y), 0.7, 1),
+            free(Motion::Translation(Axis::X), 300.0, 2),
+            joint(Motion::Translation(Axis::Y), 1, 1.0),
+            joint(Motion::Rotation(Axis::X), 2, 1.0),
+            // The same axis variable a second time: a coupled joint.
+            joint(Motion::Rotation(Axis::Y), 0, 0.5),
+            free(Motion::Rotation(Axis::Z), -0.4, 3),
+            free(Motion::Translation(Axis::Z), 80.0, 4),
+        ]);
+        let (q, offsets) = ([0.8, 25.0, -1.3], [0.5, 1e-3, -0.2, 2e-3, 0.1]);
+        // The third parameter is nobody's unknown.
+        let unknowns = [Some(7), Some(3), None, Some(0), Some(5)];
+        let view = HeldChain::new(&chain, &offsets, &unknowns).view(&q);
+        let whole = chain.differential(&q, &offsets);
+        assert!((view.end.to_homogeneous() - whole.end.to_homogeneous()).norm() < 1e-11);
+        let of_chain = |place: usize| whole.parameters[place];
+        let expected = [
+            (7, of_chain(0)),
+            (3, of_chain(1)),
+            (0, of_chain(3)),
+            (5, of_chain(4)),
+        ];
+        let apart =
+            |a: &Twist, b: &Twist| (a.linear - b.linear).norm() + (a.angular - b.angular).norm();
+        for ((unknown, twist), (of, whole)) in view.unknowns.iter().zip(&expected) {
+            assert_eq!(unknown, of);
+            assert!(apart(twist, whole) < 1e-10);
+        }
+        assert_eq!(view.unknowns.len(), 4);
+        for (twist, whole) in view.joints.iter().zip(&whole.joints) {
+            assert!(apart(twist, whole) < 1e-10);
+        }
+        for (own, whole) in view.axes.iter().zip(chain.joint_axes(&q, &offsets)) {
+            assert!((own.0 - whole.0).norm() + (own.1 - whole.1).norm() < 1e-11);
+        }
+    }
+}
