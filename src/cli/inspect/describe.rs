@@ -111,10 +111,10 @@ fn of_channel(channel: &ChannelSummary, all: &[ChannelSummary]) -> String {
     let traffic = &channel.traffic;
     if traffic.messages == 0 {
         line("no messages".to_owned());
-        return text;
+        return text.trim_end().to_owned();
     }
     of_traffic(traffic, &mut line);
-    text
+    text.trim_end().to_owned()
 }
 
 fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
