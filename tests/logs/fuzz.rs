@@ -310,15 +310,14 @@ fn read_message(bytes: &[u8]) -> String {
 
 #[test]
 fn schema_and_message() {
-    let seed = |(encoding, name, language, schema, message): (_, &str, _, Vec<u8>, Vec<u8>)| {
-        let form = FORMS
-            .iter()
-            .position(|form| *form == (encoding, language))?;
+    let seed = |sample: encodings::Sample| {
+        let form = FORMS.iter().position(|form| *form == sample.form)?;
+        let form = u8::try_from(form).ok()?;
         Some(packed_form(
-            u8::try_from(form).ok()?,
-            name,
-            &schema,
-            &message,
+            form,
+            sample.type_name,
+            &sample.definition,
+            &sample.message,
         ))
     };
     let seeds: Vec<_> = encodings::samples().into_iter().filter_map(seed).collect();
