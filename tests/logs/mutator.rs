@@ -362,6 +362,7 @@ fn hostile_logs_stay_within_the_memory_that_is_configured() {
         return;
     }
     let limit = LIMITS.chunk_bytes + LIMITS.batch_bytes + (64 << 20);
+    println!("{count} mutants: {peak} bytes at the most, {limit} are allowed");
     assert!(
         peak < limit,
         "{peak} bytes at the most, {limit} are allowed"

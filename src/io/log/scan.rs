@@ -6,6 +6,10 @@
 //!    of its own.
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes.
+//! 5. Judge what is known only at the end: the checksum of all records, how the file ends.
+
+mod blocks;
+mod end;
 
 use std::path::Path;
 
@@ -13,17 +17,17 @@ use mcap::MAGIC;
 use rayon::prelude::*;
 
 use super::account::Account;
-use super::block::{Block, BlockFault, Extent, Metadata, Outcome, Tally};
+use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
 use super::chunk;
 use super::frames::{Frames, Loss, Lost, Piece};
-use super::packed::Packed;
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
-use super::summary::{self, Definitions, Ending};
+use super::summary::Definitions;
 use super::{FileError, Limits};
 use crate::ingest::{LogReject, SpanClock};
 use crate::progress::Progress;
+use blocks::{Run, settle};
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
@@ -201,35 +205,6 @@ where
         self.check_unchunked()
     }
 
-    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one.
-    fn check_unchunked(&mut self) -> Result<(), E> {
-        let Some((data_end, stated)) = self.frames.data_crc() else {
-            return Ok(());
-        };
-        if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
-            return Ok(());
-        }
-        let found = self.frames.source().checksum(0..data_end);
-        let found = found.map_err(|source| self.io(source))?;
-        if found != stated {
-            let reject = LogReject {
-                file: self.account.file.clone(),
-                topic: None,
-                byte_start: 0,
-                byte_end: data_end,
-                time_span_ns: None,
-                clock: SpanClock::Log,
-                messages: None,
-                reason: format!(
-                    "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
-                     in messages outside chunks it cannot be told which; they were kept"
-                ),
-            };
-            self.account.reject(reject);
-        }
-        Ok(())
-    }
-
     fn take(&mut self, piece: Piece) -> Result<(), E> {
         match piece {
             Piece::Chunk { start, end, chunk } => {
@@ -395,58 +370,6 @@ where
         });
     }
 
-    /// How the log ends: a summary that is damaged or cut off costs no message here, but other readers need it.
-    fn judge_end(&mut self) -> Result<(), E> {
-        let ending = summary::ending(self.frames.source()).map_err(|source| self.io(source))?;
-        self.account.ending = ending.0;
-        let end = self.account.bytes;
-        let data_end = self.frames.data_end();
-        match (data_end, ending.0) {
-            (Some(from), Ending::Cut) => self.note((from, end), AFTER_DATA_CUT.to_owned()),
-            (Some(from), Ending::Damaged) => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
-            _ => {}
-        }
-        self.account_for_packing();
-        Ok(())
-    }
-
-    /// What could not be decompressed lies behind everything else; how much it is cannot be known, but a byte of the
-    /// compressed file stands for one at least.
-    fn account_for_packing(&mut self) {
-        let Some(
-            packed @ Packed {
-                fault: Some(fault), ..
-            },
-        ) = &self.account.packed
-        else {
-            return;
-        };
-        let (bytes, lost) = (self.account.bytes, packed.bytes.saturating_sub(fault.at));
-        let (start, reach) = if fault.anywhere {
-            (
-                0,
-                "the damage is somewhere before it; what was decompressed was kept",
-            )
-        } else {
-            (bytes, "what follows cannot be decompressed")
-        };
-        let reject = LogReject {
-            file: self.account.file.clone(),
-            topic: None,
-            byte_start: start,
-            byte_end: bytes.saturating_add(lost),
-            time_span_ns: None,
-            clock: SpanClock::Log,
-            messages: None,
-            reason: format!(
-                "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
-                fault.at, packed.bytes, fault.why
-            ),
-        };
-        self.account.bytes = bytes.saturating_add(lost);
-        self.account.reject(reject);
-    }
-
     fn lose(&mut self, lost: &Lost) {
         let times = lost.times.map(|(first, last)| (ns(first), ns(last)));
         let messages = (lost.why == Loss::NoDataEnd).then_some(0);
@@ -469,84 +392,11 @@ where
     }
 }
 
-const AFTER_DATA_CUT: &str = "the file ends behind its data, without the closing mark: it was cut, or its recorder was \
-     stopped hard; no message is lost, but readers that need the summary will refuse it";
-const SUMMARY_DAMAGED: &str =
-    "the summary at the end is damaged: no message is lost, but readers that need it may fail";
-
 /// Bytes that a block may occupy while it is worked on.
 fn weight(extent: &Extent, limits: Limits) -> u64 {
     match &extent.chunk {
         None => extent.end - extent.start,
         Some(chunk) => chunk.needs().min(limits.chunk_bytes),
-    }
-}
-
-/// Merges a block that was walked, accounts for one that was not.
-fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut Account) {
-    let Extent {
-        start,
-        end,
-        ref chunk,
-        indexed,
-    } = block.extent;
-    let reject = |fault: &BlockFault, tally: &Tally| LogReject {
-        file: account.file.clone(),
-        topic: None,
-        byte_start: start,
-        byte_end: end,
-        time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
-        clock: SpanClock::Log,
-        messages: tally.messages,
-        reason: fault.to_string(),
-    };
-    let mut rejects: Vec<_> = block
-        .faults
-        .iter()
-        .map(|(fault, tally)| reject(fault, tally))
-        .collect();
-    if let Outcome::Rejected(fault) = &block.outcome {
-        let tally = Tally {
-            messages: indexed,
-            times: chunk
-                .as_ref()
-                .map(|chunk| (chunk.start_time, chunk.end_time)),
-        };
-        rejects.push(reject(fault, &tally));
-    } else {
-        account.count(chunk.as_ref(), block.messages);
-        visitor.merge(&block.extent, &mut block.part, &mut rejects);
-    }
-    for reject in rejects {
-        account.reject(reject);
-    }
-}
-
-/// Records outside chunks, one after another.
-struct Run {
-    start: u64,
-    end: u64,
-    /// Where the last record begins, if it is a message.
-    last_message: Option<u64>,
-}
-
-impl Run {
-    fn grown(run: Option<Self>, start: u64, end: u64, is_message: bool) -> Self {
-        Self {
-            start: run.map_or(start, |run| run.start),
-            end,
-            last_message: is_message.then_some(start),
-        }
-    }
-
-    /// Where framing is lost right behind a message, its own length may be what is wrong.
-    fn yield_to(&mut self, lost: &mut Lost) {
-        if let (Loss::Framing(_), Some(start), true) =
-            (lost.why, self.last_message, lost.start == self.end)
-        {
-            self.end = start;
-            lost.start = start;
-        }
     }
 }
 
