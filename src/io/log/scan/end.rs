@@ -19,7 +19,9 @@ where
         let Some((data_end, stated)) = self.frames.data_crc() else {
             return Ok(());
         };
-        if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
+        // Where bytes are lost the checksum is wrong anyway. A message that cannot be used is no reason for that.
+        let damaged = self.account.rejects.iter().any(LogReject::is_damage);
+        if self.account.messages_outside_chunks == 0 || damaged {
             return Ok(());
         }
         let found = self.frames.source().checksum(0..data_end);
