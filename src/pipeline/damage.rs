@@ -53,17 +53,26 @@ pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), Damage
     }
 }
 
-/// What a session's logs lost, in a line for each that lost something.
+/// What a session's logs lost, in a line for each that lost something or does not end as it should.
 pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
-    let damaged = lost(counts).filter(|(_, lost, _)| *lost > 0);
-    damaged
-        .map(|(log, lost, bytes)| {
+    let cut = |(role, log)| {
+        let cut = counts
+            .get(&format!("{role}.files_cut"))
+            .is_some_and(|files| *files > 0);
+        cut.then(|| {
             format!(
-                "{session}: {log} is damaged: {lost} of {bytes} bytes lost ({:.2} %); the table rejects tells where",
-                percent(lost, bytes)
+                "{session}: {log} ends too early: what its recorder did not write cannot be known"
             )
         })
-        .collect()
+    };
+    let damaged = lost(counts).filter(|(_, lost, _)| *lost > 0);
+    let damaged = damaged.map(|(log, lost, bytes)| {
+        format!(
+            "{session}: {log} is damaged: {lost} of {bytes} bytes lost ({:.2} %); the table rejects tells where",
+            percent(lost, bytes)
+        )
+    });
+    damaged.chain(LOGS.into_iter().filter_map(cut)).collect()
 }
 
 /// One entry of the counts in a row of `runs`.
@@ -124,6 +133,10 @@ mod tests {
         assert_eq!(within(&counts(1000), 1.0), Ok(()));
         assert_eq!(words("mon", &counts(0)), Vec::<String>::new());
         assert!(words("mon", &counts(11))[0].contains("(1.10 %)"));
+        let mut cut = counts(0);
+        cut.insert("tracker.files_cut".to_owned(), 1);
+        assert_eq!(words("mon", &cut).len(), 1);
+        assert!(words("mon", &cut)[0].contains("tracker's log ends too early"));
     }
 
     #[test]

@@ -212,3 +212,23 @@ fn a_reader_that_goes_away_is_no_error() {
     let told = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert_eq!((ended.status.code(), told.as_str()), (Some(0), ""));
 }
+
+#[test]
+fn a_log_in_zstd_without_room_to_decompress_it_is_told() {
+    let folder = Folder::new();
+    let packed = zstd::stream::encode_all(&session_log(None, 20)[..], 1).expect("memory");
+    let log = folder.file("log.mcap.zst", &packed);
+    let output = Command::cargo_bin("posegrid")
+        .expect("built")
+        .arg("inspect")
+        .arg(&log)
+        .env("TMPDIR", folder.path().join("missing"))
+        .output()
+        .expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(
+        told.contains("log.mcap.zst") && told.contains("TMPDIR"),
+        "{told}"
+    );
+}

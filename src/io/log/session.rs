@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use super::account::Account;
 use super::scan::scan;
 use super::streams::{Stream, Streams, Wanted};
+use super::summary::Ending;
 use super::{Limits, LogError, wanted};
 use crate::ingest::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Mapping};
 use crate::progress::Progress;
@@ -237,6 +238,8 @@ fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
     count(format!("{role}.files"), 1);
     count(format!("{role}.bytes"), account.bytes);
     count(format!("{role}.bytes_lost"), account.bytes_lost());
+    let cut = account.ending == Ending::Cut;
+    count(format!("{role}.files_cut"), u64::from(cut));
     count(format!("{role}.chunks"), account.chunks.values().sum());
     count(format!("{role}.chunks_unchecked"), account.chunks_unchecked);
     count(format!("{role}.messages"), account.messages);
