@@ -1,50 +1,114 @@
-//! Compensation: the published table and a target → the command at which the tool point attains the target.
+//! Compensation: what a run published and a target → the command at which the tool point attains the target.
 //!
-//! Inputs are a [`CompensationTable`] and a [`Target`] in the frame of commands; output is the [`Corrected`] command with
-//! the uncertainty of its correction, or why there is none ([`Refused`]). Steps (METHOD.md 6):
-//! 1. the target is held against what the table is valid for: orientation, arm configuration, tool;
-//! 2. `ê(c)`, attained minus commanded position, follows from the eight nodes around the command c ([`table`]);
+//! Inputs are a [`Target`] in the frame of commands and either a [`CompensationTable`], which knows the error at the nodes
+//! of a lattice in one orientation, or an [`IdentifiedArm`], which predicts it at any joint angles. Output is the
+//! [`Corrected`] command with the uncertainty of its correction, or why there is none ([`Refused`]). Steps (METHOD.md 6):
+//! 1. the target is held against what the table is valid for: orientation, arm configuration, tool; or the arm: joint
+//!    limits, joint ranges measured, singularities;
+//! 2. `ê(c)`, attained minus commanded position of the tool point at the command c: from the eight nodes around it
+//!    ([`table`]), or from the arm's model at c's joint angles ([`identified`]);
 //! 3. `command' = target − ê(command')`, iterated until it stands still.
 //!
-//! Nothing is extrapolated: a target, or a command on the way, that the nodes do not surround is refused.
+//! Both correct the position and keep the nominal orientation. A reflector does not show how the tool is turned: what
+//! a model says of it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
+//! of drilled holes may be off by ten. What the turn does to the tool point is in ê.
+//!
+//! Nothing is extrapolated: a target, or a command on the way, that the nodes do not surround or whose joint angles were
+//! not measured is refused.
 
+mod fixed_point;
+pub mod identified;
+mod pose;
 pub mod refused;
 pub mod table;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
+pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Gap, Reason, Refused};
 pub use table::{CompensationTable, Known, Misfit, Terms, Validity};
 
 use crate::geometry::{Command, Position};
 
-/// Where the controller's own tool point shall be.
-#[derive(Debug, Clone, PartialEq)]
+/// Where the controller's own tool point shall be: a position, joint angles, or both.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Target {
     /// What it is called in the file of targets.
     pub name: String,
-    /// The position wanted, mm.
-    pub position: Position<Command>,
-    /// The orientation wanted; a target without one is taken to have the table's.
+    /// The position wanted, mm; without one it is the nominal arm's at the joint angles.
+    pub position: Option<Position<Command>>,
+    /// The orientation wanted; without one it is the nominal arm's at the joint angles, or the table's.
     pub orientation: Option<UnitQuaternion<f64>>,
-    /// The arm configuration wanted, in the table's words; a target without one is taken to have the table's.
+    /// The joint angles of the target; beside a position they say which way the arm reaches it.
+    pub joints: Option<TargetJoints>,
+    /// The arm configuration wanted; a target without one is taken to have the joint angles' or the table's.
     pub configuration: Option<String>,
     /// The tool it is for, where it says so.
     pub tool: Option<String>,
 }
 
+/// Joint angles of a target.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TargetJoints {
+    /// The joints' names in the angles' order; none for the order of the arm.
+    pub names: Vec<String>,
+    /// The angles, rad.
+    pub angles: Vec<f64>,
+}
+
 /// A target's command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected {
+    /// The position wanted, mm.
+    pub target: Position<Command>,
     /// The position to command, mm.
     pub command: Position<Command>,
+    /// The orientation to command, that of the target; `None` where it does not state one.
+    pub orientation: Option<UnitQuaternion<f64>>,
+    /// The joint angles to command; a table knows positions only.
+    pub joints: Option<JointCommand>,
     /// Command minus target, mm.
     pub correction: Vector3<f64>,
-    /// Covariance of the correction as the nodes have it, mm². What the step itself leaves inside a cell is not in it:
-    /// that is the held-out figure of the step.
+    /// Covariance of the correction as nodes or model have it, mm². What a grid's step itself leaves inside a cell is not
+    /// in it: that is the held-out figure of the step.
     pub covariance: Matrix3<f64>,
-    /// How often the table was asked.
+    /// How often the table or the model was asked.
     pub iterations: usize,
+    /// The exception without which the target would have been refused.
+    pub allowed: Option<Exception>,
+}
+
+/// A reason for refusal that the caller may take upon himself, by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exception {
+    /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
+    JointRange,
+}
+
+impl Exception {
+    /// The word for tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::JointRange => "joint_range",
+        }
+    }
+}
+
+/// Joint angles in the arm's order, rad.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointCommand {
+    /// At which the nominal arm attains the target.
+    pub target: Vec<f64>,
+    /// To command.
+    pub command: Vec<f64>,
+}
+
+impl JointCommand {
+    /// Command minus target, rad.
+    pub fn correction(&self) -> Vec<f64> {
+        let pairs = self.command.iter().zip(&self.target);
+        pairs.map(|(command, target)| command - target).collect()
+    }
 }
 
 impl Corrected {
@@ -59,46 +123,45 @@ impl Corrected {
     }
 }
 
-/// A command that moves less than this stands still, mm. A micrometre would do; an arm's errors change by a few
-/// micrometres per mm, so a nanometre costs one iteration more, and it leaves no trace of where the iteration began.
-const STANDS_STILL_MM: f64 = 1e-6;
-/// Errors of any real arm settle in three or four iterations.
-const MOST_ITERATIONS: usize = 100;
-
 /// The command at which the tool point attains `target`, if the table can tell.
 pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Corrected, Refused> {
     let admitted = table.terms().admit(target);
-    admitted
-        .and_then(|()| fixed_point(table, &target.position))
-        .map_err(|reason| Refused {
-            target: target.name.clone(),
-            reason,
-        })
+    let corrected = admitted.and_then(|()| {
+        let wanted = target.position.ok_or(Reason::NoPosition)?;
+        by_table(table, target, &wanted)
+    });
+    corrected.map_err(|reason| Refused {
+        target: target.name.clone(),
+        reason,
+    })
 }
 
-fn fixed_point(table: &CompensationTable, target: &Position<Command>) -> Result<Corrected, Reason> {
-    let mut command = *target;
-    let mut move_mm = f64::INFINITY;
-    for iterations in 1..=MOST_ITERATIONS {
-        let estimate = table.error_at(&command).map_err(|gap| match iterations {
-            1 => Reason::Target(gap),
-            _ => Reason::Command(gap),
-        })?;
-        let next = target.point() - estimate.error;
-        move_mm = (next - command.point()).norm();
-        command = Position::claim(next);
-        if move_mm < STANDS_STILL_MM {
-            return Ok(Corrected {
-                command,
-                correction: command.coords() - target.coords(),
-                covariance: estimate.covariance,
-                iterations,
-            });
-        }
-    }
-    Err(Reason::NoConvergence {
-        iterations: MOST_ITERATIONS,
-        move_mm,
+fn by_table(
+    table: &CompensationTable,
+    target: &Target,
+    wanted: &Position<Command>,
+) -> Result<Corrected, Reason> {
+    let mut first = true;
+    let settled = fixed_point::settle(wanted.point(), |command| {
+        let found = table.error_at(&Position::claim(*command));
+        let gap = if first {
+            Reason::Target
+        } else {
+            Reason::Command
+        };
+        first = false;
+        let estimate = found.map_err(gap)?;
+        Ok((estimate.error, estimate.covariance))
+    })?;
+    Ok(Corrected {
+        target: *wanted,
+        command: Position::claim(settled.command),
+        orientation: target.orientation,
+        joints: None,
+        correction: settled.command - wanted.point(),
+        covariance: settled.found,
+        iterations: settled.iterations,
+        allowed: None,
     })
 }
 

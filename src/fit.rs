@@ -6,6 +6,8 @@
 //! 3. the structural rank on the nominal arm ([`rank`]);
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
+//!
+//! Beyond geometry: the whole error model ([`full`]), and whether pooled sessions are of one arm ([`same_arm`]).
 
 pub mod commanded;
 pub mod full;
@@ -16,18 +18,19 @@ pub mod models;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod same_arm;
 pub mod saved;
 pub mod solve;
 pub mod start;
 
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use gauge::{ErrorModel, Gauge};
 pub use holdout::Blocks;
 pub use loss::Loss;
-pub use models::{Models, ToolErrors, TrainingSettings};
+pub use models::{IdentifiedGeometry, Models, Predictor, ToolErrors, TrainingSettings};
 pub use observation::{Noise, Observation, TrackerUncertainty, add_shortfalls, observations};
 pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
@@ -183,11 +186,6 @@ impl Calibration {
         } else {
             0.0
         }
-    }
-
-    /// Mean covariance of what the model leaves of a position, mm²: its root mean square misfit, the same along each axis.
-    pub fn misfit_covariance(&self) -> Matrix3<f64> {
-        Matrix3::identity() * self.misfit_mm.powi(2)
     }
 
     /// Observability of the poses.

@@ -1,5 +1,7 @@
 //! Everything that touches a file: logs, Parquet tables, schemas, the lake.
 
+pub mod calibrations_table;
+pub mod common;
 pub mod compensation_table;
 pub mod inspect;
 pub mod lake;

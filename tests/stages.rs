@@ -29,6 +29,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     let commanded = commanded(&joined.stations, arm, &frames);
     Some(JoinedSession {
         name: name.to_owned(),
+        log: None,
         log_rejects: recording.rejects,
         counts: recording.counts,
         joined,

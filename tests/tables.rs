@@ -193,8 +193,12 @@ fn accepted_targets_may_come_from_other_writers() {
     let error = foreign_targets(number, vec![("qw", unit.clone())]).unwrap_err();
     assert!(error.contains("\"qw\": found Utf8"), "{error}");
     let hole: ArrayRef = Arc::new(Float64Array::from(vec![Some(1.0), None]));
-    let error = foreign_targets(hole, vec![]).unwrap_err();
-    assert!(error.contains("column \"x_mm\", row 1: null"), "{error}");
+    let targets = foreign_targets(hole, vec![]).unwrap();
+    assert_eq!(
+        targets.f64("x_mm").null_count(),
+        1,
+        "joint angles may stand instead"
+    );
     let nan: ArrayRef = Arc::new(Float64Array::from(vec![f64::NAN, 0.0]));
     let error = foreign_targets(nan, vec![]).unwrap_err();
     assert!(

@@ -1,8 +1,10 @@
-//! `posegrid compensate TABLE TARGETS`: a compensation table and a file of targets → the commands that attain them.
+//! `posegrid compensate TABLE TARGETS`: what a run published and a file of targets → the commands that attain them.
 //!
 //! Exit codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table
 //! does not meet its tolerance or was not shown to; 1 no target has a command, or the result cannot be written; 2 the
 //! table or the targets cannot be read.
+
+mod source;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,45 +12,89 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use parquet::errors::ParquetError;
 use thiserror::Error;
 
-use crate::compensation::{Corrected, Refused, Validity, compensate};
-use crate::io::compensation_table::{self, CompensationTableError, PublishedTable, TableVerdict};
-use crate::io::table::{self, Table, TableError};
+use super::messages::Printable;
+use crate::compensation::{Corrected, Exception, Refused, Validity};
+use crate::ingest::AngleUnit;
+use crate::io::calibrations_table::CalibrationsTableError;
+use crate::io::compensation_table::{CompensationTableError, TableVerdict};
+use crate::io::table::{self, FileError, Table, TableError};
 use crate::io::targets::{self, Form, Targets, TargetsError};
 use crate::io::whole_file::write_whole;
+use source::Source;
 
-/// Correct a file of targets by a compensation table.
+/// Correct a file of targets by what a run published
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-TARGETS has the columns target, x_mm, y_mm, z_mm and, where known, qx, qy, qz, qw, configuration, tool
-(`posegrid schema targets`), in the frame of the controller's commands. The result has the same columns with the
-position to command, and each correction, its standard deviation and the reason for each refusal
-(`posegrid schema corrected_targets`).
+TABLE is a file of either table of a run:
+  compensation  knows the error at the nodes of a grid, in one tool orientation: for positions
+  calibrations  knows the arm: for joint angles, and for poses in any orientation
 
-Example: the drilling program of a left wing
+TARGETS has the column target, then x_mm, y_mm, z_mm and, where known, qx, qy, qz, qw, configuration, tool, in the
+frame of the controller's commands; or joint angles, q1_rad, q2_rad, … or q1_deg, q2_deg, …; or both
+(`posegrid schema targets`). The result has the same columns with what to command, and each correction, its covariance
+and the reason for each refusal (`posegrid schema corrected_targets`). Orientations are commanded as they are.
+
+Example: the drilling program of a left wing, as positions and as joint angles
   posegrid compensate lake/compensation/kr210/monday/0a1b….parquet left-wing.csv --out left-wing-corrected.csv
+  posegrid compensate lake/calibrations/kr210/monday/0a1b….parquet left-wing-joints.csv --out corrected.csv
 
-Exit codes: 0 every target corrected by a table that meets its tolerance; 3 some target refused, or the table does not
+Exit codes: 0 every target corrected, by a table that meets its tolerance; 3 some target refused, or the table does not
 meet its tolerance; 1 no target corrected, or nothing could be written; 2 the table or the targets cannot be read.")]
 pub struct CompensateArgs {
-    /// The table: a Parquet file of table `compensation`.
+    /// The table: a Parquet file of table `compensation` or `calibrations`.
     pub table: PathBuf,
     /// The targets: a .csv or .parquet file.
     pub targets: PathBuf,
     /// Where to write the result, a new .csv or .parquet file; without it, CSV on standard output.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Correct what would be refused for this reason; the result says for which targets it was needed.
+    #[arg(long, value_enum, value_name = "REASON")]
+    pub allow: Option<Allow>,
+}
+
+/// Reasons for refusal that can be allowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Allow {
+    /// Joint angles beyond those measured, where the model falls back to its prior
+    JointRange,
+}
+
+impl Allow {
+    const fn exception(self) -> Exception {
+        match self {
+            Self::JointRange => Exception::JointRange,
+        }
+    }
 }
 
 /// Why no target was corrected.
 #[derive(Debug, Error)]
 pub enum CompensateCommandError {
-    /// The table cannot be read.
+    /// The file holds no table.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file holds a table that corrects nothing.
+    #[error(
+        "{} holds {found}; targets are corrected by table \"compensation\" or \"calibrations\" of a run",
+        path.display()
+    )]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// What it holds.
+        found: String,
+    },
+    /// The table of nodes cannot be read.
     #[error(transparent)]
     Table(#[from] CompensationTableError),
+    /// The identified arm cannot be read.
+    #[error(transparent)]
+    Arm(#[from] CalibrationsTableError),
     /// The targets cannot be read, or the result is to have a form that is not known.
     #[error(transparent)]
     Targets(#[from] TargetsError),
@@ -83,9 +129,9 @@ pub enum WriteCause {
 }
 
 /// What became of the targets, for a person to read.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Compensated {
-    published: PublishedTable,
+    source: Source,
     targets: Targets,
     outcomes: Vec<Result<Corrected, Refused>>,
 }
@@ -94,11 +140,13 @@ pub struct Compensated {
 pub fn main(args: &CompensateArgs) -> ExitCode {
     match run(args, io::stdout().lock()) {
         Ok(compensated) => {
-            eprintln!("{compensated}");
+            for line in compensated.to_string().lines() {
+                tracing::info!("{}", Printable(line));
+            }
             ExitCode::from(compensated.exit_code())
         }
         Err(error) => {
-            eprintln!("error: {error}");
+            tracing::error!("{}", Printable(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }
@@ -110,19 +158,18 @@ pub fn run(
     stdout: impl Write,
 ) -> Result<Compensated, CompensateCommandError> {
     let form = args.out_form()?;
-    let published = compensation_table::read(&args.table)?;
+    let source = Source::read(&args.table)?;
     let targets = targets::read(&args.targets)?;
-    let correct = |target| compensate(&published.table, target);
-    let outcomes: Vec<_> = targets.targets.iter().map(correct).collect();
-    let table_id = &published.table.terms().table_id;
-    let result = targets::corrected(&targets.targets, &outcomes, &published.key, table_id)?;
-    args.write(&result, form, stdout)
+    let outcomes = source.compensate(&targets.targets, args.allow.map(Allow::exception));
+    let joint_names = source.joint_names();
+    let result = targets::corrected(&targets.targets, &outcomes, source.by(&joint_names))?;
+    args.write(&result, form, targets.angle_unit, stdout)
         .map_err(|source| CompensateCommandError::Write {
             path: args.out.clone(),
             source,
         })?;
     Ok(Compensated {
-        published,
+        source,
         targets,
         outcomes,
     })
@@ -140,17 +187,36 @@ impl CompensateArgs {
         Ok(Form::of(out)?)
     }
 
-    fn write(&self, result: &Table, form: Form, stdout: impl Write) -> Result<(), WriteCause> {
-        match &self.out {
-            None => write_form(result, form, stdout),
-            Some(out) => write_whole(out, |sink| write_form(result, form, sink)),
-        }
+    fn write(
+        &self,
+        result: &Table,
+        form: Form,
+        unit: AngleUnit,
+        stdout: impl Write,
+    ) -> Result<(), WriteCause> {
+        let Some(out) = &self.out else {
+            let written = write_form(result, form, unit, stdout);
+            // A reader that has gone away wants no more of it.
+            return written.or_else(|cause| {
+                if cause.is_broken_pipe() {
+                    Ok(())
+                } else {
+                    Err(cause)
+                }
+            });
+        };
+        write_whole(out, |sink| write_form(result, form, unit, sink))
     }
 }
 
-fn write_form(result: &Table, form: Form, mut sink: impl Write) -> Result<(), WriteCause> {
+fn write_form(
+    result: &Table,
+    form: Form,
+    unit: AngleUnit,
+    mut sink: impl Write,
+) -> Result<(), WriteCause> {
     match form {
-        Form::Csv => Ok(targets::write_csv(result, sink)?),
+        Form::Csv => Ok(targets::write_csv(result, unit, sink)?),
         Form::Parquet => {
             let bytes = table::write(result, Vec::new())?;
             Ok(sink.write_all(&bytes)?)
@@ -158,11 +224,30 @@ fn write_form(result: &Table, form: Form, mut sink: impl Write) -> Result<(), Wr
     }
 }
 
+impl WriteCause {
+    fn is_broken_pipe(&self) -> bool {
+        let io = match self {
+            Self::Io(error) => Some(error),
+            Self::Csv(error) => match error.kind() {
+                csv::ErrorKind::Io(error) => Some(error),
+                _ => None,
+            },
+            Self::Parquet(_) => None,
+        };
+        io.is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
 impl CompensateCommandError {
     /// The exit code of the command.
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Table(_) | Self::Targets(_) | Self::Exists(_) => 2,
+            Self::File(_)
+            | Self::OtherTable { .. }
+            | Self::Table(_)
+            | Self::Arm(_)
+            | Self::Targets(_)
+            | Self::Exists(_) => 2,
             Self::Result(_) | Self::Write { .. } => 1,
         }
     }
@@ -173,7 +258,7 @@ impl Compensated {
     pub fn exit_code(&self) -> u8 {
         if self.corrected().next().is_none() {
             1
-        } else if self.refused().next().is_some() || self.published.verdict != TableVerdict::Met {
+        } else if self.refused().next().is_some() || self.source.verdict() != TableVerdict::Met {
             3
         } else {
             0
@@ -193,23 +278,17 @@ impl Compensated {
     }
 
     fn write_warnings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.published.verdict {
-            TableVerdict::Met => {}
-            TableVerdict::NotMet => writeln!(
-                f,
-                "the step of this table does not meet its pipeline's tolerance: see grid_steps"
-            )?,
-            TableVerdict::NotShown => writeln!(
-                f,
-                "the step of this table was not shown to meet its pipeline's tolerance: see grid_steps"
-            )?,
+        for warning in self.source.warnings(&self.targets.targets) {
+            writeln!(f, "{warning}")?;
         }
-        let all = self.targets.targets.iter();
-        let unturned = all.filter(|target| target.orientation.is_none()).count();
-        if unturned > 0 {
+        let allowed = self
+            .corrected()
+            .filter(|done| done.allowed.is_some())
+            .count();
+        if allowed > 0 {
             writeln!(
                 f,
-                "{unturned} targets state no orientation and are taken to have the table's"
+                "{allowed} targets were corrected by an exception allowed, see column allowed"
             )?;
         }
         if !self.targets.unused.is_empty() {
@@ -228,15 +307,15 @@ const REFUSALS_SHOWN: usize = 20;
 
 impl fmt::Display for Compensated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let terms = self.published.table.terms();
-        let key = &self.published.key;
+        let by = self.source.by(&[]);
         writeln!(
             f,
-            "table {:?} of robot {:?}, session {:?}; {}",
-            terms.table_id,
-            key.robot,
-            key.session,
-            valid_for(&terms.validity)
+            "{} {:?} of robot {:?}, session {:?}; {}",
+            self.source.what(),
+            by.table_id,
+            by.key.robot,
+            by.key.session,
+            valid_for(self.source.validity())
         )?;
         self.write_warnings(f)?;
         for refused in self.refused().take(REFUSALS_SHOWN) {

@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
 use crate::grid::Refusal;
+use crate::kinematics::InverseError;
 
 /// A target without a corrected command.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -59,10 +60,76 @@ pub enum Reason {
         /// The table's, where it names one.
         table: Option<String>,
     },
-    /// No command attains the target by this table.
+    /// A grid knows positions, and the target has none.
     #[error(
-        "has no command: after {iterations} iterations it still moves by {move_mm:.6} mm, as errors interpolated by `idw` \
-         jump where two cells meet; move the target by that much, or use a trilinear table"
+        "has joint angles but no position, and a compensation table knows positions only; correct it with table \
+         `calibrations` of the same run"
+    )]
+    NoPosition,
+    /// Neither joint angles nor an orientation.
+    #[error(
+        "states neither joint angles nor an orientation, and an arm's error depends on how it stands; give q1_rad … or \
+         qx qy qz qw"
+    )]
+    NoOrientation,
+    /// Neither joint angles nor an arm configuration.
+    #[error(
+        "states neither joint angles nor an arm configuration, and the arm may reach it in several ways; give q1_rad … or a \
+         configuration such as \"shoulder+ elbow- wrist+\""
+    )]
+    NoConfiguration,
+    /// An arm configuration that no joint angles within the measured ranges have.
+    #[error(
+        "asks for arm configuration {wanted:?}; within the joint ranges measured there is {}; measure there, or reach it in \
+         another",
+        measured.join(", ")
+    )]
+    Unmeasured {
+        /// The target's.
+        wanted: String,
+        /// Those there are.
+        measured: Vec<String>,
+    },
+    /// Joint angles of another arm.
+    #[error("has {found}, the arm has joints {}; give one for each, in this order or by these names", expected.join(", "))]
+    Joints {
+        /// What was found.
+        found: String,
+        /// The arm's joints.
+        expected: Vec<String>,
+    },
+    /// Position and joint angles of different places.
+    #[error(
+        "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \
+         unit of both, or leave one out"
+    )]
+    Apart {
+        /// How far apart they are, mm.
+        apart_mm: f64,
+    },
+    /// Joint angles that were not measured.
+    #[error(
+        "needs joint {joint:?} at {angle_deg:.3}°, {beyond_deg:.3}° beyond the {:.3}° to {:.3}° that were measured, where the \
+         model knows nothing of it; measure there, or reach the target with angles inside",
+        measured_deg[0], measured_deg[1]
+    )]
+    JointRange {
+        /// The joint's name.
+        joint: String,
+        /// The angle needed, degrees.
+        angle_deg: f64,
+        /// By how much that is beyond the measured range, degrees.
+        beyond_deg: f64,
+        /// The measured range, degrees.
+        measured_deg: [f64; 2],
+    },
+    /// The nominal arm does not stand there.
+    #[error("is not for this arm: {0}")]
+    Arm(#[from] InverseError),
+    /// No command attains the target.
+    #[error(
+        "has no command: after {iterations} iterations it still moves by {move_mm:.6} mm, as the error jumps there (errors \
+         interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"
     )]
     NoConvergence {
         /// How often the table was asked.
@@ -105,7 +172,18 @@ impl Reason {
         match self {
             Self::Target(gap) | Self::Command(gap) => gap.name(),
             Self::Orientation { .. } => "orientation",
-            Self::Configuration { .. } => "configuration",
+            Self::Configuration { .. }
+            | Self::NoConfiguration
+            | Self::Unmeasured { .. }
+            | Self::Arm(InverseError::ConfigurationChanged { .. }) => "configuration",
+            Self::NoPosition => "no_position",
+            Self::NoOrientation => "no_orientation",
+            Self::Joints { .. } => "joints",
+            Self::Apart { .. } => "apart",
+            Self::JointRange { .. } => "joint_range",
+            Self::Arm(InverseError::NotReachable { .. }) => "out_of_reach",
+            Self::Arm(InverseError::LimitReached { .. }) => "joint_limits",
+            Self::Arm(InverseError::NearSingularity { .. }) => "singularity",
             Self::Tool { .. } => "tool",
             Self::NoConvergence { .. } => "no_convergence",
         }

@@ -32,6 +32,19 @@ pub struct Validity {
     pub temperature_c: Option<[f64; 2]>,
 }
 
+impl Validity {
+    /// Whether a target is for the same tool.
+    pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
+        match &target.tool {
+            Some(wanted) if target.tool != self.tool => Err(Reason::Tool {
+                wanted: wanted.clone(),
+                table: self.tool.clone(),
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// What a table says of itself beside its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
@@ -116,16 +129,7 @@ impl Terms {
                 table: self.configuration.clone(),
             });
         }
-        if let Some(wanted) = target
-            .tool
-            .as_ref()
-            .filter(|_| target.tool != self.validity.tool)
-        {
-            return Err(Reason::Tool {
-                wanted: wanted.clone(),
-                table: self.validity.tool.clone(),
-            });
-        }
+        self.validity.admit(target)?;
         let angle = target
             .orientation
             .map_or(0.0, |turned| self.orientation.angle_to(&turned));

@@ -62,10 +62,8 @@ fn table(
 fn target(x: f64, y: f64, z: f64) -> Target {
     Target {
         name: "rivet 7".to_owned(),
-        position: Position::claim(Point3::new(x, y, z)),
-        orientation: None,
-        configuration: None,
-        tool: None,
+        position: Some(Position::claim(Point3::new(x, y, z))),
+        ..Target::default()
     }
 }
 
@@ -106,7 +104,9 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
     let plain = table_in(Isometry3::identity(), &grid_table);
     let here = target(751.0, 20.0, 450.0);
     let there = Target {
-        position: Position::claim(command_from_base * here.position.point()),
+        position: here
+            .position
+            .map(|at| Position::claim(command_from_base * at.point())),
         orientation: Some(UnitQuaternion::from_scaled_axis(Vector3::z() * 0.7)),
         ..here.clone()
     };
@@ -299,7 +299,7 @@ proptest! {
         let target = target(600.0 + 300.0 * place[0], -100.0 + 200.0 * place[1], 400.0 + 200.0 * place[2]);
         let found = compensate(&table, &target).expect("2 % of the box is more than the largest error");
         let attained = found.command.coords() + table.error_at(&found.command).expect("inside").error;
-        prop_assert!((attained - target.position.coords()).norm() < 1e-6);
-        prop_assert!((found.command.coords() - target.position.coords() - found.correction).norm() < 1e-12);
+        prop_assert!((attained - found.target.coords()).norm() < 1e-6);
+        prop_assert!((found.command.coords() - found.target.coords() - found.correction).norm() < 1e-12);
     }
 }

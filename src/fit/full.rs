@@ -23,6 +23,7 @@ pub mod saved;
 pub mod settings;
 pub mod spectrum;
 pub mod standing;
+pub mod student;
 pub mod tabulated;
 pub mod train;
 
@@ -43,6 +44,7 @@ pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
 use standing::Standing;
+use student::Tails;
 use tabulated::Tabulated;
 
 /// The whole model of an arm, trained.
@@ -57,8 +59,10 @@ pub struct FullModel {
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
+    /// The same of warming up, which all sessions repeat.
+    warm_up_variance: f64,
     standing: Option<Standing>,
-    student_t: f64,
+    tails: Tails,
     mean: DVector<f64>,
     posterior: Posterior,
     span: f64,
@@ -199,8 +203,9 @@ impl FullModel {
             frames: problem.frames(&state.offsets),
             // The basis has variance one half at a random time.
             drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
+            warm_up_variance: 0.5 * state.components.size(Part::WarmUp).unwrap_or(0.0),
             standing,
-            student_t: settings.student_t,
+            tails: state.tails,
             layout: state.layout,
             offsets: state.offsets,
             mean,
@@ -288,17 +293,19 @@ impl FullModel {
         }
     }
 
-    /// Mean and covariance of how the point is moved by where joints come to stand against their command.
+    /// Mean and covariance of how the point is moved by where joints come to stand, where the shortfall is not known.
     fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
         let zero = (Vector3::zeros(), Matrix3::zeros());
-        let Some(standing) = self
+        let against = self
             .standing
             .as_ref()
-            .filter(|_| query.known == Known::Commanded)
-        else {
-            return zero;
-        };
-        let sizes = standing.mean.iter().zip(&standing.variance);
+            .and_then(|standing| match query.known {
+                Known::Commanded => Some(&standing.commanded),
+                Known::Reported => Some(&standing.reported),
+                Known::Both(_) => None,
+            });
+        let Some(against) = against else { return zero };
+        let sizes = against.mean.iter().zip(&against.variance);
         joints
             .iter()
             .zip(sizes)
@@ -364,20 +371,31 @@ impl FullModel {
         &self.frames
     }
 
-    /// Covariance over scale of a Student t: 1 where stations are not weighed.
-    fn student_inflation(&self) -> f64 {
-        if self.student_t > 2.0 {
-            self.student_t / (self.student_t - 2.0)
-        } else {
-            1.0
-        }
-    }
-
     /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
         let view = self.ready.chains[0].view(&observation.axes);
         let covariance = self.repeatability.covariance(observation, &view.joints);
-        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.student_inflation()
+        Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
+    }
+
+    /// Covariance of what no other visit repeats: where the arm stands on one visit besides what the model leaves open,
+    /// mm², tracker frame. Structure too fine for the model counts as this too: only visits to the same pose tell them apart.
+    pub fn visit_covariance(&self, query: &Query<'_>) -> Matrix3<f64> {
+        let joints = self.viewed(query).target.joints;
+        let sizes = &self.repeatability;
+        let arm = Matrix3::identity() * sizes.position;
+        let scale = joints
+            .iter()
+            .zip(&sizes.joints)
+            .fold(arm, |sum, (twist, variance)| {
+                sum + twist.linear * twist.linear.transpose() * *variance
+            });
+        scale * self.tails.inflation()
+    }
+
+    /// Variance per axis of where the base stands at a time that is not known, mm²: for commands given some day.
+    pub const fn any_time_variance(&self) -> f64 {
+        self.drift_variance + self.warm_up_variance
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.

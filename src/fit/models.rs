@@ -1,12 +1,12 @@
 //! The models that are held side by side, trained on the same observations.
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitVector3, Vector3};
+use nalgebra::{Matrix3, Point3, UnitVector3, Vector3};
 
 use super::full::{FullModel, FullSettings, Known, Query};
 use super::gauge::{ErrorModel, Gauge};
 use super::observation::Observation;
-use super::{Calibration, FitError, FitSettings, Freedom, identify_from, start};
-use crate::kinematics::Arm;
+use super::{Calibration, FitError, FitSettings, Frames, Freedom, identify_from, start};
+use crate::kinematics::{Arm, Chain};
 
 /// What a training is set to.
 #[derive(Debug, Clone, Copy)]
@@ -67,26 +67,62 @@ pub fn train(
     })
 }
 
-/// Errors of the tool point as one of the models predicts them, from commanded angles, in a session's gauge.
+/// The geometry that one session identified, in its own frames.
+#[derive(Debug, Clone)]
+pub struct IdentifiedGeometry {
+    /// The identified chain from base to flange.
+    pub chain: Chain,
+    /// The frames that belong to it.
+    pub frames: Frames,
+    /// Root mean square of measured minus predicted, per axis, mm.
+    pub misfit_mm: f64,
+}
+
+/// What predicts where the target is attained in one session, from commanded angles.
+#[derive(Debug)]
+pub enum Predictor<'m> {
+    /// The whole error model.
+    Full {
+        /// The model.
+        model: &'m FullModel,
+        /// The session's place in it.
+        session: usize,
+    },
+    /// The identified geometry, where there is no whole model.
+    Geometric(IdentifiedGeometry),
+}
+
+impl<'m> Predictor<'m> {
+    /// The best of `models` for `session`.
+    pub fn of(models: &'m Models, arm: &Arm, session: usize) -> Self {
+        let geometric = &models.geometric;
+        models.full.as_ref().map_or_else(
+            || {
+                Self::Geometric(IdentifiedGeometry {
+                    chain: geometric.chain(arm),
+                    frames: geometric.frames[session],
+                    misfit_mm: geometric.misfit_mm,
+                })
+            },
+            |model| Self::Full { model, session },
+        )
+    }
+}
+
+/// Errors of the tool point as a model predicts them, from commanded angles, in a session's gauge.
 #[derive(Debug)]
 pub struct ToolErrors<'m> {
-    models: &'m Models,
+    predictor: Predictor<'m>,
     gauge: &'m Gauge<'m>,
-    session: usize,
 }
 
 impl<'m> ToolErrors<'m> {
-    /// The errors of `session` in its `gauge`.
-    pub const fn new(models: &'m Models, gauge: &'m Gauge<'m>, session: usize) -> Self {
-        Self {
-            models,
-            gauge,
-            session,
-        }
+    /// The errors that `predictor` sees in its session's `gauge`.
+    pub const fn new(predictor: Predictor<'m>, gauge: &'m Gauge<'m>) -> Self {
+        Self { predictor, gauge }
     }
 
-    fn query<'q>(&self, axes: &'q [f64]) -> Query<'q> {
-        let session = self.session;
+    fn query<'q>(&self, axes: &'q [f64], session: usize) -> Query<'q> {
         Query {
             axes,
             known: Known::Commanded,
@@ -104,47 +140,40 @@ impl<'m> ToolErrors<'m> {
             - self.gauge.nominal_tool(joints).translation.vector
     }
 
-    fn geometric_tool(&self, axes: &[f64]) -> Point3<f64> {
-        let calibration = &self.models.geometric;
-        let frames = &calibration.frames[self.session];
-        let flange: Isometry3<f64> = self
-            .gauge
-            .arm()
-            .chain()
-            .forward(axes, &calibration.geometry);
-        let target = frames.flange_from_target.isometry().translation.vector;
-        frames.tracker_from_base.isometry() * flange * Point3::from(target + self.gauge.lever())
+    /// The predicted tool point in the tracker's frame.
+    fn tool(&self, axes: &[f64]) -> Point3<f64> {
+        match &self.predictor {
+            Predictor::Full { model, session } => model.position(&self.query(axes, *session)),
+            Predictor::Geometric(arm) => {
+                let target = arm.frames.flange_from_target.isometry().translation.vector;
+                let at_flange = Point3::from(target + self.gauge.lever());
+                arm.frames.tracker_from_base.isometry() * arm.chain.nominal(axes) * at_flange
+            }
+        }
     }
 }
 
 impl ErrorModel for ToolErrors<'_> {
     fn error(&self, joints: &[f64]) -> Vector3<f64> {
-        let axes = self.gauge.arm().axes(joints);
-        let tool = match &self.models.full {
-            Some(full) => full.position(&self.query(&axes)),
-            None => self.geometric_tool(&axes),
-        };
-        self.in_gauge(joints, &tool)
+        self.in_gauge(joints, &self.tool(&self.gauge.arm().axes(joints)))
     }
 
     fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
-        let axes = self.gauge.arm().axes(joints);
-        let Some(full) = &self.models.full else {
-            // What the geometry cannot explain is its error's variance: s² times the noise it was whitened with.
-            return (
-                self.error(joints),
-                self.models.geometric.misfit_covariance(),
-            );
+        let (model, session) = match &self.predictor {
+            Predictor::Full { model, session } => (model, *session),
+            // What the geometry cannot explain is its error's variance, the same along each axis.
+            Predictor::Geometric(arm) => {
+                let variance = Matrix3::identity() * arm.misfit_mm.powi(2);
+                return (self.error(joints), variance);
+            }
         };
-        let predicted = full.predict(&self.query(&axes));
-        let rotation = self
-            .gauge
-            .frames()
-            .tracker_from_base
-            .isometry()
-            .rotation
-            .to_rotation_matrix();
-        let covariance = full.covariances(&predicted.rows)[0] + predicted.standing;
+        let axes = self.gauge.arm().axes(joints);
+        let predicted = model.predict(&self.query(&axes, session));
+        let base = self.gauge.frames().tracker_from_base.isometry().rotation;
+        let rotation = base.to_rotation_matrix();
+        // A command is given some day: where the base then stands is not known.
+        let drift = Matrix3::identity() * model.any_time_variance();
+        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing + drift;
         (
             self.in_gauge(joints, &predicted.position),
             rotation.transpose() * covariance * rotation,

@@ -9,7 +9,9 @@ use thiserror::Error;
 
 use super::{Calibration, Frames, Unknown};
 use crate::geometry::Transform;
-use crate::kinematics::{Arm, Axis, Chain, Element, LinkQuantity, Motion, Parameter};
+use crate::kinematics::{
+    Arm, ArmError, Axis, Chain, Element, Joint, LinkQuantity, Motion, Parameter,
+};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 2;
@@ -64,6 +66,9 @@ pub enum SavedError {
         /// What is wrong with it.
         problem: &'static str,
     },
+    /// Joints that make no arm.
+    #[error("the saved model is damaged: {0}")]
+    Arm(#[from] ArmError),
 }
 
 /// A nominal arm: everything its kinematics need.
@@ -173,7 +178,7 @@ pub struct SavedCalibration {
 impl SavedArm {
     /// Of a nominal arm.
     pub fn of(arm: &Arm) -> Self {
-        let joint = |joint: &crate::kinematics::Joint| SavedJoint {
+        let joint = |joint: &Joint| SavedJoint {
             name: joint.name.clone(),
             lower_rad: joint.lower,
             upper_rad: joint.upper,
@@ -202,6 +207,22 @@ impl SavedArm {
         let chain = Chain::new(elements.collect::<Result<_, _>>()?);
         same_length("joint variables", joints, chain.joint_count())?;
         Ok(chain)
+    }
+
+    /// The nominal arm.
+    pub fn arm(&self) -> Result<Arm, SavedError> {
+        let joint = |joint: &SavedJoint| Joint {
+            name: joint.name.clone(),
+            lower: joint.lower_rad,
+            upper: joint.upper_rad,
+        };
+        let joints = self.joints.iter().map(joint).collect();
+        Ok(Arm::new(
+            self.model.clone(),
+            joints,
+            &self.axes_from_joints,
+            self.chain()?,
+        )?)
     }
 }
 
@@ -480,10 +501,7 @@ mod tests {
             saved.chain().expect("whole").nominal(&joints),
         );
         assert!((there.to_homogeneous() - back.to_homogeneous()).abs().max() < 1e-12);
-        assert_eq!(
-            saved.chain().expect("whole").parameters(),
-            arm.chain().parameters()
-        );
+        assert_eq!(saved.arm().expect("whole"), arm);
     }
 
     #[test]

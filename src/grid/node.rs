@@ -95,21 +95,19 @@ impl<'a> Reach<'a> {
         seed: &[f64],
     ) -> Result<Vec<f64>, Refusal> {
         let pose = Isometry3::from_parts(Translation3::from(position.coords), *orientation);
-        inverse(
-            self.arm,
-            &self.nominal,
-            &pose,
-            &self.flange_from_tool,
-            seed,
-            &self.settings,
-        )
-        .map_err(|error| match error {
+        self.solve(&pose, seed).map_err(|error| match error {
             InverseError::NotReachable { .. } | InverseError::LimitReached { .. } => {
                 Refusal::OutOfReach
             }
             InverseError::ConfigurationChanged { .. } => Refusal::OtherConfiguration,
             InverseError::NearSingularity { .. } => Refusal::Singularity,
         })
+    }
+
+    /// The same, with how far from reachable a pose is where it is not.
+    pub fn solve(&self, pose: &Isometry3<f64>, seed: &[f64]) -> Result<Vec<f64>, InverseError> {
+        let tool = &self.flange_from_tool;
+        inverse(self.arm, &self.nominal, pose, tool, seed, &self.settings)
     }
 
     /// The arm configuration at reported joint angles; `None` for arms that are not six-axis ones.

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::common::{Common, CommonError};
 use super::schema::{self, SchemaError};
 use super::table::{self, FileError, Table};
 use crate::compensation::{CompensationTable, Misfit};
@@ -55,33 +56,9 @@ pub enum CompensationTableError {
         /// The file.
         path: PathBuf,
     },
-    /// Rows of several tables.
-    #[error(
-        "{path}, column {column:?}: node 0 has {first} and node {node} has {other}; a file holds one table of one tool \
-         orientation: take a single run's"
-    )]
-    NotOne {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// Node 0's value.
-        first: String,
-        /// The node that differs.
-        node: usize,
-        /// Its value.
-        other: String,
-    },
-    /// A value that no such table has.
-    #[error("{path}, column {column:?}: {problem}; run the session again")]
-    Value {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// What is wrong with it.
-        problem: String,
-    },
+    /// It does not say one thing of itself.
+    #[error(transparent)]
+    Common(#[from] CommonError),
     /// A node that does not fit.
     #[error("{path}, node {node}: {problem}; run the session again")]
     Node {
@@ -113,11 +90,11 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
             path: path.to_owned(),
         });
     }
-    let command_from_base = file.command_from_base()?;
+    let command_from_base = file.said().placement("command_from_base")?;
     let lattice = file.lattice(&command_from_base)?;
     let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {
-        key: file.key()?,
+        key: file.said().key()?,
         verdict: file.verdict()?,
         table: table.map_err(|source| CompensationTableError::Misfit {
             path: path.to_owned(),
@@ -133,11 +110,10 @@ struct TableFile<'a> {
 }
 
 impl TableFile<'_> {
-    fn value_error(&self, column: &str, problem: String) -> CompensationTableError {
-        CompensationTableError::Value {
-            path: self.path.to_owned(),
-            column: column.to_owned(),
-            problem,
+    const fn said(&self) -> Common<'_> {
+        Common {
+            path: self.path,
+            table: &self.table,
         }
     }
 

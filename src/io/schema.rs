@@ -226,7 +226,8 @@ impl ColumnType {
         !matches!(self, Self::Bool | Self::String | Self::ListString)
     }
 
-    const fn is_scalar(self) -> bool {
+    /// Whether it holds one value, not a list.
+    pub const fn is_scalar(self) -> bool {
         !matches!(self, Self::ListFloat64 | Self::ListInt64 | Self::ListString)
     }
 }

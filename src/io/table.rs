@@ -22,8 +22,8 @@ use arrow::datatypes::{Float64Type, Int64Type};
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
-pub use read::read;
-pub use write::write;
+pub use read::{name, read};
+pub use write::{ROW_GROUP_ROWS, write, writer};
 
 use super::schema::TableSchema;
 use crate::manifest::RunKey;

@@ -2,7 +2,7 @@
 //!
 //! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are
 //! checked [`Table`]s. [`publish`] writes all of a run and then the row of `runs` that makes it exist:
-//! 1. for each session: `stations`, `rejects`, `clocks`;
+//! 1. for each session: `stations`, `rejects`, `clocks`, and `logs` where asked for;
 //! 2. of the run: `calibrations`, `parameters`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
 //!    `compensation`, `accuracy`;
 //! 3. `runs`, with what came into each stage and what became of it ([`counts`]).
@@ -14,6 +14,7 @@ pub mod compensation;
 pub mod counts;
 pub mod grid_steps;
 pub mod joint_errors;
+pub mod logs;
 pub mod parameters;
 pub mod rejects;
 pub mod residuals;
@@ -29,6 +30,7 @@ use thiserror::Error;
 use super::lake::{Commit, Lake, LakeError};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
+use crate::compensation::Validity;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
@@ -37,7 +39,6 @@ use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::report::{Angles, Model, Split};
-pub use validity::Validity;
 
 /// What tables say besides what the stages found.
 #[derive(Debug, Clone)]
@@ -56,7 +57,7 @@ pub struct PublishContext<'a> {
     pub grid: GridBasis,
     /// Variance per axis of measurement and repeatability, to hold a nugget against, mm².
     pub noise_mm2: Option<f64>,
-    /// What the results are valid for.
+    /// What the results are valid for, as the pipeline file states it.
     pub validity: Validity,
     /// The run that this one takes the place of.
     pub replaces: Option<String>,
@@ -111,6 +112,9 @@ pub fn publish(
     for session in outcome.training.iter().chain(&outcome.test) {
         for table in of_session(session, context, &key.of_session(&session.name))? {
             run.publish(&table)?;
+        }
+        if let Some(log) = &session.log {
+            run.publish_parts(logs::logs(log, &key.of_session(&session.name)))?;
         }
     }
     for table in of_run(outcome, context, &key)? {

@@ -3,23 +3,27 @@
 //! 1. [`read()`] takes the columns of `schemas/targets.toml` by name and refuses a file with any wrong value, by its row
 //!    and column: half a program is worse than none.
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
-//! 3. [`write_csv`] writes a table as CSV with a nanometre's digits; Parquet is [`super::table::write()`].
+//! 3. [`write_csv`] writes a table as CSV with a nanometre's digits, joint angles in a column each; Parquet is [`super::table::write()`].
 
+mod angles;
 mod corrected;
 mod csv;
 mod error;
 mod parquet;
+mod write_csv;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Point3, Quaternion, UnitQuaternion};
 
-use crate::compensation::Target;
+use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
+use crate::ingest::AngleUnit;
 
-pub use corrected::{corrected, write_csv};
+pub use corrected::{CorrectedBy, corrected};
 pub use error::{RowProblem, TargetsError};
+pub use write_csv::write_csv;
 
 /// Forms of a file of targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,22 +53,28 @@ impl Form {
 pub struct Targets {
     /// The targets in the file's order.
     pub targets: Vec<Target>,
-    /// Columns of the file that say something no correction from a table uses.
+    /// Columns of the file that say something no correction uses.
     pub unused: Vec<String>,
+    /// The unit of joint angles in the file.
+    pub angle_unit: AngleUnit,
 }
 
 /// Reads a file of targets; its extension says which form it has.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
-    let (rows, unused) = match Form::of(path)? {
+    let Rows {
+        placed,
+        unused,
+        angle_unit,
+    } = match Form::of(path)? {
         Form::Csv => csv::rows(path)?,
         Form::Parquet => parquet::rows(path)?,
     };
-    if rows.is_empty() {
+    if placed.is_empty() {
         return Err(TargetsError::Empty(path.to_owned()));
     }
     let mut places = BTreeMap::new();
-    let mut targets = Vec::with_capacity(rows.len());
-    for (place, row) in rows {
+    let mut targets = Vec::with_capacity(placed.len());
+    for (place, row) in placed {
         if let Some(first) = places.insert(row.target.clone(), place) {
             let problem = RowProblem::SameName {
                 first,
@@ -74,7 +84,11 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         }
         targets.push(row.target().map_err(|problem| problem.at(path, place))?);
     }
-    Ok(Targets { targets, unused })
+    Ok(Targets {
+        targets,
+        unused,
+        angle_unit,
+    })
 }
 
 /// Where a row stands in its file.
@@ -86,13 +100,19 @@ pub enum Place {
     Row(usize),
 }
 
-/// The rows of a file, each with its place, and the names of columns that no correction uses.
-type Rows = (Vec<(Place, Row)>, Vec<String>);
+/// The rows of a file, each with its place.
+struct Rows {
+    placed: Vec<(Place, Row)>,
+    /// Columns that no correction uses.
+    unused: Vec<String>,
+    angle_unit: AngleUnit,
+}
 
 /// A row as it stands in the file.
 struct Row {
     target: String,
-    position: [f64; 3],
+    position: [Option<f64>; 3],
+    joints: Option<TargetJoints>,
     quaternion: [Option<f64>; 4],
     configuration: Option<String>,
     tool: Option<String>,
@@ -110,10 +130,21 @@ impl Row {
                 table_id,
             });
         }
+        let position = match self.position {
+            [Some(x), Some(y), Some(z)] => Some(Position::claim(Point3::new(x, y, z))),
+            [None, None, None] => None,
+            _ => return Err(RowProblem::PartOfPosition),
+        };
+        if position.is_none() && self.joints.is_none() {
+            return Err(RowProblem::NoPlace {
+                target: self.target,
+            });
+        }
         Ok(Target {
             orientation: orientation(self.quaternion)?,
             name: self.target,
-            position: Position::claim(Point3::from(self.position)),
+            position,
+            joints: self.joints,
             configuration: self.configuration,
             tool: self.tool,
         })

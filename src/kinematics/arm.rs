@@ -178,24 +178,33 @@ impl RobotFile {
     }
 
     fn map(&self) -> Result<Option<DMatrix<f64>>, ArmError> {
-        let Some(rows) = &self.joint_map else {
-            return Ok(None);
-        };
-        let joints = self.joint.len();
-        let wrong = ArmError::JointMap { joints };
-        if rows.len() != joints || rows.iter().any(|row| row.len() != joints) {
-            return Err(wrong);
-        }
-        let map = DMatrix::from_fn(joints, joints, |row, column| rows[row][column]);
-        if map
-            .clone()
-            .try_inverse()
-            .is_some_and(|inverse| inverse.iter().all(|x| x.is_finite()))
-        {
-            Ok(Some(map))
-        } else {
-            Err(wrong)
-        }
+        let rows = self.joint_map.as_deref();
+        rows.map_or(Ok(None), |rows| joint_map(rows, self.joint.len()))
+    }
+}
+
+/// The joint map of these rows, if it can be inverted; `None` for the identity.
+fn joint_map(rows: &[Vec<f64>], joints: usize) -> Result<Option<DMatrix<f64>>, ArmError> {
+    let wrong = ArmError::JointMap { joints };
+    if rows.len() != joints || rows.iter().any(|row| row.len() != joints) {
+        return Err(wrong);
+    }
+    let map = DMatrix::from_fn(joints, joints, |row, column| rows[row][column]);
+    let inverse = map.clone().try_inverse();
+    if inverse.is_none_or(|inverse| inverse.iter().any(|x| !x.is_finite())) {
+        return Err(wrong);
+    }
+    Ok((map != DMatrix::identity(joints, joints)).then_some(map))
+}
+
+/// The joint that a parameter gives Hayati's angle.
+const fn with_beta(parameter: Parameter) -> Option<usize> {
+    match parameter {
+        Parameter::Link {
+            joint,
+            quantity: LinkQuantity::Beta,
+        } => Some(joint),
+        _ => None,
     }
 }
 
@@ -282,6 +291,25 @@ impl JointFile {
 }
 
 impl Arm {
+    /// An arm of joints and a chain as a saved model has them; `map` is the joint map, row by row.
+    ///
+    /// The chain must read as many joint variables as there are joints.
+    pub fn new(
+        model: String,
+        joints: Vec<Joint>,
+        map: &[Vec<f64>],
+        chain: Chain,
+    ) -> Result<Self, ArmError> {
+        let parallel = chain.parameters().into_iter().filter_map(with_beta);
+        Ok(Self {
+            model,
+            map: joint_map(map, joints.len())?,
+            joints,
+            parallel: parallel.collect(),
+            chain,
+        })
+    }
+
     /// The model's name.
     pub fn model(&self) -> &str {
         &self.model

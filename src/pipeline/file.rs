@@ -56,7 +56,6 @@ pub struct PipelineFile {
     #[serde(default)]
     pub limits: Limits,
     /// `[output]`.
-    #[serde(skip_serializing)]
     pub output: OutputSection,
 }
 
@@ -262,7 +261,11 @@ pub struct ReportSection {
 #[serde(deny_unknown_fields)]
 pub struct OutputSection {
     /// The folder of the published tables, relative to the pipeline file.
+    #[serde(skip_serializing)]
     pub lake: PathBuf,
+    /// Whether the decoded samples of the logs are published as table `logs`.
+    #[serde(default)]
+    pub logs: bool,
 }
 
 impl Default for ReportSection {

@@ -69,6 +69,8 @@ pub struct Plan {
     pub remarks: Vec<&'static str>,
     /// The folder of the published tables.
     pub lake: PathBuf,
+    /// Whether decoded samples are published.
+    pub logs: bool,
 }
 
 /// What the command line says besides the pipeline file.
@@ -111,6 +113,7 @@ impl Plan {
             join: file.join,
             pieces: listed.pieces,
             left_out: listed.left_out,
+            logs: file.output.logs,
             lake: match &overrides.lake {
                 Some(lake) => lake.clone(),
                 None => resolved(&base, &file.output.lake),

@@ -15,13 +15,14 @@ use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
+use crate::compensation::Validity;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_session};
-use crate::io::tables::{self, GridBasis, PublishContext, PublishError, Validity};
+use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
@@ -316,15 +317,11 @@ fn joined(
         &plan.arm,
         &plan.command_frames.unwrap_or(no_commands),
     );
-    let Recording {
-        rejects: log_rejects,
-        counts,
-        ..
-    } = recording;
     Ok(JoinedSession {
         name: files.name.clone(),
-        log_rejects,
-        counts,
+        log_rejects: recording.rejects.clone(),
+        counts: recording.counts.clone(),
+        log: plan.logs.then_some(recording),
         joined,
         commanded,
     })
@@ -363,6 +360,7 @@ fn context<'a>(
             base: valid_for.base.clone(),
             controller_model: valid_for.controller_model.clone(),
             absolute_accuracy_option: valid_for.absolute_accuracy_option,
+            temperature_c: None,
         },
         replaces,
     }

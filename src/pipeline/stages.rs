@@ -10,6 +10,7 @@ use thiserror::Error;
 
 use super::outcome::{JoinedSession, Outcome};
 use crate::fit::full::FullSettings;
+use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSettings};
 use crate::grid::{self, GridError, GridSettings, GridStation, Tolerance};
 use crate::kinematics::Arm;
@@ -65,6 +66,9 @@ pub enum StageError {
     /// The fit.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
+    /// Sessions that cannot be pooled.
+    #[error("fit: {0}")]
+    NotOneArm(#[from] NotOneArm),
     /// The grids.
     #[error("grid: {0}")]
     Grid(#[from] GridError),
@@ -85,6 +89,7 @@ pub fn run<'a>(
         up: settings.up,
     };
     let models = fit::models::train(arm, &observed.all, training.len(), &train)?;
+    check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
     let judged = Judged {
         arm,
@@ -155,6 +160,28 @@ pub fn run<'a>(
         semivariograms,
         grids,
         accuracy,
+    })
+}
+
+/// Sessions that are pooled have to be of one arm.
+fn check_pool(
+    arm: &Arm,
+    observed: &Observed,
+    models: &Models,
+    training: &[JoinedSession],
+    settings: &StageSettings,
+) -> Result<(), NotOneArm> {
+    let names: Vec<&str> = training.iter().map(|s| s.name.as_str()).collect();
+    let change_rad = settings.full.session_curve_sd_rad;
+    models.full.as_ref().map_or(Ok(()), |full| {
+        same_arm::check(
+            arm,
+            full,
+            &models.base_target,
+            &observed.all,
+            &names,
+            change_rad,
+        )
     })
 }
 

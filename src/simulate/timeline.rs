@@ -26,6 +26,8 @@ pub(super) struct Stop {
     pub(super) reported: Vec<f64>,
     /// What the arm's angles are off on this visit beyond the arm's own errors.
     pub(super) visit: Vec<f64>,
+    /// Of these, what no other visit repeats.
+    pub(super) repeated: Vec<f64>,
     /// When the move begins, s.
     pub(super) departs_s: f64,
     /// When the dwell begins, s.
@@ -64,7 +66,11 @@ impl Timeline {
                 Some(stop) => (&stop.reported, stop.end_s),
                 None => (&settings.home, 0.0),
             };
-            let (reported, visit) = visits.next(from, &command.joints, errors);
+            let Visit {
+                reported,
+                off,
+                repeated,
+            } = visits.next(from, &command.joints, errors);
             let turn = largest_turn(from, &reported);
             let start_s = departs_s + ticks(motion.move_s + turn / motion.speed_rad_s);
             let pause = motion.dwell_s + pauses.between(0.0, motion.dwell_spread_s);
@@ -72,7 +78,8 @@ impl Timeline {
                 base_from_target: command.base_from_target,
                 commanded: command.joints.clone(),
                 reported,
-                visit,
+                visit: off,
+                repeated,
                 departs_s,
                 start_s,
                 end_s: start_s + ticks(pause),
@@ -130,6 +137,16 @@ impl Timeline {
     }
 }
 
+/// Where one visit ends.
+struct Visit {
+    /// Reported angles, rad.
+    reported: Vec<f64>,
+    /// How far the true ones are off beyond the arm's own errors, rad.
+    off: Vec<f64>,
+    /// Of this, what no other visit repeats, rad.
+    repeated: Vec<f64>,
+}
+
 /// What differs from visit to visit: where the controller stops, the backlash's side, repeatability.
 struct Visits<'a> {
     settings: &'a SimulateSettings,
@@ -149,19 +166,14 @@ impl<'a> Visits<'a> {
         }
     }
 
-    /// Reported angles at the next stop, and how far the true ones are off on this visit.
-    fn next(
-        &mut self,
-        from: &[f64],
-        commanded: &[f64],
-        errors: &ArmErrors,
-    ) -> (Vec<f64>, Vec<f64>) {
+    /// The visit of the next stop.
+    fn next(&mut self, from: &[f64], commanded: &[f64], errors: &ArmErrors) -> Visit {
         let settings = &self.settings.joints;
         let repeated = self
             .repeatability
             .normals(commanded.len(), settings.repeatability_rad);
         let mut reported = Vec::with_capacity(commanded.len());
-        let mut visit = Vec::with_capacity(commanded.len());
+        let mut off = Vec::with_capacity(commanded.len());
         for (joint, &command) in commanded.iter().enumerate() {
             let moved = command - from[joint];
             if moved.abs() > STANDS {
@@ -171,9 +183,13 @@ impl<'a> Visits<'a> {
             let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
             let slack = -self.direction[joint] * errors.backlash_rad[joint] / 2.0;
             reported.push(reports);
-            visit.push(settings.nearer_command * (command - reports) + slack + repeated[joint]);
+            off.push(settings.nearer_command * (command - reports) + slack + repeated[joint]);
         }
-        (reported, visit)
+        Visit {
+            reported,
+            off,
+            repeated,
+        }
     }
 }
 

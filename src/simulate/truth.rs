@@ -106,6 +106,12 @@ pub struct TrueStation {
     pub commanded: Vec<f64>,
     /// Angles it reported at rest, rad.
     pub reported: Vec<f64>,
+    /// What the true angles were off on this visit beyond the arm's own errors, rad.
+    pub visit: Vec<f64>,
+    /// Of this, what no other visit repeats, rad.
+    pub repeated: Vec<f64>,
+    /// How far the base had moved in its own frame, mm.
+    pub base_drift_mm: Vector3<f64>,
     /// Where the target really was in the base frame, mid-dwell, drift of the base included.
     pub base_from_target: Isometry3<f64>,
     /// Where it really was in the tracker's frame, without the tracker's noise.
@@ -115,7 +121,8 @@ pub struct TrueStation {
 impl TrueStation {
     fn of(number: usize, stop: &Stop, view: &View<'_>) -> Self {
         let stamp = |t_s: f64| view.clock.origin.plus_ns(ns(t_s));
-        let tracker_from_target = view.tracker_from_target(stop.start_s.midpoint(stop.end_s));
+        let middle_s = stop.start_s.midpoint(stop.end_s);
+        let tracker_from_target = view.tracker_from_target(middle_s);
         Self {
             number,
             start: stamp(stop.start_s),
@@ -124,6 +131,9 @@ impl TrueStation {
             command: stop.base_from_target,
             commanded: stop.commanded.clone(),
             reported: stop.reported.clone(),
+            visit: stop.visit.clone(),
+            repeated: stop.repeated.clone(),
+            base_drift_mm: view.base_drift(middle_s),
             base_from_target: view.tracker_from_base.inverse() * tracker_from_target,
             tracker_from_target,
         }

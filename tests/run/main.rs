@@ -6,6 +6,7 @@ mod bad_output;
 mod cell;
 mod damaged;
 mod interrupted;
+mod joints;
 mod same_work;
 mod split;
 mod targets;

@@ -36,10 +36,10 @@ pub(super) fn layout(
         blends(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
-        // Beyond this order the prior leaves nothing.
-        let orders = (1.5 * span / settings.drift_length_stations)
+        // Beyond this order the prior leaves less than a thousandth.
+        let orders = (3.0 * span / settings.drift_length_stations)
             .ceil()
-            .clamp(2.0, 40.0) as usize;
+            .clamp(6.0, 40.0) as usize;
         layout.push(Block::WarmUp, 3 * orders);
         (0..sessions).for_each(|session| layout.push(Block::Drift(session), 3 * orders));
     }

@@ -9,6 +9,7 @@ use super::noise::{NoiseEvidence, column};
 use super::regression::Posterior;
 use super::rows::Row;
 use super::settings::FullSettings;
+use super::student::Tails;
 use super::train::{CHUNK, FEW_HARMONICS, State};
 use crate::fit::problem::Problem;
 
@@ -26,6 +27,13 @@ pub struct LeftOut {
     pub distance_squared: f64,
     /// What it says of the sizes of the noise.
     pub noise: NoiseEvidence,
+}
+
+impl LeftOut {
+    /// A station far from what all others say counts little.
+    pub(super) fn weight(&self, tails: Tails) -> f64 {
+        tails.weight(self.distance_squared, self.residual.len() as f64)
+    }
 }
 
 /// Leave-one-out residuals in closed form: `r₋ = K⁻¹ α`, `α = N⁻¹ r`, `K = N⁻¹ − N⁻¹ H N⁻¹`.
@@ -49,13 +57,11 @@ pub(super) fn leave_one_out(
             first += row.value.len();
             let noise = &covariances[place];
             let explained = own.tr_mul(&own);
-            left_out.push(left_out_of(
-                row,
-                &mean,
-                noise,
-                &explained,
+            let counts = (
                 state.weights[place],
-            ));
+                state.tails.information(row.value.len() as f64),
+            );
+            left_out.push(left_out_of(row, &mean, noise, &explained, counts));
         }
         left_out
     };
@@ -70,7 +76,7 @@ fn left_out_of(
     mean: &DVector<f64>,
     noise: &DMatrix<f64>,
     explained: &DMatrix<f64>,
-    weight: f64,
+    (weight, share): (f64, f64),
 ) -> LeftOut {
     let inverse = |matrix: &DMatrix<f64>| {
         matrix
@@ -84,10 +90,22 @@ fn left_out_of(
     let information = &noise_inverse - &noise_inverse * explained * &noise_inverse;
     let covariance = inverse(&information);
     let residual = &covariance * &alpha;
-    let at_weight_one = &covariance - noise + noise * weight;
+    let open = &covariance - noise;
+    let at_weight_one = &open + noise * (weight * share);
     let distance_squared = residual.dot(&(inverse(&at_weight_one) * &residual));
     LeftOut {
-        noise: NoiseEvidence::new(&alpha, &information, &row.joints, weight),
+        noise: NoiseEvidence {
+            residual: residual.clone(),
+            open,
+            instrument: row.instrument.clone(),
+            columns: row
+                .joints
+                .iter()
+                .map(|twist| column(twist, residual.len()))
+                .collect(),
+            weight,
+            information: share,
+        },
         residual,
         information,
         distance_squared,
@@ -105,15 +123,6 @@ fn stack(rows: &[Row]) -> DMatrix<f64> {
         first += row.value.len();
     }
     stacked
-}
-
-/// `(ν + r)/(ν + d²)`: a station far from what all others say counts little.
-pub(super) fn student_weights(left_out: &[LeftOut], freedom: f64) -> Vec<f64> {
-    let weight = |l: &LeftOut| (freedom + l.residual.len() as f64) / (freedom + l.distance_squared);
-    left_out
-        .iter()
-        .map(|l| if freedom > 0.0 { weight(l) } else { 1.0 })
-        .collect()
 }
 
 pub(super) fn find_lines(

@@ -2,7 +2,8 @@
 //! repeatability of each joint seen through the arm.
 //!
 //! `N = instrument + s₀² I + Σ_j s_j² J_j J_jᵀ`, over the station's weight. The sizes follow from leave-one-out
-//! residuals: `s_k² ← s_k² Σ αᵀ T_k α / Σ tr(K T_k)`, a step to where both agree.
+//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated to where both agree, with a weak
+//! inverse-gamma prior (ν₀ observations of the expected size `a_k`) as the model's parts have ([`super::components`]).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -23,6 +24,11 @@ pub struct Repeatability {
 
 /// A variance changes by no more than this factor in a step.
 const LARGEST_CHANGE: f64 = 3.0;
+/// Steps on the same residuals: with only a few the sizes stay near where they began.
+const PASSES: usize = 12;
+/// What the expected sizes count for, in squared residuals: as much as those of the model's other parts. Without it a size
+/// of which a session says little falls to nothing, and the widths with it.
+const PRIOR: f64 = 2.0;
 
 impl Repeatability {
     /// The expected sizes for an arm of `joints` joints.
@@ -36,7 +42,14 @@ impl Repeatability {
 
     /// The covariance of one observation's residual at weight 1.
     pub fn covariance(&self, observation: &Observation, joints: &[Twist]) -> DMatrix<f64> {
-        let mut covariance = instrument(observation);
+        let instrument = instrument(observation);
+        let rows = instrument.nrows();
+        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, rows)).collect();
+        self.beside(instrument, &columns)
+    }
+
+    /// The instrument's covariance and everything else.
+    fn beside(&self, mut covariance: DMatrix<f64>, columns: &[DVector<f64>]) -> DMatrix<f64> {
         for axis in 0..covariance.nrows() {
             covariance[(axis, axis)] += if axis < 3 {
                 self.position
@@ -44,62 +57,79 @@ impl Repeatability {
                 self.orientation
             };
         }
-        for (twist, variance) in joints.iter().zip(&self.joints) {
-            let column = column(twist, covariance.nrows());
-            covariance.ger(*variance, &column, &column, 1.0);
+        for (column, variance) in columns.iter().zip(&self.joints) {
+            covariance.ger(*variance, column, column, 1.0);
         }
         covariance
     }
 
-    /// One step of all sizes.
-    pub fn update(&mut self, evidence: &[NoiseEvidence]) {
-        let step = |variance: &mut f64, term: usize| {
-            let found: f64 = evidence.iter().map(|e| e.found[term]).sum();
-            let expected: f64 = evidence.iter().map(|e| e.expected[term]).sum();
-            if expected > 0.0 {
-                *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
+    /// Steps to the sizes at which the leave-one-out residuals are as large as they should be; `before` is what was expected
+    /// before any residual.
+    pub fn update(&mut self, evidence: &[NoiseEvidence], before: &Self) {
+        for _ in 0..PASSES {
+            let size = 2 + self.joints.len();
+            let (mut found, mut expected) = (DVector::zeros(size), DVector::zeros(size));
+            for own in evidence {
+                own.add_to(self, &mut found, &mut expected);
             }
-        };
-        step(&mut self.position, 0);
-        step(&mut self.orientation, 1);
-        for (joint, variance) in self.joints.iter_mut().enumerate() {
-            step(variance, 2 + joint);
+            let step = |variance: &mut f64, term: usize, before: f64| {
+                let found = *variance * found[term] + PRIOR;
+                let expected = *variance * (expected[term] + PRIOR / before);
+                *variance *= (found / expected).clamp(LARGEST_CHANGE.recip(), LARGEST_CHANGE);
+            };
+            step(&mut self.position, 0, before.position);
+            step(&mut self.orientation, 1, before.orientation);
+            for (joint, variance) in self.joints.iter_mut().enumerate() {
+                step(variance, 2 + joint, before.joints[joint]);
+            }
         }
     }
 }
 
-/// What one observation says of each size: position, orientation, then the joints.
+/// What one observation says of the sizes of the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseEvidence {
-    found: Vec<f64>,
-    expected: Vec<f64>,
+    /// Its leave-one-out residual.
+    pub residual: DVector<f64>,
+    /// Covariance of what all others leave open of it.
+    pub open: DMatrix<f64>,
+    /// Covariance of the instrument.
+    pub instrument: DMatrix<f64>,
+    /// How each joint moves it.
+    pub columns: Vec<DVector<f64>>,
+    /// Its weight.
+    pub weight: f64,
+    /// What it says as a share of its weight.
+    pub information: f64,
 }
 
 impl NoiseEvidence {
-    /// From `α = N⁻¹ r` and `K = N⁻¹ − N⁻¹ H N⁻¹` of one observation with its weight.
-    pub fn new(alpha: &DVector<f64>, k: &DMatrix<f64>, joints: &[Twist], weight: f64) -> Self {
-        let rows = alpha.len();
-        let part = |from: usize, to: usize| {
-            let found: f64 = (from..to.min(rows)).map(|i| alpha[i] * alpha[i]).sum();
-            let expected: f64 = (from..to.min(rows)).map(|i| k[(i, i)]).sum();
-            (found / weight, expected / weight)
+    /// Adds `αᵀ T α` and `tr(K T)` of every size, `K = (open + N / (weight · information))⁻¹`, `α = K r`.
+    ///
+    /// A size settles where `w r²` is as large as expected: the weight belongs to the residual, the share of information
+    /// does not.
+    fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
+        let counted = self.weight * self.information;
+        let noise = sizes.beside(self.instrument.clone(), &self.columns) / counted;
+        let k = (&self.open + noise)
+            .try_inverse()
+            .expect("a positive definite covariance");
+        let alpha = &k * &self.residual;
+        let mut add = |term: usize, square: f64, trace: f64| {
+            found[term] += square / (counted * self.information);
+            expected[term] += trace / counted;
         };
-        let joint = |twist: &Twist| {
-            let column = column(twist, rows);
-            (
-                alpha.dot(&column).powi(2) / weight,
-                column.dot(&(k * &column)) / weight,
-            )
-        };
-        let terms = [part(0, 3), part(3, 6)]
-            .into_iter()
-            .chain(joints.iter().map(joint));
-        let (found, expected) = terms.unzip();
-        Self { found, expected }
+        for axis in 0..alpha.len() {
+            add(axis / 3, alpha[axis] * alpha[axis], k[(axis, axis)]);
+        }
+        for (joint, column) in self.columns.iter().enumerate() {
+            let square = alpha.dot(column).powi(2);
+            add(2 + joint, square, column.dot(&(&k * column)));
+        }
     }
 }
 
-fn instrument(observation: &Observation) -> DMatrix<f64> {
+pub(super) fn instrument(observation: &Observation) -> DMatrix<f64> {
     let rows = if observation.orientation.is_some() {
         6
     } else {

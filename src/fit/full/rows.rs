@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 use super::design::PoseView;
+use super::noise::instrument;
 use super::regression::Sums;
 use super::train::{CHUNK, State};
 use crate::fit::observation::Observation;
@@ -18,6 +19,8 @@ pub struct Row {
     pub value: DVector<f64>,
     /// Motion by each joint.
     pub joints: Vec<Twist>,
+    /// Covariance of the instrument.
+    pub instrument: DMatrix<f64>,
 }
 
 /// What the prior expects of the columns, relative to the offsets the rows are taken at.
@@ -59,6 +62,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             rows: pose.rows(&state.layout, value.len()),
             value: DVector::from_vec(value),
             joints: view.joints,
+            instrument: instrument(observation),
         }
     };
     problem
@@ -69,7 +73,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
         .collect()
 }
 
-/// Whitens all rows and sums them; also the covariance of each observation at its weight.
+/// Whitens all rows and sums them; also the covariance of each observation at what it counts.
 pub(super) fn sums(
     problem: &Problem<'_>,
     state: &State,
@@ -77,7 +81,8 @@ pub(super) fn sums(
     prior_mean: &DVector<f64>,
 ) -> (Sums, Vec<DMatrix<f64>>) {
     let whiten = |((observation, row), weight): ((&Observation, &Row), &f64)| {
-        let covariance = state.repeatability.covariance(observation, &row.joints) / *weight;
+        let counted = *weight * state.tails.information(row.value.len() as f64);
+        let covariance = state.repeatability.covariance(observation, &row.joints) / counted;
         let factor = covariance
             .clone()
             .cholesky()

@@ -16,6 +16,7 @@ use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::regression::Posterior;
 use super::standing::Standing;
+use super::student::Tails;
 use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::fit::saved::{
@@ -56,6 +57,8 @@ pub struct SavedFull {
     pub student_t: f64,
     /// Variance per axis of a session's own drift.
     pub drift_variance_mm2: f64,
+    /// The same of warming up, which all sessions repeat.
+    pub warm_up_variance_mm2: f64,
     /// Where joints come to stand against their command, where it is known.
     pub standing: Option<Standing>,
     /// Log marginal likelihood, nats.
@@ -175,8 +178,9 @@ impl FullModel {
             curve_period_turns: NonZeroU32::new(self.layout.period_turns())
                 .expect("a layout's curves repeat after a turn or more"),
             span_stations: self.span,
-            student_t: self.student_t,
+            student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
+            warm_up_variance_mm2: self.warm_up_variance,
             standing: self.standing.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
@@ -210,8 +214,9 @@ impl FullModel {
             layout,
             offsets,
             mean,
-            student_t: saved.student_t,
+            tails: Tails::from_setting(saved.student_t),
             drift_variance: saved.drift_variance_mm2,
+            warm_up_variance: saved.warm_up_variance_mm2,
             standing: saved.standing.clone(),
             posterior,
             span: saved.span_stations,

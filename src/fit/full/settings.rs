@@ -57,7 +57,8 @@ pub struct FullSettings {
     pub noise_mm: f64,
     /// Expected repeatability of each joint, rad.
     pub joint_noise_rad: f64,
-    /// Degrees of freedom of the Student t that weighs stations by their leave-one-out residual; 0 for none.
+    /// Whether a Student t weighs stations by their leave-one-out residual: 0 for no, any other number for yes; its degrees
+    /// of freedom are found from the residuals.
     pub student_t: f64,
 }
 

@@ -50,10 +50,13 @@ impl Kernel {
 
 /// Variances of a smooth function on `[0, span]` in the basis `cos(π k t / span)`, k = 1 … `count`, of unit total.
 ///
-/// The spectral density of a squared exponential of `length`, sampled at the basis' frequencies.
+/// The spectral density of a Matérn 3/2 of `length`, sampled at the basis' frequencies: a slow function whose faster parts
+/// are small but not ruled out, as a squared exponential's would be.
 pub fn smooth_variances(span: f64, length: f64, count: usize) -> Vec<f64> {
-    let density =
-        |k: usize| (-0.5 * (std::f64::consts::PI * k as f64 / span * length).powi(2)).exp();
+    let density = |k: usize| {
+        let turn = std::f64::consts::PI * k as f64 / span * length;
+        (1.0 + turn * turn / 3.0).powi(-2)
+    };
     // The constant, which the base frame owns, takes half a share.
     let total = 0.5 + (1..=count).map(density).sum::<f64>();
     (1..=count).map(|k| density(k) / total).collect()

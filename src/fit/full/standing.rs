@@ -1,8 +1,9 @@
-//! Where a joint comes to stand against its command, for predictions that know nothing but the command.
+//! Where a joint comes to stand against its command, for predictions that do not know how far it fell short.
 //!
-//! The model puts the arm at `reported + β d + c clip(d)`, d the shortfall `commanded − reported`. Of a command alone d is
-//! not known, but its distribution is: the training stations show it. So a command predicts with the mean of
-//! `(β − 1) d + c clip(d)` per joint, and with its variance.
+//! The model puts the arm at `reported + β d + c clip(d)`, d the shortfall `commanded − reported`. Of a command alone, or of
+//! reported angles alone, d is not known, but its distribution is: the training stations show it. So a command predicts
+//! with the mean of `(β − 1) d + c clip(d)` per joint, reported angles with that of `β d + c clip(d)`, and each with its
+//! variance.
 
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
@@ -10,10 +11,20 @@ use serde::{Deserialize, Serialize};
 use super::design::SATURATION_RAD;
 use crate::fit::observation::Observation;
 
-/// True minus commanded axis variables over the training stations.
+/// True minus known axis variables over the training stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Standing {
+    /// Against the command.
+    pub commanded: Against,
+    /// Against the reported angles.
+    pub reported: Against,
+}
+
+/// True minus known axis variables: their distribution over the stations.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Against {
     /// Mean of each, rad.
     pub mean: Vec<f64>,
     /// Variance of each, rad².
@@ -31,28 +42,30 @@ impl Standing {
             .iter()
             .filter_map(|o| o.shortfall.as_ref()?.sent())
             .collect();
-        let n = shortfalls.len() as f64;
         let joints = shortfalls.first()?.len();
-        let away = |joint: usize, shortfall: f64| {
-            (blend[joint] - 1.0) * shortfall
-                + stop_short[joint] * (shortfall / SATURATION_RAD).clamp(-1.0, 1.0)
+        let against = |share: f64| {
+            let away = |joint: usize, shortfall: f64| {
+                (blend[joint] - share) * shortfall
+                    + stop_short[joint] * (shortfall / SATURATION_RAD).clamp(-1.0, 1.0)
+            };
+            let of_joint = |joint: usize| {
+                mean_and_variance(shortfalls.iter().map(|short| away(joint, short[joint])))
+            };
+            let (mean, variance) = (0..joints).map(of_joint).unzip();
+            Against { mean, variance }
         };
-        let of_joint = |joint: usize| {
-            let values: Vec<f64> = shortfalls
-                .iter()
-                .map(|shortfall| away(joint, shortfall[joint]))
-                .collect();
-            let mean = values.iter().sum::<f64>() / n;
-            (
-                mean,
-                values
-                    .iter()
-                    .map(|value| (value - mean).powi(2))
-                    .sum::<f64>()
-                    / n,
-            )
-        };
-        let (mean, variance) = (0..joints).map(of_joint).unzip();
-        Some(Self { mean, variance })
+        Some(Self {
+            commanded: against(1.0),
+            reported: against(0.0),
+        })
     }
+}
+
+fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let n = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / n;
+    (
+        mean,
+        values.map(|value| (value - mean).powi(2)).sum::<f64>() / n,
+    )
 }

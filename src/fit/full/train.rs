@@ -8,12 +8,13 @@ use nalgebra::{DVector, Vector3};
 use super::columns::{layout, unknown_variances};
 use super::components::Components;
 use super::layout::{Block, Layout};
-use super::leave_one_out::{LeftOut, find_lines, leave_one_out, student_weights};
+use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
 use super::lines::FoundLine;
 use super::noise::Repeatability;
 use super::regression::{Posterior, Sums};
 use super::rows::{prior_mean, rows, sums};
 use super::settings::FullSettings;
+use super::student::Tails;
 use crate::fit::problem::Problem;
 
 /// Steps of the variance components in each round; the last round only settles.
@@ -34,6 +35,8 @@ pub struct State {
     pub components: Components,
     /// What is left beside them.
     pub repeatability: Repeatability,
+    /// How heavy the residuals' tails are.
+    pub tails: Tails,
     /// Weight of each observation.
     pub weights: Vec<f64>,
     /// Offsets of the problem's unknowns at which rows are taken.
@@ -66,6 +69,7 @@ pub fn train(
 ) -> Option<Settled> {
     let mut state = State::new(problem, start, settings, up.is_some());
     let prior_variances = unknown_variances(problem);
+    let expected = state.repeatability.clone();
     for (round, &steps) in STEPS.iter().enumerate() {
         let rows = rows(problem, &state, up);
         let prior_mean = prior_mean(problem, &state);
@@ -81,10 +85,12 @@ pub fn train(
                 left_out,
             });
         }
-        state
-            .repeatability
-            .update(&left_out.iter().map(|l| l.noise.clone()).collect::<Vec<_>>());
-        state.weights = student_weights(&left_out, settings.student_t);
+        let noise: Vec<_> = left_out.iter().map(|l| l.noise.clone()).collect();
+        state.repeatability.update(&noise, &expected);
+        if settings.student_t > 0.0 {
+            state.tails = Tails::found(&left_out);
+        }
+        state.weights = left_out.iter().map(|l| l.weight(state.tails)).collect();
         if settings.gear_lines && round < LINE_ROUNDS {
             let found = find_lines(problem, &state.layout, &rows, &left_out, settings);
             state.take_in(&found, &prior_variances, settings);
@@ -111,6 +117,7 @@ impl State {
         Self {
             components,
             repeatability: Repeatability::expected(settings, joints),
+            tails: Tails::Normal,
             weights: vec![1.0; observations.len()],
             offsets,
             span,

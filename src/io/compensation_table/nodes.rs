@@ -34,7 +34,7 @@ impl TableFile<'_> {
         let in_base = |row| *(base_from_command * self.position(row)).point();
         let mut step = [0.0; 3];
         for (step, column) in step.iter_mut().zip(STEPS) {
-            *step = self.positive(column)?;
+            *step = self.said().positive(column)?;
         }
         let lattice = Lattice {
             origin: in_base(0),

@@ -48,6 +48,41 @@ impl<'a> OpenRun<'a> {
     pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
         let path = self.path(table)?;
         let (temporary, digest) = write(table, &path)?;
+        self.put(table, table.rows() as u64, temporary, digest)
+    }
+
+    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part.
+    pub fn publish_parts<E: From<LakeError>>(
+        &mut self,
+        mut parts: impl Iterator<Item = Result<Table, E>>,
+    ) -> Result<(), E> {
+        let Some(first) = parts.next().transpose()? else {
+            return Ok(());
+        };
+        let path = self.path(&first)?;
+        let wrong = |error| LakeError::from(folder_error("write", &path)(into_io(error)));
+        let mut writer = table::writer(&first, temporary_beside(&path)?).map_err(wrong)?;
+        writer.write(first.batch()).map_err(wrong)?;
+        let mut rows = first.rows() as u64;
+        for part in parts {
+            let part = part?;
+            writer.write(part.batch()).map_err(wrong)?;
+            rows += part.rows() as u64;
+        }
+        let mut temporary = writer.into_inner().map_err(wrong)?;
+        let digest = temporary.sync().map_err(folder_error("write", &path))?;
+        Ok(self.put(&first, rows, temporary, digest)?)
+    }
+
+    /// Puts what was written in its place.
+    fn put(
+        &mut self,
+        table: &Table,
+        rows: u64,
+        temporary: Temporary,
+        digest: String,
+    ) -> Result<(), LakeError> {
+        let path = self.path(table)?;
         if !self.lake.exists(&self.key)? {
             temporary
                 .replace(&path)
@@ -60,7 +95,7 @@ impl<'a> OpenRun<'a> {
             session: table
                 .key()
                 .map_or_else(String::new, |key| key.session.clone()),
-            rows: table.rows() as u64,
+            rows,
             digest,
         });
         Ok(())
@@ -126,13 +161,17 @@ impl<'a> OpenRun<'a> {
 
 /// Writes a table under a temporary name beside `path`; gives its digest too.
 fn write(table: &Table, path: &Path) -> Result<(Temporary, String), LakeError> {
-    let folder = path.parent().expect("a lake's files stand in folders");
-    fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
     let write = folder_error("write", path);
-    let temporary = Temporary::beside(path).map_err(&write)?;
+    let temporary = temporary_beside(path)?;
     let mut temporary = table::write(table, temporary).map_err(|error| write(into_io(error)))?;
     let digest = temporary.sync().map_err(&write)?;
     Ok((temporary, digest))
+}
+
+fn temporary_beside(path: &Path) -> Result<Temporary, LakeError> {
+    let folder = path.parent().expect("a lake's files stand in folders");
+    fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
+    Temporary::beside(path).map_err(folder_error("write", path))
 }
 
 fn digest_of(path: &Path) -> Result<String, LakeError> {

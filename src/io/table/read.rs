@@ -11,7 +11,7 @@ use arrow::array::{ArrayRef, RecordBatch, new_null_array};
 use arrow::compute::{CastOptions, cast_with_options, concat_batches};
 use arrow::datatypes::DataType;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
-use parquet::file::metadata::ParquetMetaData;
+use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::{FileError, Table, TableError, check};
 use crate::io::schema::{ColumnSchema, Role, TableSchema};
@@ -74,6 +74,28 @@ fn decode(
         .map_err(values)?;
     let batch = concat_batches(&found, &batches).map_err(values)?;
     Ok((entries, batch))
+}
+
+/// The table that a Parquet file says it holds; `None` where it is no table of posegrid.
+pub fn name(path: &Path) -> Result<Option<String>, FileError> {
+    let file = File::open(path).map_err(|source| FileError::Open {
+        path: path.to_owned(),
+        source,
+    })?;
+    let read = || {
+        let mut metadata = ParquetMetaDataReader::new();
+        metadata.try_parse(&file).and_then(|()| metadata.finish())
+    };
+    // As in `read`.
+    let found = catch_unwind(AssertUnwindSafe(read)).map_err(|panic| FileError::Damaged {
+        path: path.to_owned(),
+        problem: panic_message(panic.as_ref()),
+    })?;
+    let metadata = found.map_err(|source| FileError::Parquet {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(entries(&metadata).remove("posegrid.table"))
 }
 
 fn panic_message(panic: &(dyn Any + Send)) -> String {

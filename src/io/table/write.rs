@@ -18,10 +18,17 @@ use super::Table;
 use crate::io::schema::{ColumnSchema, TableSchema};
 
 /// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
-const ROW_GROUP_ROWS: usize = 131_072;
+pub const ROW_GROUP_ROWS: usize = 131_072;
 
 /// Writes a table as a Parquet file into `sink` and gives `sink` back.
 pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
+    let mut writer = writer(table, sink)?;
+    writer.write(&table.batch)?;
+    writer.into_inner()
+}
+
+/// A writer of `table` and whatever other parts it has, each a batch of its own.
+pub fn writer<W: Write + Send>(table: &Table, sink: W) -> Result<ArrowWriter<W>, ParquetError> {
     let properties = WriterProperties::builder()
         .set_created_by(concat!("posegrid version ", env!("CARGO_PKG_VERSION")).to_owned())
         .set_compression(Compression::SNAPPY)
@@ -32,9 +39,7 @@ pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError>
     let options = ArrowWriterOptions::new()
         .with_properties(properties)
         .with_skip_arrow_metadata(true);
-    let mut writer = ArrowWriter::try_new_with_options(sink, table.batch.schema(), options)?;
-    writer.write(&table.batch)?;
-    writer.into_inner()
+    ArrowWriter::try_new_with_options(sink, table.batch.schema(), options)
 }
 
 fn metadata(table: &Table) -> Vec<KeyValue> {

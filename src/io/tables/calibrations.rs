@@ -1,6 +1,8 @@
 //! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
 
-use super::validity::{joint_ranges, learnt_from};
+use nalgebra::Isometry3;
+
+use super::validity::{self, joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, words};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::{SavedCalibration, VERSION};
@@ -79,11 +81,9 @@ pub fn calibrations(
         .same("joint_upper_rad", upper)
         .same("model_version", VERSION)
         .column("model", texts);
-    let table = frames(
-        solution(structure(table, &rows, outcome), &rows, context),
-        &rows,
-    );
-    Ok(context.validity.columns(table, outcome).finish()?)
+    let table = solution(structure(table, &rows, outcome), &rows, context);
+    let table = controller_frames(frames(table, &rows), outcome, context);
+    Ok(validity::columns(table, &context.validity, outcome).finish()?)
 }
 
 fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
@@ -271,6 +271,11 @@ fn solution(columns: Columns, rows: &[Row<'_>], context: &PublishContext<'_>) ->
             "variance_factor",
             of().map(|s| s.map(|s| s.variance_factor)),
         )
+        .column(
+            "misfit_mm",
+            rows.iter()
+                .map(|row| row.calibration().map(|calibration| calibration.misfit_mm)),
+        )
         .column("loss", rows.iter().map(|row| row.loss(context)))
         .same("prior_length_mm", some(context.fit.prior_length_mm))
         .same("prior_angle_rad", some(context.fit.prior_angle_mrad * 1e-3))
@@ -295,6 +300,39 @@ const fn in_words(convergence: Convergence) -> &'static str {
     }
 }
 
+/// How the controller states its commands: in which frame, and for which point.
+fn controller_frames(
+    columns: Columns,
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+) -> Columns {
+    let placements = [
+        ("command_from_base", context.command_from_base.isometry()),
+        ("flange_from_tool", outcome.gauge.flange_from_tool()),
+    ];
+    let placed = |columns, (frame, placed): (&str, &Isometry3<f64>)| {
+        let (origin, rotation) = words::placement(placed);
+        let names = place(frame).into_iter().chain(turn(frame));
+        let parts = origin.into_iter().chain(rotation);
+        names
+            .zip(parts)
+            .fold(columns, |columns: Columns, (name, part)| {
+                columns.same(&name, part)
+            })
+    };
+    placements.into_iter().fold(columns, placed)
+}
+
+/// The columns of a frame's origin.
+fn place(frame: &str) -> [String; 3] {
+    ["x", "y", "z"].map(|axis| format!("{frame}_{axis}_mm"))
+}
+
+/// The columns of a frame's orientation.
+fn turn(frame: &str) -> [String; 4] {
+    ["x", "y", "z", "w"].map(|axis| format!("{frame}_q{axis}"))
+}
+
 fn frames(columns: Columns, rows: &[Row<'_>]) -> Columns {
     let bases: Vec<_> = rows
         .iter()
@@ -314,8 +352,6 @@ fn frames(columns: Columns, rows: &[Row<'_>]) -> Columns {
             })
         })
         .collect();
-    let place = |frame: &str| ["x", "y", "z"].map(|axis| format!("{frame}_{axis}_mm"));
-    let turn = |frame: &str| ["x", "y", "z", "w"].map(|axis| format!("{frame}_q{axis}"));
     columns
         .group(
             place("tracker_from_base").each_ref().map(String::as_str),

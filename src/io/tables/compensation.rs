@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::validity::{joint_ranges, learnt_from};
+use super::validity::{self, joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, grid_steps, words};
 use crate::grid::{Source, Table as Chosen, TableNode};
 use crate::io::schema;
@@ -27,7 +27,7 @@ pub fn compensation(
     let table = errors(table, chosen, context.command_from_base.isometry());
     let table = support(table, outcome, context);
     let table = reading(table, outcome, context);
-    Ok(context.validity.columns(table, outcome).finish()?)
+    Ok(validity::columns(table, &context.validity, outcome).finish()?)
 }
 
 /// A run has one table, so its name is the table's.

@@ -6,10 +6,12 @@ use arrow::array::{Array, AsArray};
 use arrow::datatypes::Float64Type;
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
+use super::validity::learnt_from;
 use super::*;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::fit::{ErrorModel, Predictor, ToolErrors};
 use crate::manifest::canonical;
 use example::{ARM, OUTCOME, SESSION, context};
 
@@ -71,6 +73,30 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
         runs.text("verdict").value(0),
         words::verdict(&OUTCOME.grids.choice.verdict)
     );
+}
+
+#[test]
+fn the_identified_arm_comes_back_and_predicts_as_it_did() {
+    let published = calibrations::calibrations(&OUTCOME, &context(), &key()).unwrap();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let bytes = crate::io::table::write(&published, Vec::new()).unwrap();
+    std::fs::write(file.path(), bytes).unwrap();
+    let back = crate::io::calibrations_table::read(file.path()).unwrap();
+    assert_eq!(back.key, key());
+    assert_eq!(back.arm.validity.tool.as_deref(), Some("drill"));
+    let command_from_base = back.arm.command_from_base.isometry().to_homogeneous();
+    let expected = example::command_from_base().to_homogeneous();
+    assert!((command_from_base - expected).abs().max() < 1e-9);
+    let (model, session) = (OUTCOME.full.as_ref().unwrap(), OUTCOME.training.len() - 1);
+    let own = ToolErrors::new(Predictor::Full { model, session }, &OUTCOME.gauge);
+    let gauge = back.arm.gauge();
+    let read = ToolErrors::new(back.arm.model.predictor(), &gauge);
+    let station = learnt_from(&OUTCOME).next().unwrap();
+    let (error, covariance) = own.error_with_covariance(&station.joints);
+    let (read_error, read_covariance) = read.error_with_covariance(&station.joints);
+    assert!(error.norm() > 0.1, "an error worth the name");
+    assert!((error - read_error).norm() < 1e-9);
+    assert!((covariance - read_covariance).abs().max() < 1e-12);
 }
 
 #[test]

@@ -1,42 +1,25 @@
 //! What a result is valid for: stated in the pipeline file, and the temperatures met while measuring.
 
-use serde::{Deserialize, Serialize};
-
+use crate::compensation::Validity;
 use crate::io::table::Columns;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::Outcome;
 
-/// What a calibration or a table is valid for, as the pipeline file states it.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Validity {
-    /// The tool's name.
-    pub tool: Option<String>,
-    /// The payload, kg.
-    pub payload_kg: Option<f64>,
-    /// The mounting: floor, wall, ceiling or an angle.
-    pub mounting: Option<String>,
-    /// The base frame's name.
-    pub base: Option<String>,
-    /// The controller's model.
-    pub controller_model: Option<String>,
-    /// Whether the controller's own absolute-accuracy option was on.
-    pub absolute_accuracy_option: Option<bool>,
-}
-
-impl Validity {
-    /// The columns of this validity, the same in each row.
-    pub(super) fn columns(&self, columns: Columns, outcome: &Outcome<'_>) -> Columns {
-        let (low, high) = temperatures(outcome).unzip();
-        columns
-            .same("tool", self.tool.clone())
-            .same("payload_kg", self.payload_kg)
-            .same("mounting", self.mounting.clone())
-            .same("base", self.base.clone())
-            .same("controller_model", self.controller_model.clone())
-            .same("absolute_accuracy_option", self.absolute_accuracy_option)
-            .same("temperature_min_c", low)
-            .same("temperature_max_c", high)
-    }
+/// The columns of a validity, the same in each row; the temperatures are those met while measuring.
+pub(super) fn columns(columns: Columns, validity: &Validity, outcome: &Outcome<'_>) -> Columns {
+    let (low, high) = temperatures(outcome).unzip();
+    columns
+        .same("tool", validity.tool.clone())
+        .same("payload_kg", validity.payload_kg)
+        .same("mounting", validity.mounting.clone())
+        .same("base", validity.base.clone())
+        .same("controller_model", validity.controller_model.clone())
+        .same(
+            "absolute_accuracy_option",
+            validity.absolute_accuracy_option,
+        )
+        .same("temperature_min_c", low)
+        .same("temperature_max_c", high)
 }
 
 /// The paired stations that a run learnt from.

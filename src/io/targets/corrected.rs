@@ -1,49 +1,105 @@
-//! Commands of targets → table `corrected_targets`, and any table → CSV.
+//! Commands of targets → table `corrected_targets`.
 
-use std::io::Write;
-
-use arrow::array::{Array as _, AsArray as _};
-use arrow::datatypes::{Float64Type, Int64Type};
 use nalgebra::Vector3;
 
-use crate::compensation::{Corrected, Refused, Target};
-use crate::io::schema::{self, ColumnSchema, ColumnType};
+use crate::compensation::{Corrected, Exception, JointCommand, Refused, Target};
+use crate::io::schema;
 use crate::io::table::{Columns, Table, TableError};
 use crate::manifest::RunKey;
 
-/// The rows of targets and what became of each, under the run and the identifier of the table that corrected them.
+/// What corrected targets, as every row of the result says.
+#[derive(Debug, Clone, Copy)]
+pub struct CorrectedBy<'a> {
+    /// The run.
+    pub key: &'a RunKey,
+    /// The run's name for targets corrected with it.
+    pub table_id: &'a str,
+    /// The kind of table.
+    pub table: &'static str,
+    /// The joints in the order of joint angles; none where there are no joint angles.
+    pub joint_names: &'a [String],
+}
+
+/// The rows of targets and what became of each.
 pub fn corrected(
     targets: &[Target],
     outcomes: &[Result<Corrected, Refused>],
-    key: &RunKey,
-    table_id: &str,
+    by: CorrectedBy<'_>,
 ) -> Result<Table, TableError> {
     let schema = schema::find("corrected_targets").expect("it is one of the program's own schemas");
-    let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
     let refused = || outcomes.iter().map(|outcome| outcome.as_ref().err());
-    let vectors = |of: fn(&Corrected) -> Vector3<f64>| {
-        done().map(move |done| done.map(|done| of(done).into()))
-    };
-    let quaternion = |target: &Target| target.orientation.map(|turn| turn.coords.into());
-    Columns::new(schema, targets.len())
-        .key(key)
+    let names = (!by.joint_names.is_empty()).then_some(by.joint_names);
+    let columns = Columns::new(schema, targets.len())
+        .key(by.key)
         .column("row", 0..targets.len())
         .column("target", targets.iter().map(|target| &target.name))
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            vectors(|done| done.command.coords()),
-        )
-        .group(["qx", "qy", "qz", "qw"], targets.iter().map(quaternion))
         .column(
             "configuration",
             targets.iter().map(|target| target.configuration.as_ref()),
         )
         .column("tool", targets.iter().map(|target| target.tool.as_ref()))
-        .same("table_id", table_id)
-        .group::<3, [f64; 3]>(
-            ["target_x_mm", "target_y_mm", "target_z_mm"],
-            targets.iter().map(|target| target.position.coords().into()),
+        .same("table_id", by.table_id)
+        .same("corrected_by", by.table)
+        .same("joint_names", names)
+        .column(
+            "refused",
+            refused().map(|refused| refused.map(|refused| refused.reason.name())),
         )
+        .column(
+            "reason",
+            refused().map(|refused| refused.map(Refused::to_string)),
+        );
+    let columns = commands(columns, targets, outcomes);
+    corrections(columns, outcomes).finish()
+}
+
+/// Where targets are, and what is to be commanded.
+fn commands(
+    columns: Columns,
+    targets: &[Target],
+    outcomes: &[Result<Corrected, Refused>],
+) -> Columns {
+    let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
+    let joints =
+        |of: fn(&JointCommand) -> Vec<f64>| done().map(move |done| done?.joints.as_ref().map(of));
+    let pairs = || done().zip(targets);
+    let place = |(done, target): (Option<&Corrected>, &Target)| {
+        let place = done.map(|done| done.target).or(target.position);
+        place.map(|place| place.coords().into())
+    };
+    let turn = |(done, target): (Option<&Corrected>, &Target)| {
+        let turn = done
+            .and_then(|done| done.orientation)
+            .or(target.orientation);
+        turn.map(|turn| turn.coords.into())
+    };
+    columns
+        .group(
+            ["x_mm", "y_mm", "z_mm"],
+            done().map(|done| done.map(|done| done.command.coords().into())),
+        )
+        .group::<4, Option<[f64; 4]>>(["qx", "qy", "qz", "qw"], pairs().map(turn))
+        .group::<3, Option<[f64; 3]>>(
+            ["target_x_mm", "target_y_mm", "target_z_mm"],
+            pairs().map(place),
+        )
+        .column("joints_rad", joints(|joints| joints.command.clone()))
+        .column("target_joints_rad", joints(|joints| joints.target.clone()))
+        .column("correction_joints_rad", joints(JointCommand::correction))
+}
+
+/// By how much, how sure, and how.
+fn corrections(columns: Columns, outcomes: &[Result<Corrected, Refused>]) -> Columns {
+    let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
+    let vectors = |of: fn(&Corrected) -> Vector3<f64>| {
+        done().map(move |done| done.map(|done| of(done).into()))
+    };
+    let covariance = |done: Option<&Corrected>| {
+        let matrix = done?.covariance;
+        Some([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place]))
+    };
+    let allowed = |done: Option<&Corrected>| done?.allowed.map(Exception::name);
+    columns
         .group(
             ["correction_x_mm", "correction_y_mm", "correction_z_mm"],
             vectors(|done| done.correction),
@@ -60,55 +116,16 @@ pub fn corrected(
             "correction_sd_mm",
             done().map(|done| done.map(Corrected::standard_deviation_norm)),
         )
+        .group(
+            ["xx", "xy", "xz", "yy", "yz", "zz"]
+                .map(|c| format!("correction_cov_{c}_mm2"))
+                .each_ref()
+                .map(String::as_str),
+            done().map(covariance),
+        )
         .column(
             "iterations",
             done().map(|done| done.map(|done| done.iterations)),
         )
-        .column(
-            "refused",
-            refused().map(|refused| refused.map(|refused| refused.reason.name())),
-        )
-        .column(
-            "reason",
-            refused().map(|refused| refused.map(Refused::to_string)),
-        )
-        .finish()
-}
-
-/// Writes a table of scalar columns as CSV: lengths to the nanometre, other numbers as exactly as they are, nothing
-/// where a value is absent.
-pub fn write_csv(table: &Table, sink: impl Write) -> Result<(), csv::Error> {
-    let columns = &table.schema().columns;
-    let mut writer = csv::Writer::from_writer(sink);
-    writer.write_record(columns.iter().map(|column| &column.name))?;
-    for row in 0..table.rows() {
-        writer.write_record(columns.iter().map(|column| cell(table, column, row)))?;
-    }
-    Ok(writer.flush()?)
-}
-
-fn cell(table: &Table, column: &ColumnSchema, row: usize) -> String {
-    let (place, _) = table
-        .schema()
-        .column(&column.name)
-        .expect("a column of this schema");
-    let array = table.batch().column(place);
-    if array.is_null(row) {
-        return String::new();
-    }
-    match (column.kind, column.unit.as_deref()) {
-        (ColumnType::Float64, Some("mm")) => {
-            format!("{:.6}", array.as_primitive::<Float64Type>().value(row))
-        }
-        (ColumnType::Float64, _) => array.as_primitive::<Float64Type>().value(row).to_string(),
-        (ColumnType::Int64, _) => array.as_primitive::<Int64Type>().value(row).to_string(),
-        (ColumnType::Bool, _) => array.as_boolean().value(row).to_string(),
-        (ColumnType::String, _) => array.as_string::<i32>().value(row).to_owned(),
-        (ColumnType::ListFloat64 | ColumnType::ListInt64 | ColumnType::ListString, _) => {
-            unreachable!(
-                "CSV is written for tables of scalar columns, {} has lists",
-                table.schema().table
-            )
-        }
-    }
+        .column("allowed", done().map(allowed))
 }

@@ -4,7 +4,10 @@ use std::path::Path;
 
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
+use super::angles::{self, AngleColumns};
 use super::{Place, Row, RowProblem, Rows, TargetsError};
+use crate::compensation::TargetJoints;
+use crate::ingest::AngleUnit;
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
@@ -29,12 +32,18 @@ pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
         let row = header.row(&record);
         rows.push((place, row.map_err(|problem| problem.at(path, place))?));
     }
-    Ok((rows, header.unused()))
+    let angle_unit = header.angles.as_ref().map_or(AngleUnit::Rad, |a| a.unit);
+    Ok(Rows {
+        placed: rows,
+        unused: header.unused(),
+        angle_unit,
+    })
 }
 
 /// The columns that the first line names.
 struct Header {
     columns: Vec<String>,
+    angles: Option<AngleColumns>,
 }
 
 impl Header {
@@ -47,12 +56,12 @@ impl Header {
                 column: columns[place].clone(),
             });
         }
-        let header = Self { columns };
-        let missing: Vec<_> = [TARGET]
-            .into_iter()
-            .chain(POSITION)
-            .filter(|column| header.place(column).is_none())
-            .collect();
+        let angles = AngleColumns::of(&columns).map_err(|problem| TargetsError::Angles {
+            path: path.to_owned(),
+            problem,
+        })?;
+        let header = Self { columns, angles };
+        let missing = header.missing();
         if missing.is_empty() {
             return Ok(header);
         }
@@ -61,6 +70,19 @@ impl Header {
             missing,
             found: header.columns,
         })
+    }
+
+    /// Columns that every file of targets has: a name, and a position or joint angles.
+    fn missing(&self) -> Vec<String> {
+        let has_position = POSITION.iter().any(|column| self.place(column).is_some());
+        let position = POSITION
+            .iter()
+            .filter(|_| has_position || self.angles.is_none());
+        let needed = [TARGET].into_iter().chain(position.copied());
+        needed
+            .filter(|column| self.place(column).is_none())
+            .map(str::to_owned)
+            .collect()
     }
 
     fn place(&self, column: &str) -> Option<usize> {
@@ -74,9 +96,11 @@ impl Header {
                 || QUATERNION.contains(&name)
                 || TEXTS.contains(&name)
         };
-        self.columns
-            .into_iter()
-            .filter(|name| !used(name))
+        let angles = self.angles.map_or_else(Vec::new, |angles| angles.places);
+        let named = self.columns.into_iter().enumerate();
+        named
+            .filter(|(place, name)| !used(name) && !angles.contains(place))
+            .map(|(_, name)| name)
             .collect()
     }
 
@@ -85,15 +109,13 @@ impl Header {
             header: self,
             record,
         };
-        let [x, y, z] = POSITION.map(|column| {
-            let number = cells.number(column)?;
-            there(column, number)
-        });
+        let [x, y, z] = POSITION.map(|column| cells.number(column));
         let [qx, qy, qz, qw] = QUATERNION.map(|column| cells.number(column));
         let [configuration, tool, table_id] = TEXTS.map(|column| cells.text(column));
         Ok(Row {
             target: there(TARGET, cells.text(TARGET))?,
             position: [x?, y?, z?],
+            joints: cells.joints()?,
             quaternion: [qx?, qy?, qz?, qw?],
             configuration,
             tool,
@@ -111,18 +133,51 @@ struct Cells<'a> {
 
 impl Cells<'_> {
     fn text(self, column: &str) -> Option<String> {
-        let text = self.record.get(self.header.place(column)?)?;
+        self.text_at(self.header.place(column)?)
+    }
+
+    fn text_at(self, place: usize) -> Option<String> {
+        let text = self.record.get(place)?;
         (!text.is_empty()).then(|| text.to_owned())
     }
 
-    fn number(self, column: &'static str) -> Result<Option<f64>, RowProblem> {
-        let Some(text) = self.text(column) else {
+    fn number(self, column: &str) -> Result<Option<f64>, RowProblem> {
+        let place = self.header.place(column);
+        place.map_or(Ok(None), |place| self.number_at(place))
+    }
+
+    fn number_at(self, place: usize) -> Result<Option<f64>, RowProblem> {
+        let Some(text) = self.text_at(place) else {
             return Ok(None);
         };
         match text.parse::<f64>() {
             Ok(number) if number.is_finite() => Ok(Some(number)),
-            _ => Err(RowProblem::NoNumber { column, text }),
+            _ => Err(RowProblem::NoNumber {
+                column: self.header.columns[place].clone(),
+                text,
+            }),
         }
+    }
+
+    /// The joint angles, all or none.
+    fn joints(self) -> Result<Option<TargetJoints>, RowProblem> {
+        let Some(AngleColumns { unit, places }) = &self.header.angles else {
+            return Ok(None);
+        };
+        let angle = |&place: &usize| Ok(self.number_at(place)?.ok_or(place));
+        let found = places.iter().map(angle).collect::<Result<Vec<_>, _>>()?;
+        if found.iter().all(Result::is_err) {
+            return Ok(None);
+        }
+        let angles: Result<Vec<f64>, usize> = found.into_iter().collect();
+        let angles = angles.map_err(|place| RowProblem::PartOfJoints {
+            missing: self.header.columns[place].clone(),
+        })?;
+        let radians = |angle| angles::radians(angle, *unit);
+        Ok(Some(TargetJoints {
+            names: Vec::new(),
+            angles: angles.into_iter().map(radians).collect(),
+        }))
     }
 }
 
@@ -154,7 +209,7 @@ mod tests {
         };
         assert_eq!(first.name, "B, left");
         assert_eq!(
-            first.position.point(),
+            first.position.unwrap().point(),
             &nalgebra::Point3::new(751.123_456_7, -20.0, 450.25)
         );
         let quarter =
@@ -162,6 +217,32 @@ mod tests {
         assert!(first.orientation.unwrap().angle_to(&quarter) < 1e-7);
         assert_eq!((second.name.as_str(), second.orientation), ("A", None));
         assert_eq!(found.unused, ["note"]);
+    }
+
+    #[test]
+    fn joint_angles_come_in_either_unit_with_or_without_a_position() {
+        let found = targets("target,q2_deg,q1_deg\nA,180,-90\n").unwrap();
+        let joints = found.targets[0].joints.as_ref().unwrap();
+        assert_eq!(joints.angles, [-90_f64, 180.0].map(f64::to_radians));
+        assert_eq!(found.targets[0].position, None);
+        assert_eq!(
+            (found.angle_unit, found.unused.len()),
+            (AngleUnit::Deg, 0),
+            "columns of angles are used"
+        );
+        let found =
+            targets("target,x_mm,y_mm,z_mm,q1_rad\nA,1,2,3,0.5\nB,1,2,3,\nC,,,,1\n").unwrap();
+        let [a, b, c] = found.targets.as_slice() else {
+            panic!("{found:?}");
+        };
+        assert!(a.position.is_some() && a.joints.as_ref().unwrap().angles == [0.5]);
+        assert_eq!((&b.joints, c.position), (&None, None));
+        let error = targets("target,q1_rad,q2_rad\nA,1,\n").unwrap_err();
+        assert!(error.contains("line 2: q2_rad is empty"), "{error}");
+        let error = targets("target,q1_rad,q2_deg\nA,1,2\n").unwrap_err();
+        assert!(error.contains("give all in one unit"), "{error}");
+        let error = targets("target,x_mm,q1_rad\nA,1,2\n").unwrap_err();
+        assert!(error.contains("missing columns y_mm, z_mm"), "{error}");
     }
 
     #[test]
@@ -177,7 +258,8 @@ mod tests {
                 "B,1,2 mm,3,,,,,\n",
                 "line 3: column \"y_mm\" holds \"2 mm\"",
             ),
-            ("B,1,2,,,,,,\n", "line 3: column \"z_mm\" is empty"),
+            ("B,1,2,,,,,,\n", "line 3: a position is three numbers"),
+            ("B,,,,,,,,\n", "line 3: target \"B\" has neither a position"),
             (",1,2,3,,,,,\n", "line 3: column \"target\" is empty"),
             (
                 "A,1,2,3,,,,,\n",

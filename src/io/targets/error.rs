@@ -42,9 +42,17 @@ pub enum TargetsError {
         /// The file.
         path: PathBuf,
         /// The columns.
-        missing: Vec<&'static str>,
+        missing: Vec<String>,
         /// What the first line names.
         found: Vec<String>,
+    },
+    /// Columns of joint angles that do not belong together.
+    #[error("{}: columns of joint angles: {problem}; see `posegrid compensate --help`", path.display())]
+    Angles {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with them.
+        problem: String,
     },
     /// The same column twice.
     #[error("{}: column {column:?} stands twice in its first line", path.display())]
@@ -71,11 +79,11 @@ pub enum TargetsError {
 pub enum RowProblem {
     /// Text where a number stands.
     #[error(
-        "column {column:?} holds {text:?}, which is no finite number (decimal point, unit mm, no unit written)"
+        "column {column:?} holds {text:?}, which is no finite number (decimal point, lengths in mm, no unit written)"
     )]
     NoNumber {
         /// The column.
-        column: &'static str,
+        column: String,
         /// What stands there.
         text: String,
     },
@@ -92,6 +100,33 @@ pub enum RowProblem {
         first: Place,
         /// Its name.
         target: String,
+    },
+    /// Some of a position's three numbers.
+    #[error(
+        "a position is three numbers, x_mm y_mm z_mm, and some of them are missing; give all or none"
+    )]
+    PartOfPosition,
+    /// Some of a target's joint angles.
+    #[error("{missing} is empty, and a target has all of its joint angles or none")]
+    PartOfJoints {
+        /// The first column without an angle.
+        missing: String,
+    },
+    /// Neither a position nor joint angles.
+    #[error(
+        "target {target:?} has neither a position nor joint angles; give x_mm y_mm z_mm, q1_rad …, or both"
+    )]
+    NoPlace {
+        /// The target.
+        target: String,
+    },
+    /// Joint names for another number of angles.
+    #[error("joint_names has {names} names for {angles} joint angles; give one for each, or none")]
+    JointNames {
+        /// Names.
+        names: usize,
+        /// Angles.
+        angles: usize,
     },
     /// Some of a quaternion's four numbers.
     #[error(

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{ErrorModel, Gauge, Models, Noise, ToolErrors};
+use crate::fit::{ErrorModel, Gauge, Models, Noise, Predictor, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::JoinedSession;
@@ -52,11 +52,12 @@ pub(super) fn grids(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
-    let own = ToolErrors::new(models, gauge, session);
+    let errors = |models| ToolErrors::new(Predictor::of(models, gauge.arm(), session), gauge);
+    let own = errors(models);
     // A fold that holds nothing out is never asked.
     let of_folds: Vec<ToolErrors<'_>> = folds
         .iter()
-        .map(|fold| ToolErrors::new(fold.as_ref().unwrap_or(models), gauge, session))
+        .map(|fold| errors(fold.as_ref().unwrap_or(models)))
         .collect();
     let folds: Vec<&dyn ErrorModel> = of_folds
         .iter()

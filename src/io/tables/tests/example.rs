@@ -5,7 +5,8 @@ use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
-use super::super::{GridBasis, PublishContext, Validity};
+use super::super::{GridBasis, PublishContext};
+use crate::compensation::Validity;
 use crate::figures::Figures;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::{FullModel, FullSettings};
@@ -105,6 +106,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
     let commanded = commanded(&stations, &ARM, &frames);
     JoinedSession {
         name: SESSION.to_owned(),
+        log: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
             [

@@ -1,0 +1,134 @@
+//! What corrects targets: either of two tables of a run, told apart by what the file says it holds.
+
+use std::path::Path;
+
+use super::CompensateCommandError;
+use crate::compensation::{Corrected, Exception, Refused, Target, Validity, compensate};
+use crate::io::calibrations_table::{self, PublishedArm};
+use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
+use crate::io::table;
+use crate::io::targets::CorrectedBy;
+
+/// What corrects targets.
+#[derive(Debug)]
+#[expect(clippy::large_enum_variant, reason = "one value per process")]
+pub(super) enum Source {
+    /// The nodes of a grid.
+    Table(PublishedTable),
+    /// The identified arm.
+    Arm(PublishedArm),
+}
+
+impl Source {
+    pub(super) fn read(path: &Path) -> Result<Self, CompensateCommandError> {
+        let held = table::name(path)?;
+        match held.as_deref() {
+            Some("compensation") => Ok(Self::Table(compensation_table::read(path)?)),
+            Some("calibrations") => Ok(Self::Arm(calibrations_table::read(path)?)),
+            other => Err(CompensateCommandError::OtherTable {
+                path: path.to_owned(),
+                found: other.map_or_else(
+                    || "no table of posegrid".to_owned(),
+                    |name| format!("table {name:?}"),
+                ),
+            }),
+        }
+    }
+
+    pub(super) fn compensate(
+        &self,
+        targets: &[Target],
+        allow: Option<Exception>,
+    ) -> Vec<Result<Corrected, Refused>> {
+        match self {
+            Self::Table(published) => targets
+                .iter()
+                .map(|target| compensate(&published.table, target))
+                .collect(),
+            Self::Arm(published) => published.arm.compensate(targets, allow),
+        }
+    }
+
+    /// What every row of the result says.
+    pub(super) fn by<'a>(&'a self, joint_names: &'a [String]) -> CorrectedBy<'a> {
+        let (key, table_id, table) = match self {
+            Self::Table(own) => (&own.key, &own.table.terms().table_id, "compensation"),
+            Self::Arm(own) => (&own.key, &own.arm.table_id, "calibrations"),
+        };
+        CorrectedBy {
+            key,
+            table_id,
+            table,
+            joint_names,
+        }
+    }
+
+    /// The joints in the order of corrected joint angles; none of a table, which knows positions only.
+    pub(super) fn joint_names(&self) -> Vec<String> {
+        match self {
+            Self::Table(_) => Vec::new(),
+            Self::Arm(own) => {
+                let joints = own.arm.arm.joints().iter();
+                joints.map(|joint| joint.name.clone()).collect()
+            }
+        }
+    }
+
+    pub(super) const fn validity(&self) -> &Validity {
+        match self {
+            Self::Table(own) => &own.table.terms().validity,
+            Self::Arm(own) => &own.arm.validity,
+        }
+    }
+
+    pub(super) const fn what(&self) -> &'static str {
+        match self {
+            Self::Table(_) => "table",
+            Self::Arm(_) => "identified arm",
+        }
+    }
+
+    /// Whether the tolerance is met; an identified arm has no step to hold against one, each correction says how sure
+    /// it is.
+    pub(super) const fn verdict(&self) -> TableVerdict {
+        match self {
+            Self::Table(own) => own.verdict,
+            Self::Arm(_) => TableVerdict::Met,
+        }
+    }
+
+    /// What a person should know of how these targets are corrected.
+    pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let Self::Table(own) = self else {
+            return warnings;
+        };
+        match own.verdict {
+            TableVerdict::Met => {}
+            TableVerdict::NotMet => warnings.push(
+                "the step of this table does not meet its pipeline's tolerance: see grid_steps"
+                    .to_owned(),
+            ),
+            TableVerdict::NotShown => warnings.push(
+                "the step of this table was not shown to meet its pipeline's tolerance: see grid_steps"
+                    .to_owned(),
+            ),
+        }
+        let unturned = targets.iter().filter(|target| target.orientation.is_none());
+        let unturned = unturned.count();
+        if unturned > 0 {
+            warnings.push(format!(
+                "{unturned} targets state no orientation and are taken to have the table's"
+            ));
+        }
+        let with_joints = targets.iter().filter(|target| target.joints.is_some());
+        let with_joints = with_joints.count();
+        if with_joints > 0 {
+            warnings.push(format!(
+                "joint angles of {with_joints} targets are without effect: this table knows positions; table calibrations of \
+                 the same run corrects them"
+            ));
+        }
+        warnings
+    }
+}

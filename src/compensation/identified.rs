@@ -1,0 +1,186 @@
+//! The identified arm: its model at any joint angles → the joint command at which the tool point attains a target.
+//!
+//! Inputs are what a run published of an arm ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
+//! [`Corrected`] commands, joint angles included. Steps:
+//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
+//! 2. these are held against the joint ranges measured: beyond them the model falls back to its prior;
+//! 3. the command is moved against the error that the model predicts at its joint angles, in the gauge of base and target
+//!    (METHOD.md 6), just as for the nodes of a grid: what both say at a node is the same;
+//! 4. the error's covariance at the joint command is that of the correction.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+use rayon::prelude::*;
+
+use super::fixed_point::settle;
+use super::pose::{Poses, Wanted};
+use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
+use crate::fit::full::FullModel;
+use crate::fit::{ErrorModel, Frames, Gauge, IdentifiedGeometry, Predictor, ToolErrors};
+use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
+use crate::grid::Reach;
+use crate::kinematics::Arm;
+
+/// An angle this far beyond the measured ones is as good as measured, rad: half a degree, where the shortest curves of
+/// real joints reach over several. A target at the rim has its correction within it.
+const RIM_RAD: f64 = 0.0087;
+
+/// What a run published of an arm: everything that predicts its errors.
+#[derive(Debug)]
+pub struct IdentifiedArm {
+    /// The run's name, carried by targets corrected with it.
+    pub table_id: String,
+    /// The nominal arm.
+    pub arm: Arm,
+    /// Base and target as the nominal arm fits them: the gauge of errors.
+    pub frames: Frames,
+    /// The controller's own tool at the flange.
+    pub flange_from_tool: Transform<Flange, Tool>,
+    /// The frame of commands.
+    pub command_from_base: Transform<Command, Base>,
+    /// What predicts.
+    pub model: ArmModel,
+    /// Lowest and highest angle of each joint over the stations used, rad.
+    pub measured: Vec<[f64; 2]>,
+    /// What it is valid for.
+    pub validity: Validity,
+}
+
+/// The best model that a run has of an arm.
+#[derive(Debug)]
+pub enum ArmModel {
+    /// The whole error model.
+    Full {
+        /// The model.
+        model: Box<FullModel>,
+        /// The session in whose gauge errors are stated.
+        session: usize,
+    },
+    /// The identified geometry.
+    Geometric(IdentifiedGeometry),
+}
+
+impl ArmModel {
+    /// What predicts, for the errors of a gauge.
+    pub fn predictor(&self) -> Predictor<'_> {
+        match self {
+            Self::Full { model, session } => Predictor::Full {
+                model,
+                session: *session,
+            },
+            Self::Geometric(geometry) => Predictor::Geometric(geometry.clone()),
+        }
+    }
+}
+
+impl IdentifiedArm {
+    /// The gauge in which errors are stated.
+    pub fn gauge(&self) -> Gauge<'_> {
+        let tool = *self.flange_from_tool.isometry();
+        Gauge::new(&self.arm, self.frames, Some(tool), false)
+    }
+
+    /// The commands at which the tool point attains each of `targets`, as far as the model can tell; in their order.
+    ///
+    /// `allow` names what is not refused.
+    pub fn compensate(
+        &self,
+        targets: &[Target],
+        allow: Option<Exception>,
+    ) -> Vec<Result<Corrected, Refused>> {
+        let gauge = self.gauge();
+        let errors = ToolErrors::new(self.model.predictor(), &gauge);
+        let reach = Reach::new(&self.arm, *self.flange_from_tool.isometry());
+        let poses = Poses::new(self, &gauge, &reach);
+        let correction = Correction {
+            identified: self,
+            errors: &errors,
+            reach: &reach,
+            allow,
+        };
+        let one = |target: &Target| {
+            let admitted = self.validity.admit(target);
+            let wanted = admitted.and_then(|()| poses.wanted(target));
+            let corrected = wanted.and_then(|wanted| correction.of(&wanted));
+            corrected.map_err(|reason| Refused {
+                target: target.name.clone(),
+                reason,
+            })
+        };
+        targets.par_iter().map(one).collect()
+    }
+
+    /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
+    fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
+        let beyond = |&[low, high]: &[f64; 2], q: f64| (low - q).max(q - high);
+        let out = self.measured.iter().zip(joints).map(|(r, &q)| beyond(r, q));
+        let worst = out.enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        match worst {
+            Some((joint, beyond_rad)) if beyond_rad > RIM_RAD => {
+                let [low, high] = self.measured[joint].map(f64::to_degrees);
+                Err(Reason::JointRange {
+                    joint: self.arm.joints()[joint].name.clone(),
+                    angle_deg: joints[joint].to_degrees(),
+                    beyond_deg: beyond_rad.to_degrees(),
+                    measured_deg: [low, high],
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Corrections of one arm.
+struct Correction<'a> {
+    identified: &'a IdentifiedArm,
+    errors: &'a dyn ErrorModel,
+    reach: &'a Reach<'a>,
+    allow: Option<Exception>,
+}
+
+impl Correction<'_> {
+    fn of(&self, wanted: &Wanted) -> Result<Corrected, Reason> {
+        let Isometry3 {
+            translation,
+            rotation,
+        } = wanted.base_from_tool;
+        let at_target = self.measured(&wanted.joints)?;
+        let mut joints = wanted.joints.clone();
+        let target = Point3::from(translation.vector);
+        let settled = settle(&target, |command| {
+            let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
+            joints = self.reach.solve(&pose, &joints)?;
+            Ok((self.errors.error(&joints), joints.clone()))
+        })?;
+        let at_command = self.measured(&settled.found)?;
+        let (_, covariance) = self.errors.error_with_covariance(&settled.found);
+        let command_from_base = &self.identified.command_from_base;
+        let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
+        let matrix = turn.to_rotation_matrix();
+        let [target, command] = [target, settled.command]
+            .map(|point| *command_from_base * Position::<Base>::claim(point));
+        Ok(Corrected {
+            target,
+            command,
+            orientation: Some(turn * rotation),
+            correction: command.coords() - target.coords(),
+            covariance: matrix * covariance * matrix.transpose(),
+            joints: Some(JointCommand {
+                target: wanted.joints.clone(),
+                command: settled.found,
+            }),
+            iterations: settled.iterations,
+            allowed: at_target.or(at_command),
+        })
+    }
+
+    /// Whether joint angles were measured; the exception that they need, where it is allowed.
+    fn measured(&self, joints: &[f64]) -> Result<Option<Exception>, Reason> {
+        match self.identified.within_measured(joints) {
+            Err(_) if self.allow == Some(Exception::JointRange) => Ok(self.allow),
+            within => within.map(|()| None),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

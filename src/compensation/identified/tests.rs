@@ -1,0 +1,266 @@
+//! Arms whose geometry is known exactly: their corrections by forward kinematics.
+
+use nalgebra::{Point3, Vector3};
+
+use super::*;
+use crate::compensation::TargetJoints;
+use crate::geometry::isometry_from_rpy;
+use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
+
+fn arm(text: &str) -> Arm {
+    let file: RobotFile = toml::from_str(text).expect("a robot file of this repository");
+    file.arm().expect("a valid arm")
+}
+
+fn kr210() -> Arm {
+    arm(include_str!(
+        "../../../pipelines/robots/kr210-r2700-extra.toml"
+    ))
+}
+
+fn ur10() -> Arm {
+    arm(include_str!("../../../pipelines/robots/ur10.toml"))
+}
+
+fn radians(degrees: [f64; 6]) -> Vec<f64> {
+    degrees.map(f64::to_radians).to_vec()
+}
+
+/// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned a quarter against the base.
+fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
+    let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
+    let offsets: Vec<f64> = arm
+        .chain()
+        .parameters()
+        .iter()
+        .map(|parameter| if parameter.is_angle() { 3e-4 } else { 0.4 })
+        .collect();
+    let frames = Frames {
+        tracker_from_base: Transform::claim(isometry_from_rpy(
+            [4000.0, 0.0, -600.0],
+            [0.0, 0.0, 2.5],
+        )),
+        flange_from_target: Transform::claim(isometry_from_rpy([0.0, 0.0, 90.0], [0.0; 3])),
+    };
+    let ranges = radians(lower).into_iter().zip(radians(upper));
+    IdentifiedArm {
+        table_id: "00ff".to_owned(),
+        arm: arm.clone(),
+        frames,
+        flange_from_tool: Transform::claim(tool),
+        command_from_base: Transform::claim(isometry_from_rpy(
+            [100.0, -50.0, 20.0],
+            [0.0, 0.0, std::f64::consts::FRAC_PI_2],
+        )),
+        model: ArmModel::Geometric(IdentifiedGeometry {
+            chain: arm.chain().with_offsets(&offsets),
+            frames,
+            misfit_mm: 0.02,
+        }),
+        measured: ranges.map(<[f64; 2]>::from).collect(),
+        validity: Validity::default(),
+    }
+}
+
+/// The KR 210 with ranges as one cell would measure them.
+fn cell() -> IdentifiedArm {
+    identified(
+        &kr210(),
+        [-60.0, -120.0, 40.0, -90.0, 20.0, -120.0],
+        [60.0, -40.0, 130.0, 90.0, 110.0, 120.0],
+    )
+}
+
+const JOINTS: [f64; 6] = [33.0, -72.0, 101.0, -58.0, 44.0, 107.0];
+
+fn at_joints(degrees: [f64; 6]) -> Target {
+    Target {
+        name: "rivet 7".to_owned(),
+        joints: Some(TargetJoints {
+            names: Vec::new(),
+            angles: radians(degrees),
+        }),
+        ..Target::default()
+    }
+}
+
+/// The pose that the nominal arm has at joint angles, in the frame of commands, with its arm configuration.
+fn at_pose(identified: &IdentifiedArm, joints: &[f64]) -> Target {
+    let arm = &identified.arm;
+    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let pose = identified.command_from_base.isometry() * identified.gauge().nominal_tool(joints);
+    let configuration = Configuration::of(arm, &nominal, joints);
+    Target {
+        name: "rivet 7".to_owned(),
+        position: Some(Position::claim(Point3::from(pose.translation.vector))),
+        orientation: Some(pose.rotation),
+        configuration: configuration.map(|own| own.to_string()),
+        ..Target::default()
+    }
+}
+
+fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> {
+    let mut all = identified.compensate(&[target], None);
+    all.remove(0).map_err(|refused| refused.reason)
+}
+
+#[test]
+fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_target() {
+    let identified = cell();
+    let found = one(&identified, at_joints(JOINTS)).expect("inside");
+    let ArmModel::Geometric(geometry) = &identified.model else {
+        unreachable!("made so")
+    };
+    let joints = found.joints.as_ref().expect("joint angles");
+    assert_eq!(joints.target, radians(JOINTS));
+    let tool = identified.flange_from_tool.isometry();
+    let attained = geometry.chain.nominal(&joints.command) * tool;
+    let nominal = identified.arm.chain().nominal(&radians(JOINTS)) * tool;
+    assert!((attained.translation.vector - nominal.translation.vector).norm() < 1e-6);
+    assert!(found.correction.norm() > 0.5, "a correction worth the name");
+    // The orientation is commanded as it is.
+    let commanded = identified.arm.chain().nominal(&joints.command) * tool;
+    assert!(commanded.rotation.angle_to(&nominal.rotation) < 1e-9);
+    // 0.02 mm along each axis, whatever the frame.
+    assert!((found.standard_deviation_norm() - 0.02 * 3.0_f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn a_pose_in_the_frame_of_commands_gives_what_its_joint_angles_give() {
+    let identified = cell();
+    let by_joints = one(&identified, at_joints(JOINTS)).expect("inside");
+    let pose = at_pose(&identified, &radians(JOINTS));
+    let by_pose = one(&identified, pose.clone()).expect("inside");
+    assert!((by_pose.command.coords() - by_joints.command.coords()).norm() < 1e-6);
+    assert!((by_pose.correction - by_joints.correction).norm() < 1e-6);
+    let both = Target {
+        orientation: None,
+        ..pose
+    };
+    let both = Target {
+        joints: at_joints(JOINTS).joints,
+        ..both
+    };
+    let by_both = one(&identified, both).expect("inside");
+    assert!((by_both.command.coords() - by_joints.command.coords()).norm() < 1e-6);
+    let (Some(a), Some(b)) = (by_pose.joints, by_joints.joints) else {
+        panic!("joint angles");
+    };
+    let apart = a.command.iter().zip(&b.command).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-8);
+}
+
+#[test]
+fn named_joints_may_stand_in_any_order() {
+    let identified = cell();
+    let mut target = at_joints(JOINTS);
+    let own = identified.arm.joints().iter().rev();
+    let joints = target.joints.as_mut().expect("joint angles");
+    joints.angles.reverse();
+    joints.names = own.map(|joint| joint.name.clone()).collect();
+    let turned = one(&identified, target.clone()).expect("the same target");
+    let plain = one(&identified, at_joints(JOINTS)).expect("inside");
+    assert_eq!(turned, plain);
+    target.joints.as_mut().expect("joint angles").names[2] = "elbow".to_owned();
+    let refused = one(&identified, target).expect_err("of another arm");
+    assert!(refused.to_string().contains("elbow"), "{refused}");
+    assert_eq!(refused.name(), "joints");
+}
+
+#[test]
+fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() {
+    let identified = cell();
+    let mut beyond = JOINTS;
+    beyond[0] = 72.5;
+    let refused = one(&identified, at_joints(beyond)).expect_err("12.5° beyond");
+    let Reason::JointRange {
+        joint, beyond_deg, ..
+    } = &refused
+    else {
+        panic!("{refused}")
+    };
+    assert_eq!(joint, "joint_a1");
+    assert!((beyond_deg - 12.5).abs() < 1e-9);
+    let allowed = identified.compensate(&[at_joints(beyond)], Some(Exception::JointRange));
+    let allowed = allowed[0].as_ref().expect("allowed");
+    assert_eq!(allowed.allowed, Some(Exception::JointRange));
+    // Half a degree beyond the rim is as good as measured.
+    beyond[0] = 60.4;
+    assert!(one(&identified, at_joints(beyond)).is_ok());
+}
+
+#[test]
+fn limits_and_singularities_are_refused_though_joint_angles_name_them() {
+    let identified = cell();
+    let mut target = JOINTS;
+    target[4] = 0.5; // sin 0.5° = 0.009, below the 0.02 of grids
+    let singular = one(&identified, at_joints(target));
+    assert!(matches!(
+        singular,
+        Err(Reason::Arm(InverseError::NearSingularity { .. }))
+    ));
+    target[4] = 126.0; // the limit is 125°
+    let beyond = one(&identified, at_joints(target));
+    assert!(matches!(
+        beyond,
+        Err(Reason::Arm(InverseError::LimitReached { .. }))
+    ));
+    let mut turned = at_joints(JOINTS);
+    turned.configuration = Some("shoulder+ elbow+ wrist+".to_owned());
+    let refused = one(&identified, turned).expect_err("the joint angles are in another");
+    assert_eq!(refused.name(), "configuration");
+}
+
+#[test]
+fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
+    let wide = [
+        identified(
+            &kr210(),
+            [-170.0, -135.0, -100.0, -340.0, -120.0, -340.0],
+            [170.0, -10.0, 150.0, 340.0, 120.0, 340.0],
+        ),
+        identified(&ur10(), [-180.0; 6], [180.0; 6]),
+    ];
+    for identified in &wide {
+        let reach = Reach::new(&identified.arm, *identified.flange_from_tool.isometry());
+        let spread = |number: u32| -> Vec<f64> {
+            let share =
+                |joint: usize| (f64::from(number) * 2.0_f64.sqrt() * (joint + 3) as f64).fract();
+            let ranges = identified.measured.iter().enumerate();
+            ranges
+                .map(|(joint, [low, high])| low + (high - low) * share(joint))
+                .collect()
+        };
+        let pose = |joints: &Vec<f64>| identified.gauge().nominal_tool(joints);
+        // Nearer than 6° to a stretched elbow the search may end at the stretched arm, whatever it is seeded with.
+        let nominal = vec![0.0; identified.arm.chain().parameters().len()];
+        let is_far = |joints: &Vec<f64>| {
+            SingularityFactors::of(&identified.arm, &nominal, joints)
+                .is_some_and(|factors| factors.smallest() > 0.1)
+        };
+        let reachable =
+            |joints: &Vec<f64>| is_far(joints) && reach.solve(&pose(joints), joints).is_ok();
+        let asked: Vec<Vec<f64>> = (0..400).map(spread).filter(reachable).collect();
+        let targets: Vec<Target> = asked
+            .iter()
+            .map(|joints| at_pose(identified, joints))
+            .collect();
+        let outcomes = identified.compensate(&targets, None);
+        let mut found = 0;
+        for (joints, done) in asked.iter().zip(&outcomes) {
+            let Ok(done) = done else { continue };
+            found += 1;
+            let again = &done.joints.as_ref().expect("joint angles").target;
+            let apart: Vector3<f64> =
+                pose(again).translation.vector - pose(joints).translation.vector;
+            assert!(apart.norm() < 1e-6);
+            assert!(pose(again).rotation.angle_to(&pose(joints).rotation) < 1e-7);
+        }
+        let refused = outcomes.iter().filter_map(|outcome| outcome.as_ref().err());
+        let refused: Vec<String> = refused.map(ToString::to_string).collect();
+        println!("{found} of {}", asked.len());
+        // A search that finds no way refuses a pose in truth reachable: one in some hundred may, and none comes back wrong.
+        assert!(asked.len() > 250, "{}", asked.len());
+        assert!(100 * found >= 99 * asked.len(), "{refused:?}");
+    }
+}

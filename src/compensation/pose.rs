@@ -1,0 +1,242 @@
+//! A target → the pose of the nominal arm's tool that it asks for, and joint angles that bring it there.
+//!
+//! Joint angles say both; a position beside them is the target itself, and they only say which way the arm reaches it.
+//! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from many joint angles of
+//! that configuration, spread over the ranges measured, the nearest to the pose first.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Translation3};
+
+use super::identified::IdentifiedArm;
+use super::{Reason, Target, TargetJoints};
+use crate::fit::Gauge;
+use crate::grid::Reach;
+use crate::kinematics::Configuration;
+
+/// Joint angles that a search may begin at.
+const SEEDS: u32 = 2048;
+/// Of these, as many of the nearest to a pose are tried, and then as many of all.
+const TRIED: usize = 12;
+/// What a turn of the tool by one radian is worth when poses are compared, mm.
+const LEVER_MM: f64 = 500.0;
+/// A position and joint angles further apart than this are not of one target, mm: angles in whole hundredths of a degree
+/// leave half a millimetre on a large arm, a wrong tool or unit centimetres.
+const APART_MM: f64 = 2.0;
+
+/// What a target asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Wanted {
+    /// The pose of the tool in the base frame.
+    pub(super) base_from_tool: Isometry3<f64>,
+    /// Joint angles at which the nominal arm has it, rad.
+    pub(super) joints: Vec<f64>,
+}
+
+/// Finds what targets ask of one arm.
+pub(super) struct Poses<'a> {
+    identified: &'a IdentifiedArm,
+    gauge: &'a Gauge<'a>,
+    reach: &'a Reach<'a>,
+    seeds: Vec<Seed>,
+}
+
+/// Joint angles that a search may begin at.
+struct Seed {
+    joints: Vec<f64>,
+    base_from_tool: Isometry3<f64>,
+    configuration: Option<Configuration>,
+}
+
+impl<'a> Poses<'a> {
+    pub(super) fn new(
+        identified: &'a IdentifiedArm,
+        gauge: &'a Gauge<'a>,
+        reach: &'a Reach<'a>,
+    ) -> Self {
+        let seed = |number| {
+            let joints = spread(number, &identified.measured);
+            Seed {
+                base_from_tool: gauge.nominal_tool(&joints),
+                configuration: reach.configuration(&joints),
+                joints,
+            }
+        };
+        Self {
+            identified,
+            gauge,
+            reach,
+            seeds: (0..SEEDS).map(seed).collect(),
+        }
+    }
+
+    pub(super) fn wanted(&self, target: &Target) -> Result<Wanted, Reason> {
+        match &target.joints {
+            Some(joints) => self.at_joints(target, joints),
+            None => self.at_pose(target),
+        }
+    }
+
+    fn at_joints(&self, target: &Target, given: &TargetJoints) -> Result<Wanted, Reason> {
+        let joints = self.in_order(given)?;
+        self.in_configuration(target, &joints)?;
+        let nominal = self.gauge.nominal_tool(&joints);
+        let base_from_tool = self.pose(target, Some(&nominal))?;
+        let apart_mm = (base_from_tool.translation.vector - nominal.translation.vector).norm();
+        if apart_mm > APART_MM {
+            return Err(Reason::Apart { apart_mm });
+        }
+        // Also where there is nothing to solve: limits and singularities are looked at.
+        let joints = self.reach.solve(&base_from_tool, &joints)?;
+        Ok(Wanted {
+            base_from_tool,
+            joints,
+        })
+    }
+
+    /// The pose that a target states; what it leaves out is that of its joint angles.
+    fn pose(
+        &self,
+        target: &Target,
+        nominal: Option<&Isometry3<f64>>,
+    ) -> Result<Isometry3<f64>, Reason> {
+        let base_from_command = self.identified.command_from_base.inverse();
+        let position = target.position.map(|wanted| base_from_command * wanted);
+        let turn = base_from_command.isometry().rotation;
+        let rotation = target.orientation.map(|wanted| turn * wanted);
+        let translation = position
+            .map(|position| Translation3::from(position.coords()))
+            .or(nominal.map(|pose| pose.translation))
+            .ok_or(Reason::NoPosition)?;
+        let rotation = rotation
+            .or(nominal.map(|pose| pose.rotation))
+            .ok_or(Reason::NoOrientation)?;
+        Ok(Isometry3::from_parts(translation, rotation))
+    }
+
+    /// The angles in the arm's order.
+    fn in_order(&self, given: &TargetJoints) -> Result<Vec<f64>, Reason> {
+        let own = || self.identified.arm.joints().iter().map(|joint| &joint.name);
+        let other = || Reason::Joints {
+            found: if given.names.is_empty() {
+                format!("{} joint angles", given.angles.len())
+            } else {
+                format!("angles of {}", given.names.join(", "))
+            },
+            expected: own().cloned().collect(),
+        };
+        if given.angles.len() != own().len() {
+            return Err(other());
+        }
+        if given.names.is_empty() {
+            return Ok(given.angles.clone());
+        }
+        let angle = |name| {
+            let place = given.names.iter().position(|given| given == name)?;
+            given.angles.get(place).copied()
+        };
+        own().map(angle).collect::<Option<_>>().ok_or_else(other)
+    }
+
+    fn in_configuration(&self, target: &Target, joints: &[f64]) -> Result<(), Reason> {
+        let own = self.reach.configuration(joints).map(|c| c.to_string());
+        match &target.configuration {
+            Some(wanted) if Some(wanted) != own.as_ref() => Err(Reason::Configuration {
+                wanted: wanted.clone(),
+                table: own,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn at_pose(&self, target: &Target) -> Result<Wanted, Reason> {
+        let base_from_tool = self.pose(target, None)?;
+        let nearest = self.nearest(target.configuration.as_deref(), &base_from_tool)?;
+        let mut first = None;
+        for seed in nearest {
+            match self.reach.solve(&base_from_tool, &seed.joints) {
+                Ok(joints) => {
+                    return Ok(Wanted {
+                        joints: self.on_measured_turn(joints),
+                        base_from_tool,
+                    });
+                }
+                Err(error) => first = first.or(Some(error)),
+            }
+        }
+        Err(first.map_or(Reason::NoConfiguration, Reason::Arm))
+    }
+
+    /// The seeds of the configuration wanted to begin at, the nearest to a pose first.
+    fn nearest(
+        &self,
+        wanted: Option<&str>,
+        pose: &Isometry3<f64>,
+    ) -> Result<impl Iterator<Item = &Seed>, Reason> {
+        let has_configurations = self.seeds.iter().any(|seed| seed.configuration.is_some());
+        if wanted.is_none() && has_configurations {
+            return Err(Reason::NoConfiguration);
+        }
+        let is_wanted = |seed: &&Seed| {
+            let own = seed.configuration.map(|c| c.to_string());
+            own.as_deref() == wanted
+        };
+        let mut seeds: Vec<(f64, &Seed)> = self
+            .seeds
+            .iter()
+            .filter(is_wanted)
+            .map(|seed| (apart_mm(&seed.base_from_tool, pose), seed))
+            .collect();
+        if seeds.is_empty() {
+            return Err(Reason::Unmeasured {
+                wanted: wanted.unwrap_or_default().to_owned(),
+                measured: self.configurations(),
+            });
+        }
+        seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Where the nearest lead into a dead end, others of the configuration may not.
+        let stride = seeds.len() / TRIED + 1;
+        let order = (0..TRIED).chain((TRIED..).step_by(stride));
+        let tried = order.map_while(move |place| seeds.get(place).map(|(_, seed)| *seed));
+        Ok(tried)
+    }
+
+    /// The arm configurations within the ranges measured.
+    fn configurations(&self) -> Vec<String> {
+        let mut all: Vec<_> = self.seeds.iter().filter_map(|s| s.configuration).collect();
+        all.sort_unstable();
+        all.dedup();
+        all.iter().map(Configuration::to_string).collect()
+    }
+
+    /// The same angles, each by whole turns as near to the middle of the measured ones as its limits allow.
+    fn on_measured_turn(&self, joints: Vec<f64>) -> Vec<f64> {
+        let limits = self.identified.arm.joints();
+        let ranges = self.identified.measured.iter().zip(limits);
+        let turned = |(q, ([low, high], joint)): (f64, (&[f64; 2], &crate::kinematics::Joint))| {
+            let near = q + TAU * ((low.midpoint(*high) - q) / TAU).round();
+            let allowed = (joint.lower..=joint.upper).contains(&near);
+            if allowed { near } else { q }
+        };
+        joints.into_iter().zip(ranges).map(turned).collect()
+    }
+}
+
+/// How far apart two poses are, a turn counted by its lever, mm.
+fn apart_mm(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
+    let place = (a.translation.vector - b.translation.vector).norm();
+    place + LEVER_MM * a.rotation.angle_to(&b.rotation)
+}
+
+/// Point `number` of a sequence that fills the box of `ranges` evenly: multiples of the powers of the generalised golden
+/// ratio, modulo 1 (Roberts 2018).
+fn spread(number: u32, ranges: &[[f64; 2]]) -> Vec<f64> {
+    let degree = ranges.len() as f64 + 1.0;
+    // The root of φ^degree = φ + 1, by fixed-point iteration.
+    let golden = (0..60).fold(1.5_f64, |golden, _| (golden + 1.0).powf(degree.recip()));
+    let share = |joint: i32| (0.5 + f64::from(number) * golden.powi(-joint)).fract();
+    (1..)
+        .zip(ranges)
+        .map(|(joint, [low, high])| low + (high - low) * share(joint))
+        .collect()
+}
