@@ -278,6 +278,47 @@ fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
 }
 
 #[test]
+fn fields_of_messages_are_checked_and_taken_over() {
+    let with = |topic: &str, keys: &str| {
+        let topic = format!("topic = \"{topic}\"");
+        Cell::new(&[(&topic, &format!("{topic}\n{keys}"))]).plan(&Overrides::default())
+    };
+    for (topic, fields, told) in [
+        ("/p", "x = \"a\"", "[tracker] fields = 1 of x, y, z"),
+        (
+            "/p",
+            "x = \"a\", y = \"b[\", z = \"c\"",
+            "[tracker] fields = \"b[\", but it has to be a field path",
+        ),
+        ("/p", "u = \"a\"", "unknown field `u`"),
+        (
+            "/c",
+            "temperature = \"t\"",
+            "[commanded] fields.temperature",
+        ),
+        ("/j", "angles = \"q\"", "[controller] fields.angles = \"q\""),
+        ("/j", "angles = [\"q\"]", "one path for each of the arm's"),
+    ] {
+        let error = with(topic, &format!("fields = {{ {fields} }}"))
+            .expect_err(fields)
+            .to_string();
+        assert!(error.contains(told), "{fields}: {error}");
+    }
+    let plan = with(
+        "/p",
+        "frame = \"laser\"\nfields = { x = \"a\", y = \"b[1]\", z = \"c\" }",
+    );
+    let plan = plan.expect("a good file");
+    assert_eq!(
+        plan.mapping.tracker.fields.position(),
+        Some(["a", "b[1]", "c"])
+    );
+    assert_eq!(plan.mapping.tracker.frame.as_deref(), Some("laser"));
+    // What is read of a message decides a result, so it is part of a run's name.
+    assert!(plan.settings.contains("b[1]") && plan.settings.contains("laser"));
+}
+
+#[test]
 fn the_command_line_exits_with_2_on_bad_usage_and_says_why_on_stderr() {
     let cell = Cell::new(&[("share = 0.95", "share = 95")]);
     for command in ["run", "check"] {

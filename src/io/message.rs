@@ -154,6 +154,9 @@ pub enum MessageFault {
     /// An array that no message of the field has.
     #[error("a wanted array of the message has more than 100000 elements")]
     LongArray,
+    /// Longer than places in it can be told.
+    #[error("the message has 4 GiB or more")]
+    Long,
     /// No JSON.
     #[error("the bytes are no JSON: there is a sign where it cannot be")]
     Json,

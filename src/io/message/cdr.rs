@@ -11,7 +11,7 @@
 //! one way alone fits it, or when both give the same values.
 
 use super::cdr_plan::{Repeat, Step};
-use super::row::{Cell, Span, number};
+use super::row::{Cell, Span, number, place};
 use super::value::without_end_mark;
 use super::{CdrPlan, MessageFault, Primitive, Row};
 
@@ -34,13 +34,13 @@ impl CdrPlan {
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
-        row.begin(self.wanted);
+        row.begin(message, self.wanted)?;
         if !self.wide {
             return self.read_as(message, WIDE[0], row);
         }
         let first = self.read_as(message, WIDE[0], row);
         let mut other = Row::default();
-        other.begin(self.wanted);
+        other.begin(message, self.wanted)?;
         match (first, self.read_as(message, WIDE[1], &mut other)) {
             (Ok(()), Ok(())) if *row != other => Err(MessageFault::WideText),
             (Ok(()), _) => Ok(()),
@@ -104,8 +104,8 @@ impl Cursor<'_> {
                     row.set(
                         slot,
                         Cell::Numbers {
-                            start,
-                            end,
+                            start: place(start),
+                            end: place(end),
                             of,
                             big_endian,
                         },
@@ -234,11 +234,7 @@ impl Cursor<'_> {
         let length = self.count()?;
         let (start, end) = self.elements(Primitive::U8, u64::from(length))?;
         let length = without_end_mark(&self.bytes[start..end]).len();
-        Ok(Span {
-            start,
-            end: start + length,
-            escaped: false,
-        })
+        Ok(Span::new(start, start + length, false))
     }
 
     fn wide_text(&mut self) -> Result<(), MessageFault> {
@@ -254,9 +250,9 @@ impl Cursor<'_> {
             self.text()?;
         }
         Ok(Cell::Texts {
-            start,
-            end: self.at.max(start),
-            count: usize::try_from(count).map_err(|_| MessageFault::Short)?,
+            start: place(start),
+            end: place(self.at.max(start)),
+            count,
             big_endian: self.big_endian,
         })
     }

@@ -14,9 +14,12 @@ const MOST_ELEMENTS: usize = 100_000;
 pub struct Row {
     cells: Vec<Cell>,
     lists: Vec<List>,
+    /// Some list was begun.
+    listed: bool,
 }
 
-/// What was found for one wanted path; places are byte ranges of the message.
+/// What was found for one wanted path; places are byte ranges of the message, in which a message has to be shorter than
+/// 4 GiB.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) enum Cell {
     #[default]
@@ -25,15 +28,15 @@ pub(super) enum Cell {
     Number(f64),
     Text(Span),
     Numbers {
-        start: usize,
-        end: usize,
+        start: u32,
+        end: u32,
         of: Primitive,
         big_endian: bool,
     },
     Texts {
-        start: usize,
-        end: usize,
-        count: usize,
+        start: u32,
+        end: u32,
+        count: u32,
         big_endian: bool,
     },
     /// In the list of the slot.
@@ -43,17 +46,54 @@ pub(super) enum Cell {
 /// Where a string lies in its message.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Span {
-    pub(super) start: usize,
-    pub(super) end: usize,
+    start: u32,
+    end: u32,
     /// It has JSON's escapes in it.
     pub(super) escaped: bool,
 }
 
-/// An array met element by element: as numbers and as strings.
+/// An array met element by element; an element that is neither number nor string is absent.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct List {
-    pub(super) numbers: Vec<Option<f64>>,
-    pub(super) texts: Vec<Option<Span>>,
+pub(super) struct List(Vec<Cell>);
+
+/// A place in a message, whose length [`Row::begin`] has looked at.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a message is shorter than 4 GiB"
+)]
+pub(super) const fn place(at: usize) -> u32 {
+    at as u32
+}
+
+impl Span {
+    pub(super) const fn new(start: usize, end: usize, escaped: bool) -> Self {
+        Self {
+            start: place(start),
+            end: place(end),
+            escaped,
+        }
+    }
+
+    /// The bytes that lie there.
+    #[inline]
+    pub(super) fn bytes(self, message: &[u8]) -> &[u8] {
+        bytes(message, self.start, self.end)
+    }
+
+    /// The string that lies there.
+    pub(super) fn of(self, message: &[u8]) -> Text<'_> {
+        Text {
+            bytes: self.bytes(message),
+            escaped: self.escaped,
+        }
+    }
+}
+
+#[inline]
+fn bytes(message: &[u8], start: u32, end: u32) -> &[u8] {
+    message
+        .get(start as usize..end as usize)
+        .unwrap_or_default()
 }
 
 impl Cell {
@@ -64,63 +104,91 @@ impl Cell {
             _ => None,
         }
     }
+
+    pub(super) const fn as_text(self) -> Option<Span> {
+        match self {
+            Self::Text(span) => Some(span),
+            _ => None,
+        }
+    }
 }
 
 impl List {
     /// Adds an element of which nothing is known yet.
+    #[inline]
     pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
-        if self.numbers.len() >= MOST_ELEMENTS {
+        self.push(Cell::Absent)
+    }
+
+    /// Adds an element.
+    #[inline]
+    pub(super) fn push(&mut self, cell: Cell) -> Result<(), MessageFault> {
+        if self.0.len() >= MOST_ELEMENTS {
             return Err(MessageFault::LongArray);
         }
-        self.numbers.push(None);
-        self.texts.push(None);
+        self.0.push(cell);
         Ok(())
     }
 
     /// Gives the element last added its value.
+    #[inline]
     pub(super) fn set_last(&mut self, cell: Cell) {
-        let number = cell.as_number();
-        let text = match cell {
-            Cell::Text(span) => Some(span),
-            _ => None,
-        };
-        if let (Some(last_number), Some(last_text)) =
-            (self.numbers.last_mut(), self.texts.last_mut())
-        {
-            (*last_number, *last_text) = (number, text);
+        if let Some(last) = self.0.last_mut() {
+            *last = cell;
         }
     }
 
     /// Whether nothing is known of the element last added.
     pub(super) fn last_is_absent(&self) -> bool {
-        self.numbers.last() == Some(&None) && self.texts.last() == Some(&None)
+        matches!(self.0.last(), Some(Cell::Absent))
     }
 
     /// The element at `index`, if there is one.
+    #[inline]
     pub(super) fn element(&self, index: usize) -> Cell {
-        let number = self.numbers.get(index).copied().flatten();
-        let text = self.texts.get(index).copied().flatten();
-        let text = text.map_or(Cell::Absent, Cell::Text);
-        number.map_or(text, Cell::Number)
+        self.0.get(index).copied().unwrap_or_default()
+    }
+
+    pub(super) const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The strings among the elements.
+    pub(super) fn texts(&self) -> impl Iterator<Item = Option<Span>> {
+        self.0.iter().map(|cell| cell.as_text())
     }
 
     fn clear(&mut self) {
-        self.numbers.clear();
-        self.texts.clear();
+        self.0.clear();
     }
 }
 
 impl Row {
     /// Empties it for a message with so many wanted values.
-    pub(super) fn begin(&mut self, wanted: usize) {
+    #[inline]
+    pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
+        if u32::try_from(message.len()).is_err() {
+            return Err(MessageFault::Long);
+        }
+        if self.listed || self.cells.len() != wanted {
+            self.resize(wanted);
+        } else {
+            self.cells.fill(Cell::Absent);
+        }
+        Ok(())
+    }
+
+    fn resize(&mut self, wanted: usize) {
         self.cells.clear();
         self.cells.resize(wanted, Cell::Absent);
         if self.lists.len() < wanted {
             self.lists.resize_with(wanted, List::default);
         }
         self.lists.iter_mut().for_each(List::clear);
+        self.listed = false;
     }
 
+    #[inline]
     pub(super) fn set(&mut self, slot: usize, cell: Cell) {
         self.cells[slot] = cell;
     }
@@ -136,7 +204,9 @@ impl Row {
     }
 
     /// Begins a list in a slot; one that was there before goes on.
+    #[inline]
     pub(super) fn list(&mut self, slot: usize) -> &mut List {
+        self.listed = true;
         self.cells[slot] = Cell::List;
         &mut self.lists[slot]
     }
@@ -152,23 +222,20 @@ impl Row {
     }
 
     /// The value of the path at `slot` among the wanted ones; `message` is the one the row was filled from.
+    #[inline]
     pub fn value<'m>(&'m self, message: &'m [u8], slot: usize) -> Value<'m> {
-        let lent = |start: usize, end: usize| message.get(start..end).unwrap_or_default();
         match self.cells.get(slot).copied().unwrap_or_default() {
             Cell::Absent => Value::Absent,
             Cell::Integer(integer) => Value::Integer(integer),
             Cell::Number(number) => Value::Number(number),
-            Cell::Text(span) => Value::Text(Text {
-                bytes: lent(span.start, span.end),
-                escaped: span.escaped,
-            }),
+            Cell::Text(span) => Value::Text(span.of(message)),
             Cell::Numbers {
                 start,
                 end,
                 of,
                 big_endian,
             } => Value::Numbers(Numbers::Stored {
-                bytes: lent(start, end),
+                bytes: bytes(message, start, end),
                 of,
                 big_endian,
             }),
@@ -178,8 +245,8 @@ impl Row {
                 count,
                 big_endian,
             } => Value::Texts(Texts::Stored {
-                bytes: lent(start, end),
-                count,
+                bytes: bytes(message, start, end),
+                count: count as usize,
                 big_endian,
             }),
             Cell::List => Value::List(Gathered {
@@ -191,6 +258,7 @@ impl Row {
 }
 
 /// The number in `bytes`, which are as many as `of` needs.
+#[inline]
 pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
     macro_rules! integer {
         ($t:ty) => {{

@@ -1,7 +1,7 @@
 //! Values lent out of a message's bytes.
 
 use super::Primitive;
-use super::row::{Cell, List, Span, number};
+use super::row::{Cell, List, number};
 
 /// What a plan lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -115,7 +115,7 @@ impl Numbers<'_> {
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { bytes, of, .. } => bytes.len() / of.size(),
-            Self::Gathered(gathered) => gathered.list.numbers.len(),
+            Self::Gathered(gathered) => gathered.list.len(),
         }
     }
 
@@ -125,6 +125,7 @@ impl Numbers<'_> {
     }
 
     /// The number at `index`, if there is one.
+    #[inline]
     pub fn get(&self, index: usize) -> Option<f64> {
         match *self {
             Self::Stored {
@@ -137,7 +138,7 @@ impl Numbers<'_> {
                 let bytes = bytes.get(start..start.checked_add(size)?)?;
                 number(bytes, of, big_endian).as_number()
             }
-            Self::Gathered(gathered) => gathered.list.numbers.get(index).copied().flatten(),
+            Self::Gathered(gathered) => gathered.list.element(index).as_number(),
         }
     }
 }
@@ -163,7 +164,7 @@ impl<'m> Texts<'m> {
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { count, .. } => *count,
-            Self::Gathered(gathered) => gathered.list.texts.len(),
+            Self::Gathered(gathered) => gathered.list.len(),
         }
     }
 
@@ -183,8 +184,7 @@ impl<'m> Texts<'m> {
             Self::Gathered(gathered) => (stored_texts(&[], 0, false), Some(gathered)),
         };
         let gathered = gathered.into_iter().flat_map(|Gathered { message, list }| {
-            list.texts
-                .iter()
+            list.texts()
                 .map(move |span| span.map(|span| span.of(message)))
         });
         stored.map(Some).chain(gathered)
@@ -221,7 +221,7 @@ impl<'m> Texts<'m> {
             } => key.split_first() == Some((&u8::from(big_endian), bytes)),
             Self::Gathered(Gathered { message, list }) => {
                 let mut rest = key.strip_prefix(&[2]);
-                for span in &list.texts {
+                for span in list.texts() {
                     rest = rest.and_then(|rest| after(rest, span.map(|span| span.of(message))));
                 }
                 rest.is_some_and(<[u8]>::is_empty)
@@ -256,16 +256,6 @@ fn stored_texts(bytes: &[u8], count: usize, big_endian: bool) -> impl Iterator<I
             escaped: false,
         })
     })
-}
-
-impl Span {
-    /// The string that lies there in `message`.
-    pub(super) fn of(self, message: &[u8]) -> Text<'_> {
-        Text {
-            bytes: message.get(self.start..self.end).unwrap_or_default(),
-            escaped: self.escaped,
-        }
-    }
 }
 
 /// CDR counts a terminating zero into a string's length; some writers leave it out of empty ones.

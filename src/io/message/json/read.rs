@@ -13,7 +13,7 @@ impl JsonPlan {
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
-        row.begin(self.wanted);
+        row.begin(message, self.wanted)?;
         let mut scan = Scan {
             bytes: message,
             at: if message.starts_with(BYTE_ORDER_MARK) {
@@ -59,7 +59,7 @@ impl JsonPlan {
     }
 
     fn member(&self, node: &Node, bytes: &[u8], name: Span) -> Option<&Node> {
-        let raw = &bytes[name.start..name.end];
+        let raw = name.bytes(bytes);
         let mut names = node.names.iter();
         let found = if name.escaped {
             let name = unescaped(raw)?;
@@ -85,12 +85,11 @@ impl JsonPlan {
         }
         scan.elements(|scan, index| {
             if let Some(&(slot, _)) = whole {
-                row.list(slot).begin_element()?;
                 if !matches!(scan.peek()?, b'{' | b'[') {
                     let cell = scan.scalar()?;
-                    row.list(slot).set_last(cell);
-                    return Ok(());
+                    return row.list(slot).push(cell);
                 }
+                row.list(slot).begin_element()?;
             }
             let start = scan.at;
             let mut read = false;

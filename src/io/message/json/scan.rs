@@ -49,23 +49,16 @@ impl Scan<'_> {
         let start = self.at;
         let mut escaped = false;
         loop {
-            match self.bytes.get(self.at) {
-                None => return Err(MessageFault::Short),
-                Some(b'"') => {
-                    let end = self.at;
-                    self.at += 1;
-                    return Ok(Span {
-                        start,
-                        end,
-                        escaped,
-                    });
-                }
-                Some(b'\\') => {
-                    escaped = true;
-                    self.at += 2;
-                }
-                Some(_) => self.at += 1,
+            let rest = self.bytes.get(self.at..).unwrap_or_default();
+            let stop = rest.iter().position(|byte| matches!(byte, b'"' | b'\\'));
+            let stop = self.at + stop.ok_or(MessageFault::Short)?;
+            if self.bytes[stop] == b'"' {
+                self.at = stop + 1;
+                return Ok(Span::new(start, stop, escaped));
             }
+            // A backslash, and the sign that it changes.
+            escaped = true;
+            self.at = stop + 2;
         }
     }
 
@@ -140,9 +133,9 @@ impl Scan<'_> {
     #[inline]
     fn digits(&mut self) -> Result<(), MessageFault> {
         let start = self.at;
-        while self.bytes.get(self.at).is_some_and(u8::is_ascii_digit) {
-            self.at += 1;
-        }
+        let rest = &self.bytes[start..];
+        let other = rest.iter().position(|byte| !byte.is_ascii_digit());
+        self.at += other.unwrap_or(rest.len());
         match self.bytes.get(self.at) {
             _ if self.at > start => Ok(()),
             None => Err(MessageFault::Short),
@@ -173,7 +166,6 @@ impl Scan<'_> {
             return Ok(());
         }
         loop {
-            self.peek()?;
             let name = self.text()?;
             self.expect(b':')?;
             member(self, name)?;
@@ -195,7 +187,6 @@ impl Scan<'_> {
         }
         let mut index = 0;
         loop {
-            self.peek()?;
             element(self, index)?;
             index += 1;
             if !self.take_if(b',')? {

@@ -162,7 +162,9 @@ impl Resolving<'_> {
             (kind, false) => match wants {
                 [want] if want.rest.is_empty() => {
                     let target = target(want);
-                    node.defaults.push((target, field.default));
+                    if field.default != Cell::Absent {
+                        node.defaults.push((target, field.default));
+                    }
                     Ok(Action::Value(target, kind))
                 }
                 _ => Err(self.wrong_type(&wants[wants.len() - 1], "a single value")),

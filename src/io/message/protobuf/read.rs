@@ -11,7 +11,7 @@ impl ProtobufPlan {
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
-        row.begin(self.slots);
+        row.begin(message, self.slots)?;
         let mut wire = Wire::new(message);
         self.message(0, &mut wire, row)?;
         for &(list, index, slot) in &self.picks {
@@ -68,18 +68,14 @@ impl ProtobufPlan {
                 Ok(())
             }
             Action::Values(slot, kind) if kind.wire_type() == wire_type => {
-                row.list(*slot).begin_element()?;
                 let value = kind.read(wire)?;
-                row.list(*slot).set_last(value);
-                Ok(())
+                row.list(*slot).push(value)
             }
             // Packed: the values one behind the other.
             Action::Values(slot, kind) if wire_type == wire_type::LENGTH => inside(wire, |wire| {
-                while wire.at < wire.end {
+                while wire.at < wire.bytes.len() {
                     let value = kind.read(wire)?;
-                    let list = row.list(*slot);
-                    list.begin_element()?;
-                    list.set_last(value);
+                    row.list(*slot).push(value)?;
                 }
                 Ok(())
             }),
@@ -124,9 +120,10 @@ fn inside<'m>(
     read: impl FnOnce(&mut Wire<'m>) -> Result<(), MessageFault>,
 ) -> Result<(), MessageFault> {
     let end = wire.length()?;
-    let whole = std::mem::replace(&mut wire.end, end);
+    let whole = wire.bytes;
+    wire.bytes = &whole[..end];
     read(wire)?;
-    (wire.at, wire.end) = (end, whole);
+    (wire.bytes, wire.at) = (whole, end);
     Ok(())
 }
 
@@ -227,11 +224,7 @@ impl Kind {
             Self::Text | Self::Message(_) => {
                 let end = wire.length()?;
                 let start = std::mem::replace(&mut wire.at, end);
-                Cell::Text(Span {
-                    start,
-                    end,
-                    escaped: false,
-                })
+                Cell::Text(Span::new(start, end, false))
             }
         })
     }

@@ -17,25 +17,20 @@ pub(super) mod wire_type {
 
 /// Where reading stands in a message, which may lie inside another.
 pub(super) struct Wire<'m> {
+    /// Up to where the message that is read ends.
     pub(super) bytes: &'m [u8],
     pub(super) at: usize,
-    /// Where the message that is read ends.
-    pub(super) end: usize,
 }
 
 impl<'m> Wire<'m> {
     pub(super) const fn new(bytes: &'m [u8]) -> Self {
-        Self {
-            bytes,
-            at: 0,
-            end: bytes.len(),
-        }
+        Self { bytes, at: 0 }
     }
 
     /// The next field's number and wire type; `None` at the end.
     #[inline]
     pub(super) fn tag(&mut self) -> Result<Option<(u32, u8)>, MessageFault> {
-        if self.at >= self.end {
+        if self.at >= self.bytes.len() {
             return Ok(None);
         }
         let tag = u32::try_from(self.varint()?).map_err(|_| MessageFault::Wire)?;
@@ -49,9 +44,19 @@ impl<'m> Wire<'m> {
     /// A number of up to ten bytes of seven bits each.
     #[inline]
     pub(super) fn varint(&mut self) -> Result<u64, MessageFault> {
-        let mut number = 0;
-        for shift in (0..70).step_by(7) {
-            let byte = self.fixed::<1>()?[0];
+        let first = *self.bytes.get(self.at).ok_or(MessageFault::Short)?;
+        self.at += 1;
+        if first < 0x80 {
+            return Ok(first.into());
+        }
+        self.long_varint(first)
+    }
+
+    fn long_varint(&mut self, first: u8) -> Result<u64, MessageFault> {
+        let mut number = u64::from(first & 0x7F);
+        for shift in (7..70).step_by(7) {
+            let byte = *self.bytes.get(self.at).ok_or(MessageFault::Short)?;
+            self.at += 1;
             // Of the tenth byte only the lowest bit has room; official readers drop the rest.
             number |= u64::from(byte & 0x7F) << shift;
             if byte < 0x80 {
@@ -63,7 +68,7 @@ impl<'m> Wire<'m> {
 
     #[inline]
     pub(super) fn fixed<const N: usize>(&mut self) -> Result<[u8; N], MessageFault> {
-        let rest = self.bytes.get(self.at..self.end);
+        let rest = self.bytes.get(self.at..);
         let bytes = rest.and_then(|rest| rest.first_chunk::<N>());
         self.at += N;
         bytes.copied().ok_or(MessageFault::Short)
@@ -74,7 +79,7 @@ impl<'m> Wire<'m> {
     pub(super) fn length(&mut self) -> Result<usize, MessageFault> {
         let length = usize::try_from(self.varint()?).map_err(|_| MessageFault::Short)?;
         let end = self.at.checked_add(length);
-        end.filter(|&end| end <= self.end)
+        end.filter(|&end| end <= self.bytes.len())
             .ok_or(MessageFault::Short)
     }
 
