@@ -15,14 +15,14 @@ use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSett
 use crate::grid::{self, GridError, GridSettings, GridStation, Tolerance};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
-use crate::report::evaluate::{self, RefitSettings, Stations};
+use crate::report::evaluate::RefitSettings;
 use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Residual, ResidualSet, Split, Subject, accuracy,
 };
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use gridded::{grid_stations, grids};
-use judged::{Judged, raw_command, sessions, train_folds};
-use observed::{Observed, observations};
+use judged::{Judged, raw_command, train_folds};
+use observed::Observed;
 
 /// What the stages are set to.
 #[derive(Debug, Clone)]
@@ -96,32 +96,14 @@ pub fn run<'a>(
         observed: &observed,
         models: &models,
         folds: &folds,
+        training: &training,
     };
-    let mut residuals = judged.training(&training);
-    residuals.extend(judged.blocks(&training));
+    let mut residuals = judged.own_sessions();
+    residuals.extend(judged.blocks());
     if training.len() > 1 && settings.leave_sessions_out {
-        residuals.extend(sessions(
-            arm,
-            &observed,
-            &training,
-            &train,
-            settings.refit.first,
-            progress,
-        )?);
+        residuals.extend(judged.sessions_left_out(&train, settings.refit.first, progress)?);
     }
-    for session in &test {
-        let own = observations(arm, 0, session, settings);
-        let stations = Stations {
-            session: &session.name,
-            observations: &own,
-        };
-        residuals.extend(evaluate::unseen_session(
-            arm,
-            &models,
-            stations,
-            settings.refit,
-        ));
-    }
+    residuals.extend(judged.unseen_sessions(&test, settings));
     let last = training.len() - 1;
     let frames = models.base_target.frames[last];
     let gauge = Gauge::new(

@@ -60,7 +60,7 @@ impl<'a> OpenRun<'a> {
             return Ok(());
         };
         let path = self.path(&first)?;
-        let wrong = |error| LakeError::from(folder_error("write", &path)(into_io(error)));
+        let wrong = |error| folder_error("write", &path)(into_io(error));
         let mut writer = table::writer(&first, temporary_beside(&path)?).map_err(wrong)?;
         writer.write(first.batch()).map_err(wrong)?;
         let mut rows = first.rows() as u64;

@@ -491,6 +491,14 @@ mod tests {
         assert_eq!(read(&[], 0), Ok(Some(5)));
         assert_eq!(read(b"a\0\0\0b\0\0\0", 2), Ok(Some(5)));
         assert_eq!(read(b"a\0b\0", 2), Ok(Some(5)));
+        // Read with two bytes, x is the second character and a zero is left over.
+        assert_eq!(
+            plan.read(
+                &[0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
+                &mut Row::default()
+            ),
+            Err(MessageFault::WideText)
+        );
         // With two bytes a character 0 follows, and what is left looks like padding.
         assert_eq!(read(b"a\0\0\0", 1), Ok(Some(5)));
     }
@@ -533,7 +541,7 @@ mod tests {
                 .to_string()
         };
         assert!(refusal("float64 x\nfloat64 y", "z").contains("x, y"));
-        assert!(refusal("B b", "b.x").contains("contains itself"));
+        assert!(refusal("B b\nfloat64 x", "x").contains("contains itself"));
         assert!(refusal("C c\n===\nMSG: a/C\nfloat64 x", "c").contains("message"));
         assert!(refusal("wstring w\nfloat64 x", "w").contains("wstring"));
         assert!(refusal("float64[3] x", "x[3]").contains("has 3"));

@@ -133,8 +133,12 @@ impl Unfolding<'_> {
     fn message(&mut self, index: usize, wants: &[Want<'_>]) -> Result<Vec<Step>, SchemaError> {
         let message: &MessageType = &self.definition.types[index];
         self.level += 1;
+        let has = |name: &str| message.fields.iter().any(|field| field.name == name);
+        let choices: Vec<_> = wants.iter().map(|want| want.choice(has)).collect();
+        if let Some(missing) = choices.iter().position(Option::is_none) {
+            return Err(self.no_field(&wants[missing]));
+        }
         let mut steps = Vec::new();
-        let mut taken = 0;
         for field in &message.fields {
             if self.left == 0 || self.level > MOST_LEVELS {
                 return Err(SchemaError::Unbounded {
@@ -143,21 +147,12 @@ impl Unfolding<'_> {
                 });
             }
             self.left -= 1;
-            let has = |name: &str| message.fields.iter().any(|field| field.name == name);
-            let chosen = wants.iter().filter(|want| want.chooses(&field.name, has));
-            let inner: Vec<_> = chosen.map(|want| want.inner()).collect();
-            taken += inner.len();
+            let chosen = wants.iter().zip(&choices);
+            let chosen = chosen.filter(|(_, choice)| **choice == Some(field.name.as_str()));
+            let inner: Vec<_> = chosen.map(|(want, _)| want.inner()).collect();
             self.field(field, &inner, &mut steps)?;
         }
         self.level -= 1;
-        if taken < wants.len() {
-            let has = |name: &str| message.fields.iter().any(|field| field.name == name);
-            let missing = wants.iter().find(|want| {
-                let mut names = message.fields.iter().map(|field| field.name.as_str());
-                !names.any(|name| want.chooses(name, has))
-            });
-            return Err(self.no_field(missing.unwrap_or(&wants[0])));
-        }
         Ok(steps)
     }
 

@@ -94,7 +94,7 @@ impl fmt::Display for FieldPath {
     }
 }
 
-impl Want<'_> {
+impl<'p> Want<'p> {
     /// The same want one step on.
     pub(super) fn inner(self) -> Self {
         Self {
@@ -104,14 +104,11 @@ impl Want<'_> {
         }
     }
 
-    /// Whether its next step is a choice of names of which `name` is the first that `has` says is there.
-    pub(super) fn chooses(&self, name: &str, has: impl Fn(&str) -> bool) -> bool {
+    /// The first name of its next step, a choice of names, that `has` says is there.
+    pub(super) fn choice(&self, has: impl Fn(&str) -> bool) -> Option<&'p str> {
         match self.rest.first() {
-            Some(Segment::Field(names)) => names
-                .iter()
-                .find(|known| has(known))
-                .is_some_and(|chosen| chosen == name),
-            _ => false,
+            Some(Segment::Field(names)) => names.iter().map(String::as_str).find(|name| has(name)),
+            _ => None,
         }
     }
 }

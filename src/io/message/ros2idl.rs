@@ -13,6 +13,8 @@
 mod parser;
 mod tokens;
 
+use std::collections::BTreeMap;
+
 use super::ros2msg::{BUILT_IN, short_name};
 use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
 use parser::{Parsed, RawType, Struct};
@@ -41,16 +43,25 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
             parsed.structs.push(parser::built_in(built_in));
         }
     }
-    let types = parsed.structs.iter().map(|found| resolve(found, &parsed));
+    let structs = parsed.structs.iter().enumerate();
+    let structs: BTreeMap<_, _> = structs.map(|(i, found)| (found.full_name(), i)).collect();
+    let types = parsed
+        .structs
+        .iter()
+        .map(|found| resolve(found, &structs, &parsed));
     Ok(Definition {
         types: types.collect::<Result<_, _>>()?,
     })
 }
 
-fn resolve(found: &Struct, parsed: &Parsed) -> Result<MessageType, SchemaError> {
+fn resolve(
+    found: &Struct,
+    structs: &BTreeMap<String, usize>,
+    parsed: &Parsed,
+) -> Result<MessageType, SchemaError> {
     let mut fields = Vec::new();
     for member in &found.members {
-        let (of, shape) = resolve_type(&member.of, &found.scope, parsed, MOST_ALIASES)?;
+        let (of, shape) = resolve_type(&member.of, &found.scope, structs, parsed, MOST_ALIASES)?;
         fields.push(Field {
             name: member.name.clone(),
             of,
@@ -78,6 +89,7 @@ fn resolve(found: &Struct, parsed: &Parsed) -> Result<MessageType, SchemaError> 
 fn resolve_type(
     of: &RawType,
     scope: &[String],
+    structs: &BTreeMap<String, usize>,
     parsed: &Parsed,
     aliases_left: usize,
 ) -> Result<(FieldType, Shape), SchemaError> {
@@ -85,7 +97,7 @@ fn resolve_type(
         RawType::Known(known) => return Ok((*known, Shape::One)),
         RawType::Named(name) => name,
         RawType::Sequence(element) => {
-            let (of, shape) = resolve_type(element, scope, parsed, aliases_left)?;
+            let (of, shape) = resolve_type(element, scope, structs, parsed, aliases_left)?;
             return match shape {
                 Shape::One => Ok((of, Shape::Sequence)),
                 _ => Err(SchemaError::UnknownType {
@@ -96,16 +108,12 @@ fn resolve_type(
     };
     let unknown = || SchemaError::UnknownType { name: name.clone() };
     for candidate in candidates(name, scope) {
-        if let Some(index) = parsed
-            .structs
-            .iter()
-            .position(|s| s.full_name() == candidate)
-        {
+        if let Some(&index) = structs.get(&candidate) {
             return Ok((FieldType::Message(index), Shape::One));
         }
         if let Some(alias) = parsed.aliases.get(&candidate) {
             let left = aliases_left.checked_sub(1).ok_or_else(unknown)?;
-            let (of, shape) = resolve_type(&alias.of, &alias.scope, parsed, left)?;
+            let (of, shape) = resolve_type(&alias.of, &alias.scope, structs, parsed, left)?;
             let shape = nest(alias.shape, shape).ok_or_else(unknown)?;
             return Ok((of, shape));
         }

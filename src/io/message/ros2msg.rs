@@ -8,6 +8,8 @@
 //! 2. Read each line as field, constant (skipped) or comment (skipped).
 //! 3. Resolve type names to indices.
 
+use std::collections::BTreeMap;
+
 use super::{
     Definition, Extensibility, Field, FieldType, MessageType, Primitive, SchemaError, Shape,
 };
@@ -39,9 +41,14 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
             sections.push(section(built_in, fields.lines().enumerate())?);
         }
     }
+    let indices = sections.iter().enumerate().rev();
+    // Of a type defined twice the first counts.
+    let indices: BTreeMap<_, _> = indices
+        .map(|(i, section)| (section.name.as_str(), i))
+        .collect();
     let types = sections
         .iter()
-        .map(|section| resolve(section, &sections))
+        .map(|section| resolve(section, &indices))
         .collect::<Result<_, _>>()?;
     Ok(Definition { types })
 }
@@ -151,7 +158,7 @@ fn type_and_shape(text: &str) -> Option<(&str, Shape)> {
     (!name.is_empty()).then_some((name, shape))
 }
 
-fn resolve(section: &Section, sections: &[Section]) -> Result<MessageType, SchemaError> {
+fn resolve(section: &Section, indices: &BTreeMap<&str, usize>) -> Result<MessageType, SchemaError> {
     let package = section
         .name
         .split_once('/')
@@ -162,7 +169,7 @@ fn resolve(section: &Section, sections: &[Section]) -> Result<MessageType, Schem
         .map(|field| {
             Ok(Field {
                 name: field.name.clone(),
-                of: resolve_type(&field.type_name, package, sections)?,
+                of: resolve_type(&field.type_name, package, indices)?,
                 shape: field.shape,
             })
         })
@@ -174,7 +181,11 @@ fn resolve(section: &Section, sections: &[Section]) -> Result<MessageType, Schem
     })
 }
 
-fn resolve_type(name: &str, package: &str, sections: &[Section]) -> Result<FieldType, SchemaError> {
+fn resolve_type(
+    name: &str,
+    package: &str,
+    indices: &BTreeMap<&str, usize>,
+) -> Result<FieldType, SchemaError> {
     if let Some(known) = well_known(name) {
         return Ok(known);
     }
@@ -183,10 +194,9 @@ fn resolve_type(name: &str, package: &str, sections: &[Section]) -> Result<Field
         _ if name.contains('/') => short_name(name),
         _ => format!("{package}/{name}"),
     };
-    sections
-        .iter()
-        .position(|section| section.name == full)
-        .map(FieldType::Message)
+    indices
+        .get(full.as_str())
+        .map(|&index| FieldType::Message(index))
         .ok_or(SchemaError::UnknownType {
             name: name.to_owned(),
         })

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::RawCommandBase;
-use super::observed::Observed;
+use super::observed::{Observed, observations};
+use super::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
 use crate::join::{Pairing, Station};
@@ -40,10 +40,12 @@ pub(super) struct Judged<'j> {
     pub(super) observed: &'j Observed,
     pub(super) models: &'j Models,
     pub(super) folds: &'j [Option<Models>],
+    pub(super) training: &'j [JoinedSession],
 }
 
 impl Judged<'_> {
-    pub(super) fn training(&self, training: &[JoinedSession]) -> Vec<ResidualSet> {
+    /// What is left on the stations that trained, with what each of them counted for.
+    pub(super) fn own_sessions(&self) -> Vec<ResidualSet> {
         let of = |(place, session): (usize, &JoinedSession)| {
             let own: Vec<_> = self
                 .observed
@@ -65,13 +67,13 @@ impl Judged<'_> {
             }
             sets
         };
-        training.iter().enumerate().flat_map(of).collect()
+        self.training.iter().enumerate().flat_map(of).collect()
     }
 
     /// Every station judged once, by the models of the fold that held it out.
-    pub(super) fn blocks(&self, training: &[JoinedSession]) -> Vec<ResidualSet> {
+    pub(super) fn blocks(&self) -> Vec<ResidualSet> {
         let mut sets: Vec<ResidualSet> = Vec::new();
-        for (place, session) in training.iter().enumerate() {
+        for (place, session) in self.training.iter().enumerate() {
             for (fold, models) in self.folds.iter().enumerate() {
                 let Some(models) = models else { continue };
                 let held_out = self
@@ -92,6 +94,58 @@ impl Judged<'_> {
         }
         sets
     }
+
+    /// Every session of a pool judged by the models of all the others, its base and target refitted.
+    pub(super) fn sessions_left_out(
+        &self,
+        settings: &TrainingSettings<'_>,
+        first: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<ResidualSet>, FitError> {
+        let refit = RefitSettings {
+            first,
+            // Each session of a pool has a mounting of its own.
+            with_target: true,
+        };
+        let others = self.training.len() - 1;
+        progress.begin("sessions left out", self.training.len() as u64);
+        let judge = |(place, session): (usize, &JoinedSession)| {
+            let train = self.observed.without_session(place);
+            let models = fit::models::train(self.arm, &train, others, settings)?;
+            let own: Vec<_> = self
+                .observed
+                .of_session(place)
+                .map(|(o, _)| o.clone())
+                .collect();
+            let stations = Stations {
+                session: &session.name,
+                observations: &own,
+            };
+            progress.advance(1);
+            Ok(evaluate::unseen_session(self.arm, &models, stations, refit))
+        };
+        let sessions = self.training.par_iter().enumerate();
+        let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
+        progress.end();
+        Ok(judged?.into_iter().flatten().collect())
+    }
+
+    /// Sessions that only judge.
+    pub(super) fn unseen_sessions(
+        &self,
+        test: &[JoinedSession],
+        settings: &StageSettings,
+    ) -> Vec<ResidualSet> {
+        let of = |session: &JoinedSession| {
+            let own = observations(self.arm, 0, session, settings);
+            let stations = Stations {
+                session: &session.name,
+                observations: &own,
+            };
+            evaluate::unseen_session(self.arm, self.models, stations, settings.refit)
+        };
+        test.iter().flat_map(of).collect()
+    }
 }
 
 /// What each station of the training counted for in a model.
@@ -102,41 +156,6 @@ fn weights(models: &Models, model: Model) -> &[f64] {
         Model::Full => models.full.as_ref().map_or(&[], |full| &full.weights),
         Model::RawCommand | Model::Table => &[],
     }
-}
-
-/// Every session of a pool judged by the models of all the others, its base and target refitted.
-pub(super) fn sessions(
-    arm: &Arm,
-    observed: &Observed,
-    training: &[JoinedSession],
-    settings: &TrainingSettings<'_>,
-    first: usize,
-    progress: &dyn Progress,
-) -> Result<Vec<ResidualSet>, FitError> {
-    let refit = RefitSettings {
-        first,
-        // Each session of a pool has a mounting of its own.
-        with_target: true,
-    };
-    progress.begin("sessions left out", training.len() as u64);
-    let judge = |(place, session): (usize, &JoinedSession)| {
-        let models = fit::models::train(
-            arm,
-            &observed.without_session(place),
-            training.len() - 1,
-            settings,
-        )?;
-        let own: Vec<_> = observed.of_session(place).map(|(o, _)| o.clone()).collect();
-        let stations = Stations {
-            session: &session.name,
-            observations: &own,
-        };
-        progress.advance(1);
-        Ok(evaluate::unseen_session(arm, &models, stations, refit))
-    };
-    let judged: Result<Vec<_>, FitError> = training.par_iter().enumerate().map(judge).collect();
-    progress.end();
-    Ok(judged?.into_iter().flatten().collect())
 }
 
 /// Adds residuals to the set of their subject, in station order.

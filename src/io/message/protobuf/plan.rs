@@ -102,10 +102,10 @@ impl Resolving<'_> {
     fn node(&mut self, index: usize, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
         let of: &Type = &self.descriptors.types[index];
         let has = |name: &str| of.fields.iter().any(|field| field.name == name);
-        let chosen = |want: &Want<'_>| of.fields.iter().find(|f| want.chooses(&f.name, has));
-        if let Some(missing) = wants.iter().find(|want| chosen(want).is_none()) {
+        let choices: Vec<_> = wants.iter().map(|want| want.choice(has)).collect();
+        if let Some(missing) = choices.iter().position(Option::is_none) {
             return Err(SchemaError::NoField {
-                path: self.wanted[missing.slot].to_string(),
+                path: self.wanted[wants[missing].slot].to_string(),
                 message: self.descriptors.types[self.descriptors.root].name.clone(),
                 fields: self.descriptors.leaves().join(", "),
             });
@@ -113,15 +113,20 @@ impl Resolving<'_> {
         let place = self.plan.nodes.len();
         self.plan.nodes.push(Node::default());
         let mut node = Node::default();
-        // The wanted values of each field, to be ousted by the others of its oneof.
-        let mut targets = Vec::new();
+        // Members of oneofs with what is wanted of them, to be ousted by the others.
+        let mut members = Vec::new();
         for field in &of.fields {
-            let inner = wants.iter().filter(|want| want.chooses(&field.name, has));
-            let inner: Vec<_> = inner.map(|want| want.inner()).collect();
-            targets.push(inner.iter().map(target).collect::<Vec<_>>());
+            let chosen = wants.iter().zip(&choices);
+            let chosen = chosen.filter(|(_, choice)| **choice == Some(field.name.as_str()));
+            let inner: Vec<_> = chosen.map(|(want, _)| want.inner()).collect();
             let action = if inner.is_empty() {
                 Action::Skip
             } else {
+                members.extend(
+                    inner
+                        .iter()
+                        .map(|want| (field.oneof, field.number, target(want))),
+                );
                 self.action(field, &inner, &mut node)?
             };
             let (number, ousts) = (field.number, Vec::new());
@@ -132,12 +137,10 @@ impl Resolving<'_> {
             });
         }
         for (entry, field) in node.entries.iter_mut().zip(&of.fields) {
-            let others = of.fields.iter().zip(&targets).filter(|(other, _)| {
-                field.oneof.is_some() && other.oneof == field.oneof && other.number != field.number
+            let others = members.iter().filter(|(oneof, number, _)| {
+                oneof.is_some() && *oneof == field.oneof && *number != field.number
             });
-            entry.ousts = others
-                .flat_map(|(_, targets)| targets.iter().copied())
-                .collect();
+            entry.ousts = others.map(|(.., target)| *target).collect();
         }
         node.entries
             .retain(|entry| entry.action != Action::Skip || !entry.ousts.is_empty());
