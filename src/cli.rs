@@ -44,7 +44,8 @@ struct Arguments {
 const EXIT_CODES: &str = "\
 Exit codes: 0 done and within tolerance; 1 some session has no result;
             2 bad usage or bad pipeline file; 3 all have results, but a tolerance
-            is not met or not shown. 1 outranks 3.
+            is not met or not shown, or more was rejected than the pipeline file
+            allows. 1 outranks 3.
 
 Example:
   posegrid run pipelines/quickstart.toml";

@@ -97,15 +97,45 @@ pub struct LogReject {
     pub byte_start: u64,
     /// One past its last byte.
     pub byte_end: u64,
-    /// First and last log time lost, ns of the log's clock, where known.
+    /// First and last moment lost, ns, where known.
     pub time_span_ns: Option<(i64, i64)>,
+    /// The clock of these moments.
+    pub clock: SpanClock,
     /// How many messages were lost, where known.
     pub messages: Option<u64>,
     /// Why, in words.
     pub reason: String,
 }
 
+/// Which clock a time span is in.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SpanClock {
+    /// The recorder's: log times.
+    #[default]
+    Log,
+    /// The time source that the pipeline file names for the controller.
+    Controller,
+    /// The time source that it names for the tracker.
+    Tracker,
+}
+
+impl SpanClock {
+    /// As the tables call it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Log => "log",
+            Self::Controller => "controller",
+            Self::Tracker => "tracker",
+        }
+    }
+}
+
 impl LogReject {
+    /// Whether bytes of the file are lost: not messages of a known topic, and not bytes without messages.
+    pub fn is_damage(&self) -> bool {
+        self.topic.is_none() && self.messages != Some(0)
+    }
+
     /// Counts one more message, logged at `time_ns`.
     pub fn widen(&mut self, time_ns: i64) {
         let (first, last) = self.time_span_ns.unwrap_or((time_ns, time_ns));
@@ -140,7 +170,7 @@ pub enum IngestError {
     /// Nothing of a stream is left.
     #[error(
         "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
-         see `posegrid inspect {file}`"
+         see `posegrid inspect`"
     )]
     NoSamples {
         /// The file.
@@ -215,7 +245,8 @@ fn joints(
     mapping: &Mapping,
     recording: &mut Recording,
 ) -> Result<JointSamples, IngestError> {
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = SpanClock::Controller;
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         let finite = decoded.angles.iter().all(|column| column[row].is_finite());
         (!finite).then_some(RowFault::Angle)
     });
@@ -247,7 +278,11 @@ fn poses(
     if ignore_orientation {
         decoded.orientations = None;
     }
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = match stream {
+        "commands" => SpanClock::Controller,
+        _ => SpanClock::Tracker,
+    };
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         pose_fault(&decoded, row)
     });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
@@ -332,7 +367,8 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
 }
 
 fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, |row| {
+    let clock = SpanClock::Tracker;
+    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
         (!decoded.celsius[row].is_finite()).then_some(RowFault::Temperature)
     });
     let samples = TemperatureSamples {
@@ -354,7 +390,7 @@ impl Rows {
         stamps: &[i64],
         recording: &Recording,
     ) -> Result<(), IngestError> {
-        let (file, topic) = (origins.file.clone(), origins.topic.clone());
+        let (file, topic) = (origins.names(), origins.topic.clone());
         if stamps.len() > 1 && stamps.iter().all(|&stamp| stamp == 0) {
             return Err(IngestError::StampsUnset {
                 file,
@@ -366,7 +402,8 @@ impl Rows {
             return Ok(());
         }
         let earlier = recording.rejects.iter().filter(|reject| {
-            reject.file == file && reject.topic.as_ref().is_none_or(|of| *of == topic)
+            origins.files.contains(&reject.file)
+                && reject.topic.as_ref().is_none_or(|of| *of == topic)
         });
         let first = self.rejects.iter().chain(earlier).next();
         Err(IngestError::NoSamples {

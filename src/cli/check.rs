@@ -1,5 +1,6 @@
 //! `posegrid check`: everything that can be known of a pipeline before a log is opened, in words.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
@@ -68,9 +69,24 @@ fn described(plan: &Plan) -> String {
             100.0 * tolerance.confidence
         ),
     );
+    line(
+        "damage",
+        &format!(
+            "a session has no result when a log lost more than {} % of its bytes",
+            100.0 * plan.max_lost_share
+        ),
+    );
+    line(
+        "rejects",
+        &format!(
+            "exit code 3 when more than {} % of a topic's messages cannot be used",
+            100.0 * plan.max_rejected_share
+        ),
+    );
     line("tables", &near(&plan.lake).display().to_string());
     text += "\n";
     text += &work(plan);
+    text += &split(plan);
     for left in &plan.left_out {
         writeln!(
             text,
@@ -84,6 +100,33 @@ fn described(plan: &Plan) -> String {
         writeln!(text, "note: {remark}").expect("a string");
     }
     text
+}
+
+/// Sessions whose logs are split into several files.
+fn split(plan: &Plan) -> String {
+    let sessions = plan
+        .pieces
+        .iter()
+        .flat_map(|piece| piece.training.iter().chain(&piece.test));
+    let counts: BTreeMap<_, _> = sessions
+        .map(|session| {
+            (
+                &session.name,
+                (session.logs.controller.len(), session.logs.tracker.len()),
+            )
+        })
+        .filter(|(_, counts)| *counts != (1, 1))
+        .collect();
+    let line = |(name, (controller, tracker)): (&String, &(usize, usize))| {
+        format!(
+            "{}: controller's log in {controller} files, tracker's in {tracker}\n",
+            Printable(name)
+        )
+    };
+    counts
+        .iter()
+        .map(|(name, counts)| line((name, counts)))
+        .collect()
 }
 
 /// The arm with its joints, as they are named, how far they go, and which of them carry Hayati's β.

@@ -194,6 +194,9 @@ fn paragraph(session: &str, ending: &Ending) -> String {
                 verdict(&done.verdict),
                 done.run
             );
+            for line in &done.rejected {
+                writeln!(text, "  too much rejected: {}", Printable(line)).expect("a string");
+            }
             for line in &done.words {
                 writeln!(text, "  {}", Printable(line)).expect("a string");
             }
@@ -221,7 +224,7 @@ pub fn near(path: &Path) -> PathBuf {
 fn exit_code(endings: &[Ending]) -> u8 {
     let code = |ending: &Ending| match ending {
         Ending::Failed(_) => NO_RESULT,
-        Ending::Done(done) if done.verdict == Verdict::Meets => DONE,
+        Ending::Done(done) if done.is_good() => DONE,
         Ending::Done(_) => NOT_MET,
     };
     let codes: Vec<u8> = endings.iter().map(code).collect();
@@ -243,6 +246,7 @@ mod tests {
             run: "00ff".to_owned(),
             already_there: true,
             verdict,
+            rejected: Vec::new(),
             words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
             tables: PathBuf::from("lake"),
         })
@@ -259,6 +263,11 @@ mod tests {
         assert_eq!(exit_code(&[done(Verdict::Meets), not_shown()]), 3);
         assert_eq!(exit_code(&[done(Verdict::DoesNotMeet)]), 3);
         assert_eq!(exit_code(&[not_shown(), failed()]), 1);
+        let Ending::Done(mut rejected) = done(Verdict::Meets) else {
+            unreachable!("made here")
+        };
+        rejected.rejected.push("6 of 100 readings".to_owned());
+        assert_eq!(exit_code(&[Ending::Done(rejected)]), 3);
     }
 
     #[test]

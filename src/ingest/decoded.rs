@@ -63,8 +63,8 @@ pub struct DecodedTemperatures {
 /// Which byte range of which file each row was decoded from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Origins {
-    /// The file, as the pipeline names it.
-    pub file: String,
+    /// The files, as the pipeline names them, in row order; several where a recording was split.
+    pub files: Vec<String>,
     /// The topic.
     pub topic: String,
     /// One for each byte range that has rows, in row order.
@@ -76,6 +76,8 @@ pub struct Origins {
 pub struct Origin {
     /// One past the last row that comes from here.
     pub rows_end: usize,
+    /// Which of the files.
+    pub file: usize,
     /// First byte in the file as stored.
     pub byte_start: u64,
     /// One past the last byte.
@@ -87,5 +89,56 @@ impl Origins {
     pub fn of_row(&self, row: usize) -> Option<&Origin> {
         let index = self.blocks.partition_point(|origin| origin.rows_end <= row);
         self.blocks.get(index)
+    }
+
+    /// The files in words.
+    pub fn names(&self) -> String {
+        self.files.join(", ")
+    }
+
+    /// Adds the origins of the rows of a later file behind `rows` own ones.
+    fn append(&mut self, rows: usize, later: Self) {
+        let files = self.files.len();
+        self.blocks.extend(later.blocks.iter().map(|origin| Origin {
+            rows_end: rows + origin.rows_end,
+            file: files + origin.file,
+            ..*origin
+        }));
+        self.files.extend(later.files);
+    }
+}
+
+impl DecodedJoints {
+    /// Adds the rows of a later file.
+    pub fn append(&mut self, mut later: Self) {
+        self.origins.append(self.stamps.len(), later.origins);
+        self.stamps.append(&mut later.stamps);
+        for (column, more) in self.angles.iter_mut().zip(&mut later.angles) {
+            column.append(more);
+        }
+    }
+}
+
+impl DecodedPoses {
+    /// Adds the rows of a later file.
+    pub fn append(&mut self, mut later: Self) {
+        self.origins.append(self.stamps.len(), later.origins);
+        self.stamps.append(&mut later.stamps);
+        self.positions.append(&mut later.positions);
+        if let Some(mut more) = later.orientations {
+            self.orientations.get_or_insert_default().append(&mut more);
+        }
+        if let Some(mut more) = later.covariances {
+            self.covariances.get_or_insert_default().append(&mut more);
+        }
+    }
+}
+
+impl DecodedTemperatures {
+    /// Adds the rows of a later file.
+    pub fn append(&mut self, mut later: Self) {
+        self.origins.append(self.stamps.len(), later.origins);
+        self.stamps.append(&mut later.stamps);
+        self.celsius.append(&mut later.celsius);
     }
 }

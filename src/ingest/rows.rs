@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::decoded::Origins;
-use super::{LogReject, StreamCounts};
+use super::{LogReject, SpanClock, StreamCounts};
 
 /// Why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,6 +48,7 @@ impl Rows {
     pub(super) fn judge(
         stamps: &[i64],
         origins: &Origins,
+        clock: SpanClock,
         fault: impl Fn(usize) -> Option<RowFault>,
     ) -> Self {
         let faults: Vec<_> = (0..stamps.len())
@@ -58,7 +59,7 @@ impl Rows {
         let kept = order.as_ref().map_or(stamps.len(), Vec::len);
         let mut rows = Self {
             order,
-            rejects: rejects(stamps, origins, &faults),
+            rejects: rejects(stamps, origins, clock, &faults),
             counts: StreamCounts {
                 kept: kept as u64,
                 rejected: faults.len() as u64,
@@ -100,18 +101,24 @@ fn kept_in_order(stamps: &[i64], faults: &[(usize, RowFault)]) -> Vec<usize> {
 }
 
 /// One reject for each byte range and fault.
-fn rejects(stamps: &[i64], origins: &Origins, faults: &[(usize, RowFault)]) -> Vec<LogReject> {
-    let mut found: BTreeMap<(u64, RowFault), LogReject> = BTreeMap::new();
+fn rejects(
+    stamps: &[i64],
+    origins: &Origins,
+    clock: SpanClock,
+    faults: &[(usize, RowFault)],
+) -> Vec<LogReject> {
+    let mut found: BTreeMap<(usize, u64, RowFault), LogReject> = BTreeMap::new();
     for &(row, fault) in faults {
         let origin = origins.of_row(row).expect("each row comes from a block");
         let reject = found
-            .entry((origin.byte_start, fault))
+            .entry((origin.file, origin.byte_start, fault))
             .or_insert_with(|| LogReject {
-                file: origins.file.clone(),
+                file: origins.files[origin.file].clone(),
                 topic: Some(origins.topic.clone()),
                 byte_start: origin.byte_start,
                 byte_end: origin.byte_end,
                 time_span_ns: None,
+                clock,
                 messages: Some(0),
                 reason: fault.to_string(),
             });
@@ -128,11 +135,12 @@ mod tests {
     fn origins() -> Origins {
         let origin = |rows_end, byte_start| Origin {
             rows_end,
+            file: 0,
             byte_start,
             byte_end: byte_start + 10,
         };
         Origins {
-            file: "f".to_owned(),
+            files: vec!["f".to_owned()],
             topic: "/t".to_owned(),
             blocks: vec![origin(2, 100), origin(5, 200)],
         }
@@ -142,7 +150,7 @@ mod tests {
     fn rows_are_kept_or_rejected_and_ordered() {
         // Row 3 is faulty; rows 0 and 4 share a stamp and keep their order.
         let stamps = [30, 10, 40, 20, 30];
-        let rows = Rows::judge(&stamps, &origins(), |row| {
+        let rows = Rows::judge(&stamps, &origins(), SpanClock::Tracker, |row| {
             (row == 3).then_some(RowFault::Angle)
         });
         assert_eq!(rows.of(vec!['a', 'b', 'c', 'd', 'e']), ['b', 'a', 'e', 'c']);
@@ -159,13 +167,16 @@ mod tests {
         let reject = &rows.rejects[0];
         assert_eq!((reject.byte_start, reject.byte_end), (200, 210));
         assert_eq!(reject.time_span_ns, Some((20, 20)));
+        assert_eq!(reject.clock, SpanClock::Tracker);
         assert_eq!(reject.messages, Some(1));
     }
 
     #[test]
     fn faults_of_one_block_and_kind_are_one_reject() {
         let stamps = [1, 2, 3, 4, 5];
-        let rows = Rows::judge(&stamps, &origins(), |_| Some(RowFault::Position));
+        let rows = Rows::judge(&stamps, &origins(), SpanClock::Tracker, |_| {
+            Some(RowFault::Position)
+        });
         let summary: Vec<_> = rows
             .rejects
             .iter()

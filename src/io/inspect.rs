@@ -2,18 +2,27 @@
 //!
 //! 1. Read the log as ingest does ([`super::log`]), so damage is what ingest would lose.
 //! 2. Of each message take log time, publish time, sequence and, where its schema has one, the header stamp.
-//! 3. Sum up each channel in the order of the file.
+//! 3. Sum up each channel block by block, in the order of the file; nothing is kept of a message.
+
+mod clock;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Glance, Layout, Limits, MessageRecord, Schema, Visitor,
-    ns, scan,
+    Account, Channel, Extent, FileError, Glance, Limits, MessageRecord, Schema, Suggestion,
+    Visitor, ns, scan, suggest,
 };
 use crate::io::message::{Plan, Row, Value};
 use crate::progress::Progress;
+
+pub use clock::{ClockSummary, Differences};
+
+/// Joint names of a message that are kept, and letters of each: as many as an arm can have.
+const MOST_JOINTS: usize = 64;
+/// The longest message that is kept to guess what is in it.
+const LONGEST_SAMPLE: usize = 64 * 1024;
 
 /// What is in one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,18 +44,29 @@ pub struct ChannelSummary {
     pub encoding: String,
     /// The language of the schema.
     pub schema_encoding: String,
-    /// What the common streams can be made of, if it is one of these.
-    pub layout: Option<Layout>,
+    /// What could be made of it, if that can be told.
+    pub suggestion: Option<Suggestion>,
+    /// Its messages.
+    pub traffic: Traffic,
+}
+
+/// The messages of one channel, or of a part of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Traffic {
     /// Messages.
     pub messages: u64,
+    /// Bytes of them.
+    pub bytes: u64,
     /// Log times.
     pub log: ClockSummary,
     /// Publish times.
     pub publish: ClockSummary,
     /// Header stamps, where messages have them.
     pub header: ClockSummary,
-    /// Smallest and largest log time less header stamp, ns.
-    pub log_less_header_ns: Option<(i64, i64)>,
+    /// Log time less header stamp.
+    pub log_less_header: Differences,
+    /// Log time less publish time.
+    pub log_less_publish: Differences,
     /// Largest sequence number; 0 where the recorder does not count.
     pub last_sequence: u32,
     /// Steps of the sequence number other than one.
@@ -55,83 +75,90 @@ pub struct ChannelSummary {
     pub unreadable: u64,
     /// Joint names of the first message, where they are joint states.
     pub joints: Vec<String>,
-}
-
-/// One clock's times on one channel, ns.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct ClockSummary {
-    /// Times seen.
-    pub count: u64,
-    /// Earliest.
-    pub first: i64,
-    /// Latest.
-    pub last: i64,
-    /// Steps back.
-    pub backward: u64,
-    /// Steps of zero.
-    pub duplicate: u64,
-    /// Largest step forward.
-    pub largest_gap: i64,
-    previous: i64,
-}
-
-impl ClockSummary {
-    fn add(&mut self, time: i64) {
-        if self.count == 0 {
-            (self.first, self.last) = (time, time);
-        } else {
-            let step = time.saturating_sub(self.previous);
-            self.backward += u64::from(step < 0);
-            self.duplicate += u64::from(step == 0);
-            self.largest_gap = self.largest_gap.max(step);
-        }
-        (self.first, self.last) = (self.first.min(time), self.last.max(time));
-        self.previous = time;
-        self.count += 1;
-    }
-
-    /// From the earliest to the latest, s.
-    pub fn span_s(&self) -> f64 {
-        self.last.saturating_sub(self.first) as f64 * 1e-9
-    }
-
-    /// Times per second, where there are at least two moments.
-    pub fn rate_hz(&self) -> Option<f64> {
-        let span = self.span_s();
-        (span > 0.0).then(|| (self.count - 1) as f64 / span)
-    }
+    /// The first and the last sequence number, in the order of the file.
+    sequences: Option<(u32, u32)>,
+    /// The first message, where nothing else tells what is in it.
+    sample: Option<Vec<u8>>,
 }
 
 impl ChannelSummary {
     /// The time source that would suit the channel best.
     pub fn best_time(&self) -> TimeSource {
-        let stamped = self.header.count > 0 && self.header.count == self.messages;
-        if stamped && (self.header.first, self.header.last) != (0, 0) {
+        let Traffic {
+            header, messages, ..
+        } = &self.traffic;
+        let suggested = self.suggestion.as_ref().is_some_and(|found| found.stamped);
+        let stamped = header.count == *messages || (header.count == 0 && suggested);
+        let unset = header.count > 0 && (header.first, header.last) == (0, 0);
+        if stamped && !unset {
             TimeSource::Header
         } else {
             TimeSource::Log
         }
     }
+}
 
-    fn add(&mut self, sample: &Sample) {
-        let jump = self.messages > 0
-            && sample.sequence.wrapping_sub(self.last_sequence) != 1
-            && sample.sequence != 0;
-        self.sequence_jumps += u64::from(jump);
-        self.last_sequence = self.last_sequence.max(sample.sequence);
-        self.messages += 1;
-        self.log.add(sample.log);
-        self.publish.add(sample.publish);
-        match sample.header {
+impl Traffic {
+    fn add(&mut self, message: &MessageRecord<'_>, take: &Take, row: &mut Row) {
+        let (log, publish) = (ns(message.log_time), ns(message.publish_time));
+        self.count_sequence(message.sequence, message.sequence);
+        self.last_sequence = self.last_sequence.max(message.sequence);
+        self.bytes += message.payload.len() as u64;
+        self.log.add(log);
+        self.publish.add(publish);
+        self.log_less_publish.add(log.saturating_sub(publish));
+        let stamp = take.glance.stamp.as_ref();
+        match stamp.map_or(Header::None, |plan| header(plan, message.payload, row)) {
             Header::Stamp(header) => {
                 self.header.add(header);
-                let difference = sample.log.saturating_sub(header);
-                let (least, most) = self.log_less_header_ns.unwrap_or((difference, difference));
-                self.log_less_header_ns = Some((least.min(difference), most.max(difference)));
+                self.log_less_header.add(log.saturating_sub(header));
             }
-            Header::None => {}
             Header::Unreadable => self.unreadable += 1,
+            Header::None => {}
         }
+        if self.messages == 0 {
+            let names = take.glance.joint_names.as_ref();
+            self.joints =
+                names.map_or_else(Vec::new, |plan| joint_names(plan, message.payload, row));
+            let sample = take.sample && message.payload.len() <= LONGEST_SAMPLE;
+            self.sample = sample.then(|| message.payload.to_vec());
+        }
+        self.messages += 1;
+    }
+
+    /// Takes in what follows in the file.
+    fn append(&mut self, later: Self) {
+        if let Some((first, last)) = later.sequences {
+            self.count_sequence(first, last);
+        }
+        if self.joints.is_empty() {
+            self.joints = later.joints;
+        }
+        if self.messages == 0 {
+            self.sample = later.sample;
+        }
+        self.messages += later.messages;
+        self.bytes += later.bytes;
+        self.log.append(&later.log);
+        self.publish.append(&later.publish);
+        self.header.append(&later.header);
+        self.log_less_header.append(later.log_less_header);
+        self.log_less_publish.append(later.log_less_publish);
+        self.last_sequence = self.last_sequence.max(later.last_sequence);
+        self.sequence_jumps += later.sequence_jumps;
+        self.unreadable += later.unreadable;
+    }
+
+    fn count_sequence(&mut self, first: u32, last: u32) {
+        let begin = match self.sequences {
+            None => first,
+            Some((begin, previous)) => {
+                let jump = first != 0 && first.wrapping_sub(previous) != 1;
+                self.sequence_jumps += u64::from(jump);
+                begin
+            }
+        };
+        self.sequences = Some((begin, last));
     }
 }
 
@@ -142,95 +169,86 @@ pub fn inspect(
     progress: &dyn Progress,
 ) -> Result<Inspection, FileError> {
     let mut survey = Survey::default();
-    let account = scan(
-        path,
-        &path.display().to_string(),
-        limits,
-        &mut survey,
-        progress,
-    )?;
-    let mut channels: Vec<_> = survey.channels.into_values().collect();
+    let name = path.display().to_string();
+    let account = scan(path, &name, limits, &mut survey, progress)?;
+    let channels = survey.channels.into_values();
+    let mut channels: Vec<_> = channels.map(Surveyed::summed_up).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { account, channels })
 }
 
-/// What is taken of one message.
-#[derive(Debug)]
-struct Sample {
-    channel: u16,
-    sequence: u32,
-    log: i64,
-    publish: i64,
-    header: Header,
+/// What to take of a channel's messages.
+struct Take {
+    glance: Glance,
+    /// Whether the first one is kept: JSON may come without a schema.
+    sample: bool,
 }
 
-#[derive(Debug, Clone, Copy)]
-enum Header {
-    None,
-    Stamp(i64),
-    Unreadable,
-}
-
-#[derive(Debug, Default)]
-struct Samples {
+/// What one block gives.
+#[derive(Default)]
+struct Part {
     row: Row,
-    taken: Vec<Sample>,
-    joints: BTreeMap<u16, Vec<String>>,
+    traffic: BTreeMap<u16, Traffic>,
+}
+
+/// A channel and its schema's text.
+struct Surveyed {
+    channel: ChannelSummary,
+    definition: Vec<u8>,
+}
+
+impl Surveyed {
+    fn summed_up(self) -> ChannelSummary {
+        let mut channel = self.channel;
+        let sample = channel.traffic.sample.take();
+        channel.suggestion = suggest(
+            &channel.encoding,
+            &channel.type_name,
+            &channel.schema_encoding,
+            &self.definition,
+            sample.as_deref(),
+        );
+        channel
+    }
 }
 
 #[derive(Default)]
 struct Survey {
-    channels: BTreeMap<u16, ChannelSummary>,
+    channels: BTreeMap<u16, Surveyed>,
 }
 
 impl Visitor for Survey {
-    type Decoder = Glance;
-    type Part = Samples;
+    type Decoder = Take;
+    type Part = Part;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Glance, FileError> {
-        self.channels.insert(channel.id, summary(channel, schema));
-        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Take, FileError> {
         let definition = schema.map_or(&[][..], |s| &s.definition);
-        Ok(Glance::of(&channel.encoding, name, language, definition))
+        let surveyed = Surveyed {
+            channel: summary(channel, schema),
+            definition: definition.to_owned(),
+        };
+        self.channels.insert(channel.id, surveyed);
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        Ok(Take {
+            glance: Glance::of(&channel.encoding, name, language, definition),
+            sample: channel.encoding == "json",
+        })
     }
 
-    fn message(&self, glance: &Glance, message: &MessageRecord<'_>, part: &mut Samples) {
-        if let Some(plan) = &glance.joint_names {
-            part.joints
-                .entry(message.channel_id)
-                .or_insert_with(|| names(plan, message.payload));
-        }
-        let stamp = glance.stamp.as_ref();
-        let header = stamp.map_or(Header::None, |plan| {
-            header(plan, message.payload, &mut part.row)
-        });
-        part.taken.push(Sample {
-            channel: message.channel_id,
-            sequence: message.sequence,
-            log: ns(message.log_time),
-            publish: ns(message.publish_time),
-            header,
-        });
+    fn message(&self, take: &Take, message: &MessageRecord<'_>, part: &mut Part) {
+        let traffic = part.traffic.entry(message.channel_id).or_default();
+        traffic.add(message, take, &mut part.row);
     }
 
-    fn clear(&self, part: &mut Samples) {
-        part.taken.clear();
-        part.joints.clear();
+    fn clear(&self, part: &mut Part) {
+        part.traffic.clear();
     }
 
-    fn merge(&mut self, _: &Extent, part: &mut Samples, _: &mut Vec<LogReject>) {
-        for sample in part.taken.drain(..) {
-            self.channels
-                .get_mut(&sample.channel)
-                .expect("met before its messages")
-                .add(&sample);
-        }
-        for (id, names) in std::mem::take(&mut part.joints) {
-            let channel = self.channels.get_mut(&id).expect("met before its messages");
-            if channel.joints.is_empty() {
-                channel.joints = names;
-            }
+    fn merge(&mut self, _: &Extent, part: &mut Part, _: &mut Vec<LogReject>) {
+        for (id, traffic) in std::mem::take(&mut part.traffic) {
+            let surveyed = self.channels.get_mut(&id).expect("met before its messages");
+            surveyed.channel.traffic.append(traffic);
         }
     }
 }
@@ -243,17 +261,17 @@ fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
         schema_encoding: schema
             .map(|schema| schema.encoding.clone())
             .unwrap_or_default(),
-        layout: schema.and_then(|schema| Layout::of_type(&schema.name)),
-        messages: 0,
-        log: ClockSummary::default(),
-        publish: ClockSummary::default(),
-        header: ClockSummary::default(),
-        log_less_header_ns: None,
-        last_sequence: 0,
-        sequence_jumps: 0,
-        unreadable: 0,
-        joints: Vec::new(),
+        suggestion: None,
+        traffic: Traffic::default(),
     }
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Header {
+    None,
+    /// ns.
+    Stamp(i64),
+    Unreadable,
 }
 
 fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
@@ -269,10 +287,15 @@ fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
     }
 }
 
-fn names(plan: &Plan, payload: &[u8]) -> Vec<String> {
-    let mut row = Row::default();
-    match (plan.read(payload, &mut row), row.value(payload, 0).texts()) {
-        (Ok(()), Some(names)) => names.iter().flatten().map(|name| name.to_text()).collect(),
+fn joint_names(plan: &Plan, payload: &[u8], row: &mut Row) -> Vec<String> {
+    let short = |name: String| name.chars().take(MOST_JOINTS).collect();
+    match (plan.read(payload, row), row.value(payload, 0).texts()) {
+        (Ok(()), Some(names)) => names
+            .iter()
+            .flatten()
+            .take(MOST_JOINTS)
+            .map(|name| short(name.to_text()))
+            .collect(),
         _ => Vec::new(),
     }
 }

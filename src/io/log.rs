@@ -6,15 +6,19 @@
 //! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
 //! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
 //! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
-//! 4. [`crate::ingest::ingest`] makes the recording.
+//! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
+//! 5. [`crate::ingest::ingest`] makes the recording.
 
 mod account;
 mod block;
 mod chunk;
+mod foreign;
 mod frames;
+mod packed;
 mod record;
 mod registry;
 mod scan;
+mod session;
 mod source;
 mod streams;
 mod summary;
@@ -31,11 +35,14 @@ use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
+pub use packed::{Packed, PackedFault};
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use scan::{Visitor, ns, scan};
+pub use session::{SessionLogs, decode_session};
 pub use streams::{Glance, Layout, Suggestion, suggest};
-use streams::{Stream, Streams, Wanted};
+use streams::{Stream, Wanted};
+pub use summary::Ending;
 
 /// `[limits]`: what a log may ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -43,10 +50,12 @@ use streams::{Stream, Streams, Wanted};
 pub struct Limits {
     /// The longest record, bytes; attachments, which are not read, may be longer.
     pub record_bytes: u64,
-    /// The largest chunk after decompression, bytes.
+    /// The largest chunk, bytes as stored and decompressed together.
     pub chunk_bytes: u64,
     /// What is worked on at once, bytes as stored and decompressed; a single chunk may be larger.
     pub batch_bytes: u64,
+    /// The largest log that is stored in zstd as a whole, bytes after decompression.
+    pub unpacked_bytes: u64,
 }
 
 impl Default for Limits {
@@ -55,6 +64,7 @@ impl Default for Limits {
             record_bytes: 256 << 20,
             chunk_bytes: 256 << 20,
             batch_bytes: 32 << 20,
+            unpacked_bytes: 64 << 30,
         }
     }
 }
@@ -76,10 +86,41 @@ pub enum FileError {
         /// The file.
         file: String,
     },
+    /// Stored in zstd, and larger than the limit.
+    #[error(
+        "{file}: decompressed it is larger than the limit of {limit} bytes; if that is right, raise unpacked_bytes in \
+         [limits]"
+    )]
+    TooLarge {
+        /// The file.
+        file: String,
+        /// By the settings.
+        limit: u64,
+    },
+    /// Stored in zstd, and damaged from its start.
+    #[error("{file}: it is stored in zstd, and nothing of it can be decompressed: {why}")]
+    NotUnpacked {
+        /// The file.
+        file: String,
+        /// Why, in words.
+        why: String,
+    },
+    /// Stored in zstd, and nowhere to decompress it to.
+    #[error(
+        "{file}: cannot decompress it into {folder}: {source}; let TMPDIR name a folder with room, or decompress the log"
+    )]
+    NoRoom {
+        /// The file.
+        file: String,
+        /// The folder for temporary files.
+        folder: String,
+        /// Why.
+        source: io::Error,
+    },
     /// Something else.
     #[error(
         "{file}: not an MCAP log: it begins with {start:02x?} instead of 89 4d 43 41 50 30 0d 0a{}",
-        what_it_is(start)
+        foreign::what_it_is(start)
     )]
     NotMcap {
         /// The file.
@@ -122,7 +163,8 @@ pub enum LogError {
     },
     /// A topic with messages of several kinds.
     #[error(
-        "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic"
+        "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic, or set \
+         ignore_orientation = true for [tracker]"
     )]
     Mixed {
         /// The file.
@@ -178,20 +220,6 @@ fn by_fields(fields: &[String]) -> String {
     )
 }
 
-/// Guesses what a file is that is no MCAP log.
-fn what_it_is(start: &[u8]) -> &'static str {
-    match start {
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => " (a zstd file: decompress it first)",
-        [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => {
-            " (a ROS 1 bag: convert it with `mcap convert`)"
-        }
-        [b'S', b'Q', b'L', b'i', b't', b'e', ..] => {
-            " (a rosbag2 SQLite file: convert it with `ros2 bag convert`)"
-        }
-        _ => "",
-    }
-}
-
 /// Reads the two logs of a session; both may be the same file.
 ///
 /// Damage does not fail it: what is lost is in the rejects, for the pipeline's limit to judge.
@@ -202,8 +230,8 @@ pub fn read_recording(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Recording, LogError> {
-    let decoded = decode(controller, tracker, mapping, limits, progress)?;
-    Ok(ingest(decoded, mapping)?)
+    let logs = SessionLogs::of_two(controller, tracker);
+    read_session(&logs, mapping, limits, progress)
 }
 
 /// Decodes the two logs of a session into columns in the logs' own units.
@@ -214,45 +242,19 @@ pub fn decode(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Decoded, LogError> {
-    let (of_controller, of_tracker) = wanted(mapping);
-    let mut decoded = Decoded::default();
-    if same_file(controller, tracker) {
-        let all = [of_controller, of_tracker].concat();
-        read_file(
-            controller,
-            "log",
-            all,
-            mapping,
-            limits,
-            progress,
-            &mut decoded,
-        )?;
-    } else {
-        read_file(
-            controller,
-            "controller",
-            of_controller,
-            mapping,
-            limits,
-            progress,
-            &mut decoded,
-        )?;
-        read_file(
-            tracker,
-            "tracker",
-            of_tracker,
-            mapping,
-            limits,
-            progress,
-            &mut decoded,
-        )?;
-    }
-    Ok(decoded)
+    let logs = SessionLogs::of_two(controller, tracker);
+    decode_session(&logs, mapping, limits, progress)
 }
 
-fn same_file(one: &Path, other: &Path) -> bool {
-    let real = |path: &Path| path.canonicalize().ok();
-    one == other || real(one).is_some_and(|one| real(other) == Some(one))
+/// Reads all logs of a session, in bounded memory but for the columns read.
+pub fn read_session(
+    logs: &SessionLogs,
+    mapping: &Mapping,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<Recording, LogError> {
+    let decoded = decode_session(logs, mapping, limits, progress)?;
+    Ok(ingest(decoded, mapping)?)
 }
 
 /// The streams wanted of the controller's log and of the tracker's.
@@ -278,131 +280,6 @@ fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
             .map(|t| wanted(Stream::Temperatures, t, tracker.time)),
     );
     (of_controller, of_tracker)
-}
-
-fn read_file(
-    path: &Path,
-    role: &str,
-    wanted: Vec<Wanted>,
-    mapping: &Mapping,
-    limits: Limits,
-    progress: &dyn Progress,
-    decoded: &mut Decoded,
-) -> Result<(), LogError> {
-    let file = path.display().to_string();
-    let twice = wanted
-        .iter()
-        .enumerate()
-        .find(|(i, w)| wanted[..*i].iter().any(|other| other.topic == w.topic));
-    if let Some((_, twice)) = twice {
-        let topic = twice.topic.clone();
-        return Err(LogError::NamedTwice { file, topic });
-    }
-    let mut streams = Streams::new(&file, wanted.clone(), mapping);
-    let account = scan(path, &file, limits, &mut streams, progress)?;
-    if let Some(missing) = streams.missing_topic() {
-        return Err(unknown_topic(&account, &missing.topic));
-    }
-    take_counts(role, &account, &streams, decoded);
-    for (name, key, value) in account.metadata {
-        remember(&mut decoded.metadata, format!("{name}.{key}"), value, role);
-    }
-    decoded.rejects.extend(account.rejects);
-    for wanted in wanted {
-        take(&wanted, &mut streams, decoded)?;
-    }
-    Ok(())
-}
-
-/// The same key with another value in the second log gets that log's name behind it.
-fn remember(
-    metadata: &mut std::collections::BTreeMap<String, String>,
-    key: String,
-    value: String,
-    role: &str,
-) {
-    match metadata.get(&key) {
-        Some(known) if *known == value => {}
-        Some(_) => {
-            metadata.insert(format!("{key} ({role})"), value);
-        }
-        None => {
-            metadata.insert(key, value);
-        }
-    }
-}
-
-fn unknown_topic(account: &Account, topic: &str) -> LogError {
-    let topics: Vec<_> = account
-        .channels
-        .iter()
-        .map(|channel| format!("{:?}", channel.topic))
-        .collect();
-    let damage = match account.rejects.len() {
-        0 => String::new(),
-        n => format!(
-            " (the log is damaged in {n} places, so topics may be missing; see `posegrid inspect`)"
-        ),
-    };
-    LogError::UnknownTopic {
-        file: account.file.clone(),
-        topic: topic.to_owned(),
-        topics: if topics.is_empty() {
-            "none".to_owned()
-        } else {
-            topics.join(", ")
-        },
-        damage,
-    }
-}
-
-fn take_counts(role: &str, account: &Account, streams: &Streams<'_>, decoded: &mut Decoded) {
-    let mut count = |name: String, count: u64| {
-        *decoded.counts.entry(name).or_default() += count;
-    };
-    count(format!("{role}.bytes"), account.bytes);
-    count(format!("{role}.chunks"), account.chunks.values().sum());
-    count(format!("{role}.chunks_unchecked"), account.chunks_unchecked);
-    count(format!("{role}.messages"), account.messages);
-    count(
-        format!("{role}.messages_outside_chunks"),
-        account.messages_outside_chunks,
-    );
-    for (stream, messages) in &streams.messages {
-        count(format!("{}.messages", stream.name()), *messages);
-        let undecoded = streams.undecoded.get(stream).copied().unwrap_or(0);
-        count(format!("{}.rejected", stream.name()), undecoded);
-    }
-}
-
-fn take(wanted: &Wanted, streams: &mut Streams<'_>, decoded: &mut Decoded) -> Result<(), LogError> {
-    let poses = match wanted.stream {
-        Stream::Joints => {
-            decoded.joints = std::mem::take(&mut streams.joints);
-            return Ok(());
-        }
-        Stream::Temperatures => {
-            decoded.temperatures = Some(std::mem::take(&mut streams.temperatures));
-            return Ok(());
-        }
-        Stream::Commands => decoded
-            .commands
-            .insert(std::mem::take(&mut streams.commands)),
-        Stream::Readings => {
-            decoded.readings = std::mem::take(&mut streams.readings);
-            &mut decoded.readings
-        }
-    };
-    let whole = |rows: Option<usize>| rows.is_none_or(|rows| rows == poses.stamps.len());
-    if whole(poses.orientations.as_ref().map(Vec::len))
-        && whole(poses.covariances.as_ref().map(Vec::len))
-    {
-        return Ok(());
-    }
-    Err(LogError::Mixed {
-        file: poses.origins.file.clone(),
-        topic: poses.origins.topic.clone(),
-    })
 }
 
 impl Stream {

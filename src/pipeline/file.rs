@@ -5,6 +5,7 @@
 //! its paths and names.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -106,18 +107,47 @@ pub struct InputSection {
     /// Sessions that only judge.
     #[serde(default, skip_serializing)]
     pub test: Vec<String>,
-    /// The controller's log in a session's folder.
+    /// The controller's log in a session's folder: a name, a pattern with `*` or `?`, or a list of them.
     #[serde(default = "controller_log", skip_serializing)]
-    pub controller: PathBuf,
+    pub controller: LogNames,
     /// The tracker's log in a session's folder; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
-    pub tracker: PathBuf,
+    pub tracker: LogNames,
     /// Which sessions are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
     /// Share of a log's bytes that may be lost to damage before its session fails.
     #[serde(default = "max_lost_share")]
     pub max_lost_share: f64,
+    /// Share of a topic's messages that may be rejected before a result does not count as good.
+    #[serde(default = "max_rejected_share")]
+    pub max_rejected_share: f64,
+}
+
+/// The files that one side of a session was recorded into, in any order: they are ordered by the times in them.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum LogNames {
+    /// A name, or a pattern.
+    One(String),
+    /// Several.
+    Several(Vec<String>),
+}
+
+impl LogNames {
+    /// Each name or pattern.
+    pub fn patterns(&self) -> &[String] {
+        match self {
+            Self::One(pattern) => std::slice::from_ref(pattern),
+            Self::Several(patterns) => patterns,
+        }
+    }
+}
+
+impl fmt::Display for LogNames {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.patterns().join(", "))
+    }
 }
 
 /// Which sessions are learnt from together.
@@ -248,17 +278,22 @@ impl Default for ReportSection {
     }
 }
 
-fn controller_log() -> PathBuf {
-    PathBuf::from("controller.mcap")
+fn controller_log() -> LogNames {
+    LogNames::One("controller.mcap".to_owned())
 }
 
-fn tracker_log() -> PathBuf {
-    PathBuf::from("tracker.mcap")
+fn tracker_log() -> LogNames {
+    LogNames::One("tracker.mcap".to_owned())
 }
 
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.
 const fn max_lost_share() -> f64 {
     0.01
+}
+
+/// Where one message in twenty cannot be used, something is wrong with the cell or with the pipeline file.
+const fn max_rejected_share() -> f64 {
+    0.05
 }
 
 impl TryFrom<CommandedKeys> for CommandedSection {

@@ -9,6 +9,7 @@
 
 mod checks;
 mod error;
+mod logs;
 mod sessions;
 
 use std::fs;
@@ -50,6 +51,8 @@ pub struct Plan {
     pub limits: Limits,
     /// Share of a log's bytes that may be lost to damage before its session fails.
     pub max_lost_share: f64,
+    /// Share of a topic's messages that may be rejected before a result does not count as good.
+    pub max_rejected_share: f64,
     /// The join.
     pub join: JoinSettings,
     /// How commands are stated, where the logs have them.
@@ -106,6 +109,7 @@ impl Plan {
             valid_for: file.robot.valid_for,
             limits: file.limits,
             max_lost_share: file.input.max_lost_share,
+            max_rejected_share: file.input.max_rejected_share,
             join: file.join,
             pieces: listed.pieces,
             left_out: listed.left_out,

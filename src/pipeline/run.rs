@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 use thiserror::Error;
 
+use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
@@ -20,7 +21,7 @@ use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::log::{LogError, read_recording};
+use crate::io::log::{LogError, read_session};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
@@ -38,10 +39,19 @@ pub struct Done {
     pub already_there: bool,
     /// Whether the tolerance is met.
     pub verdict: Verdict,
+    /// Topics of which more was rejected than the pipeline file allows, in words.
+    pub rejected: Vec<String>,
     /// What came out, line by line.
     pub words: Vec<String>,
     /// Where its tables are.
     pub tables: PathBuf,
+}
+
+impl Done {
+    /// Whether the tolerance is met, and no more was rejected than allowed.
+    pub fn is_good(&self) -> bool {
+        self.verdict == Verdict::Meets && self.rejected.is_empty()
+    }
 }
 
 /// Why a piece of work has no result.
@@ -55,6 +65,14 @@ pub enum RunError {
         /// Why.
         source: std::io::Error,
     },
+    /// A recording that would count twice.
+    #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
+    SameTwice {
+        /// Session and side.
+        side: String,
+        /// The side's files.
+        files: Vec<String>,
+    },
     /// A log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
@@ -67,18 +85,12 @@ pub enum RunError {
         session: String,
     },
     /// More of a log was lost than the pipeline file allows.
-    #[error(
-        "session {session}: {lost} of {bytes} bytes were lost to damage, more than max_lost_share = {allowed} allows; `posegrid inspect` shows where"
-    )]
+    #[error("session {session}: {0}", damage)]
     Damaged {
         /// The session.
         session: String,
-        /// Bytes lost.
-        lost: u64,
-        /// Bytes in all.
-        bytes: u64,
-        /// Share allowed.
-        allowed: f64,
+        /// What was lost.
+        damage: DamageError,
     },
     /// The logs cannot be joined.
     #[error("session {session}: join: {source}")]
@@ -110,7 +122,7 @@ pub fn run_piece(
     let key = work.key();
     let lake = Lake::new(&plan.lake);
     if lake.exists(&key)? {
-        return already_there(&lake, &key);
+        return already_there(plan, &lake, &key);
     }
     let mut joined =
         |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
@@ -132,6 +144,7 @@ pub fn run_piece(
         run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.grids.choice.verdict.clone(),
+        rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm),
         tables: plan.lake.clone(),
     })
@@ -146,12 +159,16 @@ fn work(
 ) -> Result<Work, RunError> {
     let mut inputs = vec![input(&plan.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
-        inputs.push(input(
-            &files.controller,
+        let logs = &files.logs;
+        inputs.extend(log_inputs(
+            &logs.controller,
             &format!("{}/controller", files.name),
         )?);
-        if files.tracker != files.controller {
-            inputs.push(input(&files.tracker, &format!("{}/tracker", files.name))?);
+        if logs.tracker != logs.controller {
+            inputs.extend(log_inputs(
+                &logs.tracker,
+                &format!("{}/tracker", files.name),
+            )?);
         }
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
@@ -164,6 +181,32 @@ fn work(
         inputs,
         settings: plan.settings.clone(),
     })
+}
+
+/// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
+fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
+    let inputs = paths.iter().map(|path| input(path, name));
+    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+    if inputs.len() < 2 {
+        return Ok(inputs);
+    }
+    inputs.sort_by(|a, b| a.digest.cmp(&b.digest));
+    if inputs
+        .windows(2)
+        .any(|pair| pair[0].digest == pair[1].digest)
+    {
+        return Err(RunError::SameTwice {
+            side: name.to_owned(),
+            files: paths
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+        });
+    }
+    for (place, input) in inputs.iter_mut().enumerate() {
+        input.name = format!("{name}/{}", place + 1);
+    }
+    Ok(inputs)
 }
 
 fn input(path: &Path, name: &str) -> Result<Input, RunError> {
@@ -199,7 +242,7 @@ fn robot_name(
 }
 
 /// What the lake says of a run that it has.
-fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
+fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
     let row = lake.read("runs", key)?;
     let text = |column: &str| {
         row.text(column)
@@ -219,6 +262,7 @@ fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
         run: key.run.clone(),
         already_there: true,
         verdict,
+        rejected: rejected(plan, lake, key)?,
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
@@ -228,33 +272,25 @@ fn already_there(lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
 }
 
 fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Recording, RunError> {
-    let recording = read_recording(
-        &files.controller,
-        &files.tracker,
-        &plan.mapping,
-        plan.limits,
-        progress,
-    )?;
-    let bytes: u64 = recording
-        .counts
-        .iter()
-        .filter(|(key, _)| key.rsplit('.').next() == Some("bytes"))
-        .map(|(_, count)| count)
-        .sum();
-    let lost: u64 = recording
-        .rejects
-        .iter()
-        .map(|reject| reject.byte_end.saturating_sub(reject.byte_start))
-        .sum();
-    if lost as f64 > plan.max_lost_share * bytes as f64 {
-        return Err(RunError::Damaged {
-            session: files.name.clone(),
-            lost,
-            bytes,
-            allowed: plan.max_lost_share,
-        });
-    }
+    let recording = read_session(&files.logs, &plan.mapping, plan.limits, progress)?;
+    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
+        session: files.name.clone(),
+        damage,
+    })?;
     Ok(recording)
+}
+
+/// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
+fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunError> {
+    let row = lake.read("runs", key)?;
+    let counts = row
+        .text("counts")
+        .iter()
+        .flatten()
+        .next()
+        .unwrap_or("[]")
+        .to_owned();
+    Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
 }
 
 fn joined(
@@ -349,6 +385,7 @@ fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
 fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let mut words = Vec::new();
     for session in outcome.training.iter().chain(&outcome.test) {
+        words.extend(damage::words(&session.name, &session.counts));
         let stations = &session.joined.stations;
         let paired = stations
             .iter()

@@ -255,6 +255,32 @@ fn a_flipped_byte_outside_chunks_is_noticed_by_the_checksum_of_all() {
 }
 
 #[test]
+fn a_message_that_cannot_be_used_does_not_hide_another_that_is_damaged() {
+    let (_, log) = storages().remove(3);
+    let messages: Vec<_> = frames(&log)
+        .into_iter()
+        .filter(|f| f.2 == mcap::records::op::MESSAGE)
+        .collect();
+    let mut damaged = log;
+    // One message whose encapsulation is none, and one whose stamp is another: 22 bytes of header stand before them.
+    for (place, offset) in [(40, 1), (50, 4)] {
+        damaged[messages[place].0 + 9 + 22 + offset] ^= 0x40;
+    }
+    let recording = read(&damaged).expect("still decodes");
+    let told = |text: &str| {
+        recording
+            .rejects
+            .iter()
+            .any(|reject| reject.reason.contains(text))
+    };
+    assert!(
+        told("encapsulation") && told("checksum of all records"),
+        "{:?}",
+        recording.rejects
+    );
+}
+
+#[test]
 fn channels_defined_in_a_lost_chunk_are_known_from_the_summary() {
     let log = session_log(Some(Compression::Zstd), MESSAGES);
     let (start, end, _) = *frames(&log)

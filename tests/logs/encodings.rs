@@ -29,6 +29,26 @@ struct Form {
 const TIME: &str = "================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
 const POINT: &str = "================\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n";
 
+/// A message of every form, with all that is said of it.
+pub fn samples() -> Vec<Sample> {
+    let forms = joint_forms().into_iter().chain(reading_forms());
+    let sample = |form: Form| Sample {
+        form: (form.encoding, form.language),
+        type_name: form.type_name,
+        message: (form.message)(stamp(7), 0.25),
+        definition: form.definition,
+    };
+    forms.map(sample).collect()
+}
+
+/// A message with its encoding, its schema's language, its type and its schema.
+pub struct Sample {
+    pub form: (&'static str, &'static str),
+    pub type_name: &'static str,
+    pub definition: Vec<u8>,
+    pub message: Vec<u8>,
+}
+
 fn of_ros(type_name: &'static str, text: &str, message: fn(i64, f64) -> Vec<u8>) -> Form {
     Form {
         type_name,

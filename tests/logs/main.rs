@@ -1,8 +1,13 @@
 //! Logs in, recordings out: on real recordings, on logs built here, and on logs that were damaged on purpose.
 
 mod build;
+mod conformance;
 mod damage;
 mod encodings;
+mod files;
+mod fuzz;
 mod inspect;
+mod mutator;
+mod raw;
 mod recordings;
 mod sound;

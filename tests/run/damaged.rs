@@ -95,6 +95,41 @@ fn damage_beyond_the_limit_of_the_pipeline_file_fails_the_session() {
     assert!(cell.lake().is_empty());
 }
 
+/// The log with one joint state in ten cut short.
+fn with_short_messages(log: &[u8]) -> Vec<u8> {
+    let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).expect("in memory");
+    let mut joints = 0;
+    for message in mcap::MessageStream::new(log).expect("a log") {
+        let mut message = message.expect("sound");
+        if message.channel.topic == "/joint_states" {
+            joints += 1;
+            let whole = message.data.len();
+            let kept = if joints % 10 == 0 { whole / 2 } else { whole };
+            message.data = message.data[..kept].to_vec().into();
+        }
+        writer.write(&message).expect("in memory");
+    }
+    writer.finish().expect("in memory");
+    writer.into_inner().into_inner()
+}
+
+#[test]
+fn more_rejected_messages_than_the_pipeline_file_allows_are_told_now_and_later() {
+    let cell = Cell::new()
+        .with("harmonics = 12", "enabled = false")
+        .with_simulated("mon", &["--random", "12"])
+        .with_log("mon", "controller.mcap", |log| with_short_messages(&log));
+    let told = "joint messages were rejected (9.90";
+    let texts = [told, "max_rejected_share = 0.05", "12 stations"];
+    cell.run(&[]).expect(3, &texts);
+    cell.run(&[]).expect(3, &["done before", told]);
+    let cell = cell.with("# sessions", "max_rejected_share = 0.2");
+    let allowed = cell.run(&[]);
+    assert!(!allowed.results.contains(told), "{}", allowed.results);
+    let rejects = cell.path("lake/rejects/kr210-demo/mon");
+    assert_eq!(fs::read_dir(rejects).expect("published").count(), 2);
+}
+
 #[test]
 fn inspect_exits_with_0_on_a_sound_log_and_with_3_on_a_damaged_one() {
     let cell = Cell::new().with_quickstart("mon");

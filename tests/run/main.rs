@@ -8,4 +8,5 @@ mod damaged;
 mod interrupted;
 mod joints;
 mod same_work;
+mod split;
 mod targets;

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::packed::Packed;
 use super::record::ChunkRecord;
 use super::registry::Channel;
+use super::summary::Ending;
 use crate::ingest::LogReject;
 
 /// Rejects of one log that are listed one by one; the rest is told together.
@@ -14,8 +16,12 @@ const MOST_REJECTS: usize = 10_000;
 pub struct Account {
     /// The file, as it was named.
     pub file: String,
-    /// Its size.
+    /// Its size, decompressed if it was stored in zstd as a whole: all places in it are places in that.
     pub bytes: u64,
+    /// How it is stored in zstd, if it is.
+    pub packed: Option<Packed>,
+    /// How it ends.
+    pub ending: Ending,
     /// Conventions of the log, such as `ros2`.
     pub profile: String,
     /// What wrote it.
@@ -49,6 +55,24 @@ impl Account {
         }
     }
 
+    /// Bytes that cannot be read, each counted once; not those of sound messages that a stream cannot use.
+    pub fn bytes_lost(&self) -> u64 {
+        let mut ranges: Vec<_> = self
+            .rejects
+            .iter()
+            .filter(|reject| reject.is_damage())
+            .map(|reject| (reject.byte_start, reject.byte_end))
+            .collect();
+        ranges.sort_unstable();
+        let mut reached = 0;
+        let mut lost = 0;
+        for (start, end) in ranges {
+            lost += end.saturating_sub(start.max(reached));
+            reached = reached.max(end);
+        }
+        lost
+    }
+
     /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
     pub(super) fn reject(&mut self, reject: LogReject) {
         let full = self.rejects.len() >= MOST_REJECTS;
@@ -69,5 +93,38 @@ impl Account {
             }
             _ => self.rejects.push(reject),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ingest::SpanClock;
+
+    #[test]
+    fn lost_bytes_are_counted_once_and_notes_are_not_losses() {
+        let reject = |range: std::ops::Range<u64>, topic: Option<&str>, messages| LogReject {
+            file: "f".to_owned(),
+            topic: topic.map(str::to_owned),
+            byte_start: range.start,
+            byte_end: range.end,
+            time_span_ns: None,
+            clock: SpanClock::Log,
+            messages,
+            reason: String::new(),
+        };
+        let account = Account {
+            rejects: vec![
+                reject(100..300, None, None),
+                // Twice the same chunk, and one that reaches into it: 50 bytes more.
+                reject(100..300, None, Some(7)),
+                reject(50..150, None, None),
+                // A summary that is damaged, and messages that a stream cannot use.
+                reject(400..900, None, Some(0)),
+                reject(400..900, Some("/joints"), Some(3)),
+            ],
+            ..Account::default()
+        };
+        assert_eq!(account.bytes_lost(), 250);
     }
 }

@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::chunk::{ChunkFault, Decompressor};
 use super::frames::Records;
 use super::record::{ChannelRecord, ChunkRecord, MessageRecord, MetadataRecord, SchemaRecord, op};
-use super::registry::{Refused, Registry};
+use super::registry::{MOST_DEFINITIONS, Refused, Registry};
 use super::scan::Visitor;
 
 /// A byte range of the file and how it is stored.
@@ -53,10 +53,21 @@ pub enum BlockFault {
         "channel or schema {0} is defined again and differently: which of the two is meant cannot be told"
     )]
     Redefined(u16),
+    /// Messages of more channels than are told one by one.
+    #[error("messages of other channels that no record before them defines")]
+    UnknownChannels,
     /// Too many definitions.
-    #[error("the log defines more than 64 MiB of schemas and channels")]
+    #[error("the log defines more than {} MiB of schemas and channels", MOST_DEFINITIONS >> 20)]
     TooManyDefinitions,
+    /// More metadata than anyone reads.
+    #[error("the log has more than {} MiB of metadata records; the rest was not read, no message is lost", MOST_METADATA >> 20)]
+    TooMuchMetadata,
 }
+
+/// Bytes of metadata records that are kept of one log.
+pub const MOST_METADATA: usize = 1024 * 1024;
+/// Channels of a block that nothing defines, told one by one.
+const MOST_UNKNOWN: usize = 1000;
 
 /// Messages of a block that were left out for one reason.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -100,7 +111,7 @@ pub struct Block<P> {
     /// What was left out of it.
     pub faults: Vec<(BlockFault, Tally)>,
     /// Its metadata records: name, key, value.
-    pub metadata: Vec<(String, String, String)>,
+    pub metadata: Metadata,
     /// Messages walked.
     pub messages: u64,
     records: Vec<u8>,
@@ -115,7 +126,7 @@ impl<P: Default> Default for Block<P> {
             part: P::default(),
             outcome: Outcome::Walked,
             faults: Vec::new(),
-            metadata: Vec::new(),
+            metadata: Metadata::default(),
             messages: 0,
             records: Vec::new(),
             decompressor: Decompressor::default(),
@@ -131,14 +142,13 @@ impl<P> Block<P> {
         registry: &Registry<V::Decoder>,
         chunk_limit: u64,
     ) {
-        self.metadata.clear();
+        self.metadata = Metadata::default();
         if let Some(chunk) = &self.extent.chunk {
-            let header = usize::try_from(chunk.header_size).expect("a few bytes");
-            let stored = self.stored.get(9 + header..).unwrap_or_default();
-            if let Err(fault) = self
+            let stored = body(chunk, &self.stored);
+            let opened = self
                 .decompressor
-                .run(chunk, stored, chunk_limit, &mut self.records)
-            {
+                .run(chunk, stored, chunk_limit, &mut self.records);
+            if let Err(fault) = opened {
                 self.clear(visitor);
                 self.outcome = Outcome::Rejected(fault.into());
                 return;
@@ -171,9 +181,15 @@ impl<P> Block<P> {
         })
     }
 
+    /// Bytes of the buffers that it keeps for the next block.
+    pub fn kept(&self) -> u64 {
+        (self.stored.capacity() + self.records.capacity()) as u64
+    }
+
     fn clear<V: Visitor<Part = P>>(&mut self, visitor: &V) {
         visitor.clear(&mut self.part);
         self.faults.clear();
+        self.metadata = Metadata::default();
         self.messages = 0;
     }
 
@@ -187,7 +203,7 @@ impl<P> Block<P> {
         self.outcome = Outcome::Walked;
         let in_chunk = self.extent.chunk.is_some();
         let bytes = records(&self.extent, &self.stored, &self.records);
-        let mut unknown: BTreeMap<u16, Tally> = BTreeMap::new();
+        let mut unknown = Unknown::default();
         for record in Records::new(bytes) {
             let seen = match record {
                 Err(at) => Seen::Fault(BlockFault::Framing(at)),
@@ -197,17 +213,14 @@ impl<P> Block<P> {
                         self.messages += 1;
                         match registry.decoder(message.channel_id) {
                             Some(decoder) => visitor.message(decoder, &message, &mut self.part),
-                            None => unknown
-                                .entry(message.channel_id)
-                                .or_default()
-                                .add(message.log_time),
+                            None => unknown.add(&message),
                         }
                         Seen::Known
                     }
                 },
                 Ok((_, op::SCHEMA, body)) => see_schema(registry, body),
                 Ok((_, op::CHANNEL, body)) => see_channel(registry, body),
-                Ok((_, op::METADATA, body)) if !in_chunk => take_metadata(body, &mut self.metadata),
+                Ok((_, op::METADATA, body)) if !in_chunk => self.metadata.take(body),
                 Ok((_, opcode, _)) => Seen::Fault(BlockFault::Opcode(opcode)),
             };
             match seen {
@@ -223,22 +236,99 @@ impl<P> Block<P> {
                 }
             }
         }
-        if !unknown.is_empty() && !last {
+        if !unknown.channels.is_empty() && !last {
             self.outcome = Outcome::Defines;
         }
-        let unknown = unknown
-            .into_iter()
-            .map(|(id, tally)| (BlockFault::UnknownChannel(id), tally));
-        self.faults.extend(unknown);
+        self.faults.extend(unknown.into_faults());
     }
 }
 
-fn records<'b>(extent: &Extent, stored: &'b [u8], decompressed: &'b [u8]) -> &'b [u8] {
-    if extent.chunk.is_some() {
-        decompressed
-    } else {
-        stored
+/// Messages whose channel nothing defines.
+#[derive(Default)]
+struct Unknown {
+    channels: BTreeMap<u16, Tally>,
+    others: Option<Tally>,
+}
+
+impl Unknown {
+    fn add(&mut self, message: &MessageRecord<'_>) {
+        let full = self.channels.len() >= MOST_UNKNOWN;
+        let tally = match self.channels.get_mut(&message.channel_id) {
+            Some(tally) => tally,
+            None if full => self.others.get_or_insert_default(),
+            None => self.channels.entry(message.channel_id).or_default(),
+        };
+        tally.add(message.log_time);
     }
+
+    fn into_faults(self) -> impl Iterator<Item = (BlockFault, Tally)> {
+        let others = self
+            .others
+            .map(|tally| (BlockFault::UnknownChannels, tally));
+        self.channels
+            .into_iter()
+            .map(|(id, tally)| (BlockFault::UnknownChannel(id), tally))
+            .chain(others)
+    }
+}
+
+/// Metadata records, as far as they are kept.
+#[derive(Debug, Clone, Default)]
+pub struct Metadata {
+    /// Name, key, value.
+    pub entries: Vec<(String, String, String)>,
+    size: usize,
+}
+
+impl Metadata {
+    fn take(&mut self, body: &[u8]) -> Seen {
+        let Some(record) = MetadataRecord::read(body) else {
+            return Seen::Fault(BlockFault::Malformed(op::METADATA));
+        };
+        for (key, value) in record.pairs {
+            if !self.push(record.name, key, value) {
+                return Seen::Fault(BlockFault::TooMuchMetadata);
+            }
+        }
+        Seen::Known
+    }
+
+    /// Takes an entry in, if there is room for it.
+    fn push(&mut self, name: &str, key: &str, value: &str) -> bool {
+        // The name is kept once for each of its keys.
+        let size = name.len() + key.len() + value.len() + size_of::<(String, String, String)>();
+        let fits = self.size + size <= MOST_METADATA;
+        if fits {
+            self.size += size;
+            let entry = (name.to_owned(), key.to_owned(), value.to_owned());
+            self.entries.push(entry);
+        }
+        fits
+    }
+
+    /// Moves the entries of `later` behind its own; tells whether there was room for all.
+    pub fn append(&mut self, later: &Self) -> bool {
+        let mut entries = later.entries.iter();
+        entries.all(|(name, key, value)| self.push(name, key, value))
+    }
+}
+
+/// The records of a block: in the file as stored, or as decompressed.
+fn records<'b>(extent: &Extent, stored: &'b [u8], decompressed: &'b [u8]) -> &'b [u8] {
+    match &extent.chunk {
+        None => stored,
+        Some(chunk) if chunk.compression.is_empty() => body(chunk, stored),
+        Some(_) => decompressed,
+    }
+}
+
+/// The stored bytes of a chunk's records.
+fn body<'b>(chunk: &ChunkRecord, stored: &'b [u8]) -> &'b [u8] {
+    let place = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
+    let start = 9 + place(chunk.header_size);
+    let end = start.saturating_add(place(chunk.compressed_size));
+    // Bytes behind them belong to a later version of the format.
+    stored.get(start..end.min(stored.len())).unwrap_or_default()
 }
 
 /// What a record is to the walk.
@@ -262,21 +352,6 @@ fn see_channel<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
         Some(channel) if registry.has_channel(&channel) => Seen::Known,
         Some(_) => Seen::New,
     }
-}
-
-fn take_metadata(body: &[u8], metadata: &mut Vec<(String, String, String)>) -> Seen {
-    let Some(record) = MetadataRecord::read(body) else {
-        return Seen::Fault(BlockFault::Malformed(op::METADATA));
-    };
-    let pairs = record.pairs.iter();
-    metadata.extend(pairs.map(|(key, value)| {
-        (
-            record.name.to_owned(),
-            (*key).to_owned(),
-            (*value).to_owned(),
-        )
-    }));
-    Seen::Known
 }
 
 /// Takes the definitions of sound records in; the walk afterwards notes the others.

@@ -11,11 +11,12 @@ use super::record::ChunkRecord;
 pub enum ChunkFault {
     /// Larger than the limit.
     #[error(
-        "the chunk says it holds {stated} bytes, the limit is {limit}; if that is right, raise chunk_bytes in [limits]"
+        "the chunk says it takes {needed} bytes as stored and decompressed, the limit is {limit}; if that is right, raise \
+         chunk_bytes in [limits]"
     )]
     TooLarge {
         /// By its header.
-        stated: u64,
+        needed: u64,
         /// By the settings.
         limit: u64,
     },
@@ -48,6 +49,15 @@ pub enum ChunkFault {
     Memory(u64),
 }
 
+/// Refuses a chunk whose header asks for more than the limit.
+pub fn within(chunk: &ChunkRecord, limit: u64) -> Result<(), ChunkFault> {
+    let needed = chunk.needs();
+    if needed > limit {
+        return Err(ChunkFault::TooLarge { needed, limit });
+    }
+    Ok(())
+}
+
 /// Decompresses chunks, keeping its context for the next one.
 #[derive(Default)]
 pub struct Decompressor {
@@ -55,7 +65,8 @@ pub struct Decompressor {
 }
 
 impl Decompressor {
-    /// Fills `records` with the chunk's records and checks their size and checksum.
+    /// Fills `records` with the chunk's records, or leaves them where they are stored if they are not compressed, and
+    /// checks their size and checksum.
     pub fn run(
         &mut self,
         chunk: &ChunkRecord,
@@ -63,36 +74,25 @@ impl Decompressor {
         limit: u64,
         records: &mut Vec<u8>,
     ) -> Result<(), ChunkFault> {
+        within(chunk, limit)?;
         let stated = chunk.uncompressed_size;
-        if stated > limit {
-            return Err(ChunkFault::TooLarge { stated, limit });
-        }
         let size = usize::try_from(stated).map_err(|_| ChunkFault::Memory(stated))?;
         records.clear();
         match chunk.compression.as_str() {
-            "" if stored.len() != size => {
-                let found = stored.len() as u64;
-                return Err(ChunkFault::Size { stated, found });
+            "" => return check(chunk, stored),
+            // Bounded by the limit; only what is really decompressed is ever touched.
+            "zstd" | "lz4" if records.try_reserve_exact(size + 1).is_err() => {
+                return Err(ChunkFault::Memory(stated));
             }
-            "" => records.extend_from_slice(stored),
-            "zstd" => self.zstd(stored, size, records)?,
+            "zstd" => self.zstd(stored, records)?,
             "lz4" => lz4(stored, size, records)?,
             other => return Err(ChunkFault::Compression(other.to_owned())),
         }
         check(chunk, records)
     }
 
-    fn zstd(
-        &mut self,
-        stored: &[u8],
-        size: usize,
-        records: &mut Vec<u8>,
-    ) -> Result<(), ChunkFault> {
+    fn zstd(&mut self, stored: &[u8], records: &mut Vec<u8>) -> Result<(), ChunkFault> {
         let damaged = |error: std::io::Error| ChunkFault::Damaged(error.to_string());
-        // Bounded by the limit; only what is really decompressed is ever touched.
-        records
-            .try_reserve_exact(size)
-            .map_err(|_| ChunkFault::Memory(size as u64))?;
         let zstd = match &mut self.zstd {
             Some(zstd) => zstd,
             none => none.insert(zstd::bulk::Decompressor::new().map_err(damaged)?),
@@ -153,9 +153,12 @@ mod tests {
             header_size: 0,
         };
         let mut records = Vec::new();
-        Decompressor::default()
-            .run(&chunk, stored, 1000, &mut records)
-            .map(|()| records)
+        Decompressor::default().run(&chunk, stored, 1000, &mut records)?;
+        Ok(if compression.is_empty() {
+            stored.to_vec()
+        } else {
+            records
+        })
     }
 
     #[test]
@@ -190,7 +193,7 @@ mod tests {
         assert_eq!(
             refused,
             Err(ChunkFault::TooLarge {
-                stated: u64::MAX,
+                needed: u64::MAX,
                 limit: 1000
             })
         );

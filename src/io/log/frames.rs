@@ -17,7 +17,7 @@ use super::record::{ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_m
 use super::source::Source;
 
 /// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.
-const MOST_PROBES: u32 = 100_000;
+const MOST_PROBES: u32 = 1_000_000;
 /// Sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;
 
@@ -108,6 +108,7 @@ pub struct Frames<'s> {
     chunked: bool,
     ended: bool,
     data_crc: Option<(u64, u32)>,
+    data_end: Option<u64>,
 }
 
 impl<'s> Frames<'s> {
@@ -121,6 +122,7 @@ impl<'s> Frames<'s> {
             chunked: false,
             ended: false,
             data_crc: None,
+            data_end: None,
         }
     }
 
@@ -137,6 +139,11 @@ impl<'s> Frames<'s> {
     /// Where the data section ends and its checksum, where its end record was met and gives one.
     pub const fn data_crc(&self) -> Option<(u64, u32)> {
         self.data_crc
+    }
+
+    /// One past the record that ends the data section, if it was met.
+    pub const fn data_end(&self) -> Option<u64> {
+        self.data_end
     }
 
     /// The next part of the data section; `None` after its end.
@@ -189,6 +196,7 @@ impl<'s> Frames<'s> {
                 let body = self.source.peek(start + FRAME_HEADER, 4)?;
                 let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
                 self.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
+                self.data_end = Some(end);
                 self.ended = true;
                 None
             }
@@ -196,7 +204,7 @@ impl<'s> Frames<'s> {
                 self.ended = true;
                 None
             }
-            // Attachments, and the summary of a log whose data end record is lost, carry no messages.
+            // An attachment.
             _ => None,
         })
     }
@@ -224,7 +232,7 @@ impl<'s> Frames<'s> {
                 Loss::Framing(start)
             }));
         };
-        let why = if opcode > op::DATA_END {
+        let why = if opcode > op::DATA_END || belongs_to_summary(opcode) {
             Loss::Opcode(opcode)
         } else if opcode != op::ATTACHMENT && length > self.limits.record_bytes {
             Loss::TooLong(self.limits.record_bytes)
@@ -254,12 +262,32 @@ impl<'s> Frames<'s> {
             op::DATA_END => {
                 extends(4, length) && self.summary_follows(start + FRAME_HEADER + length)?
             }
-            op::SUMMARY_OFFSET => extends(17, length),
-            op::METADATA_INDEX => metadata_index_fits(body, length),
             // Only the closing magic bytes follow a footer.
             op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
-            _ => true,
+            _ => self.adds_up(Part::of(opcode), start + FRAME_HEADER, length)?,
         })
+    }
+
+    /// Whether the parts of a body, by the counts in it, are as long as the body.
+    fn adds_up(&mut self, parts: &[Part], body: u64, length: u64) -> io::Result<bool> {
+        let mut fields = 0_u64;
+        for part in parts {
+            let (width, counted) = match *part {
+                Part::Fixed(width) => (width, false),
+                Part::Counted(width) => (width, true),
+            };
+            let mut count = [0; 8];
+            if counted {
+                let bytes = self.source.probe(body + fields, usize::from(width))?;
+                count[..bytes.len()].copy_from_slice(bytes);
+            }
+            let more = u64::from_le_bytes(count).checked_add(u64::from(width));
+            match more.and_then(|more| fields.checked_add(more)) {
+                Some(sum) if sum <= length => fields = sum,
+                _ => return Ok(false),
+            }
+        }
+        Ok(extends(fields, length))
     }
 
     /// Whether a frame at `start` looks like one at a glance: the end of the file, or a known opcode and a length
@@ -288,15 +316,8 @@ impl<'s> Frames<'s> {
         Ok(match opcode {
             None => true,
             Some(opcode) => {
-                matches!(
-                    opcode,
-                    op::SCHEMA
-                        | op::CHANNEL
-                        | op::FOOTER
-                        | op::CHUNK_INDEX
-                        | op::ATTACHMENT_INDEX
-                        | op::STATISTICS
-                ) || matches!(opcode, op::METADATA_INDEX | op::SUMMARY_OFFSET)
+                matches!(opcode, op::SCHEMA | op::CHANNEL | op::FOOTER)
+                    || belongs_to_summary(opcode)
             }
         })
     }
@@ -336,14 +357,18 @@ impl<'s> Frames<'s> {
 
     /// The next place from `from` on where a frame begins that cannot be there by chance.
     fn resynchronise(&mut self, from: u64) -> io::Result<Option<u64>> {
+        let chunked = self.chunked;
         let mut at = from;
         while at < self.source.length() && self.probes_left > 0 {
             let window = self.source.peek(at, usize::MAX)?;
             let candidate = window.windows(9).position(|header| {
-                matches!(
-                    header[0],
-                    op::SCHEMA..=op::CHUNK | op::METADATA | op::DATA_END
-                ) && header[6..9] == [0; 3]
+                let opcode = match header[0] {
+                    op::CHUNK | op::DATA_END => true,
+                    // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
+                    op::SCHEMA..=op::MESSAGE | op::METADATA => !chunked,
+                    _ => false,
+                };
+                opcode && header[6..9] == [0; 3]
             });
             // The last eight bytes of a window are looked at again at the head of the next one.
             let step = candidate.unwrap_or(window.len().saturating_sub(8).max(1));
@@ -368,8 +393,6 @@ impl<'s> Frames<'s> {
                 .chunk(at)?
                 .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
             op::DATA_END => self.could_follow(end),
-            // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
-            _ if self.chunked => Ok(false),
             _ => self.is_chain(end),
         }
     }
@@ -404,9 +427,39 @@ const fn lost(start: u64, end: u64, why: Loss) -> Piece {
     })
 }
 
-fn metadata_index_fits(body: &[u8], length: u64) -> bool {
-    let name_length = body.get(16..20).and_then(|bytes| bytes.first_chunk::<4>());
-    name_length.is_some_and(|bytes| extends(u64::from(u32::from_le_bytes(*bytes)) + 20, length))
+/// Records that only a summary has; in the data section they are something else with a damaged opcode.
+const fn belongs_to_summary(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::CHUNK_INDEX
+            | op::ATTACHMENT_INDEX
+            | op::STATISTICS
+            | op::METADATA_INDEX
+            | op::SUMMARY_OFFSET
+    )
+}
+
+/// Parts of a record's body, as far as its length follows from them.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// So many bytes.
+    Fixed(u8),
+    /// A count in so many bytes, and as many bytes as it says.
+    Counted(u8),
+}
+
+impl Part {
+    /// Of the records whose parts say how long they are, by the specification.
+    const fn of(opcode: u8) -> &'static [Self] {
+        use Part::{Counted, Fixed};
+        match opcode {
+            op::SCHEMA => &[Fixed(2), Counted(4), Counted(4), Counted(4)],
+            op::CHANNEL => &[Fixed(4), Counted(4), Counted(4), Counted(4)],
+            op::ATTACHMENT => &[Fixed(16), Counted(4), Counted(4), Counted(8), Fixed(4)],
+            op::METADATA => &[Counted(4), Counted(4)],
+            _ => &[],
+        }
+    }
 }
 
 /// The body of each record in a sound run of frames, with its place.

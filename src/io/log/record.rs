@@ -60,13 +60,29 @@ impl<'a> Fields<'a> {
         std::str::from_utf8(self.bytes()?).ok()
     }
 
-    fn text_map(&mut self) -> Option<Vec<(&'a str, &'a str)>> {
-        let mut pairs = Fields::new(self.bytes()?);
-        let mut found = Vec::new();
-        while !pairs.rest.is_empty() {
-            found.push((pairs.text()?, pairs.text()?));
+    fn text_map(&mut self) -> Option<TextMap<'a>> {
+        let fields = Fields::new(self.bytes()?);
+        let mut rest = fields.clone();
+        while !rest.rest.is_empty() {
+            rest.text()?;
+            rest.text()?;
         }
-        Some(found)
+        Some(TextMap { fields })
+    }
+}
+
+/// Keys and values, read when they are asked for: eight bytes of a record are enough for a pair, so a list of them would
+/// take many times the record's memory.
+#[derive(Debug, Clone)]
+pub struct TextMap<'a> {
+    fields: Fields<'a>,
+}
+
+impl<'a> Iterator for TextMap<'a> {
+    type Item = (&'a str, &'a str);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some((self.fields.text()?, self.fields.text()?))
     }
 }
 
@@ -228,6 +244,15 @@ impl ChunkRecord {
             && self.header_size.checked_add(self.compressed_size) == Some(length)
     }
 
+    /// Bytes that it takes while it is worked on: as stored and, where compressed, decompressed besides.
+    pub fn needs(&self) -> u64 {
+        if self.compression.is_empty() {
+            self.compressed_size
+        } else {
+            self.compressed_size.saturating_add(self.uncompressed_size)
+        }
+    }
+
     /// Whether it can be decompressed here.
     pub fn has_known_compression(&self) -> bool {
         matches!(self.compression.as_str(), "" | "zstd" | "lz4")
@@ -241,12 +266,12 @@ impl ChunkRecord {
 }
 
 /// A named map of texts.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct MetadataRecord<'a> {
     /// Its name.
     pub name: &'a str,
     /// Keys and values.
-    pub pairs: Vec<(&'a str, &'a str)>,
+    pub pairs: TextMap<'a>,
 }
 
 impl<'a> MetadataRecord<'a> {
@@ -322,7 +347,7 @@ mod tests {
         let lying = [&[1, 0, 2, 0][..], &u32::MAX.to_le_bytes(), b"/topic"].concat();
         assert_eq!(ChannelRecord::read(&lying), None);
         assert_eq!(SchemaRecord::read(&lying), None);
-        assert_eq!(MetadataRecord::read(&lying[4..]), None);
+        assert!(MetadataRecord::read(&lying[4..]).is_none());
         // Two entries of sixteen bytes, then a count that does not fit the length.
         let index = [&[7, 0][..], &32_u32.to_le_bytes()].concat();
         assert_eq!(indexed_messages(&index, 38), Some(2));

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::record::{ChannelRecord, SchemaRecord};
 
 /// Bytes of definitions that are kept of one log.
-const MOST_DEFINITIONS: usize = 64 * 1024 * 1024;
+pub const MOST_DEFINITIONS: usize = 16 * 1024 * 1024;
 
 /// A message definition as the log has it.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,25 +6,34 @@
 //!    of its own.
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes.
+//! 5. Judge what is known only at the end: the checksum of all records, how the file ends.
 
-use std::fs::File;
+mod blocks;
+mod end;
+
 use std::path::Path;
 
 use mcap::MAGIC;
 use rayon::prelude::*;
 
 use super::account::Account;
-use super::block::{Block, BlockFault, Extent, Outcome, Tally};
+use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
+use super::chunk;
 use super::frames::{Frames, Loss, Lost, Piece};
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
-use super::{FileError, Limits, summary};
-use crate::ingest::LogReject;
+use super::summary::Definitions;
+use super::{FileError, Limits};
+use crate::ingest::{LogReject, SpanClock};
 use crate::progress::Progress;
+use blocks::{Run, settle};
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
+/// Blocks of one batch: each keeps a decompressor.
+const MOST_BLOCKS: usize = 64;
+
 /// What wants a log's messages. `message` is called from many threads, everything else from one.
 pub trait Visitor: Sync {
     /// What it keeps for each channel.
@@ -61,15 +70,11 @@ where
     V::Part: Send,
     E: From<FileError>,
 {
-    let at_fault = |source| FileError::Io {
-        file: name.to_owned(),
-        source,
-    };
-    let file = File::open(path).map_err(at_fault)?;
-    let mut source = Source::new(file).map_err(at_fault)?;
+    let (mut source, packed) = Source::open(path, name, limits, progress)?;
     let mut account = Account {
         file: name.to_owned(),
         bytes: source.length(),
+        packed,
         ..Account::default()
     };
     let start = read_header(&mut source, &mut account)?;
@@ -87,11 +92,15 @@ where
         progress,
         told: 0,
         summary: None,
+        metadata: Metadata::default(),
     };
     scan.run()?;
+    scan.judge_end()?;
     let channels = scan.registry.channels().cloned().collect();
+    let metadata = scan.metadata.entries;
     let mut account = scan.account;
     account.channels = channels;
+    account.metadata = metadata;
     progress.end();
     Ok(account)
 }
@@ -143,8 +152,9 @@ struct Scan<'a, V: Visitor> {
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
-    /// The summary's records, once they were needed.
-    summary: Option<Vec<u8>>,
+    /// What the summary defines, once it was needed.
+    summary: Option<Definitions>,
+    metadata: Metadata,
 }
 
 impl<V, E> Scan<'_, V>
@@ -165,8 +175,13 @@ where
                     }),
                     run,
                 ) => {
-                    let grown = Run::grown(run, start, end, is_message);
-                    self.unless_full(grown)?
+                    // An attachment or an index between two records is stepped over, and ends a run.
+                    let (own, before) = match run {
+                        Some(run) if run.end == start => (Some(run), None),
+                        run => (None, run),
+                    };
+                    before.map_or(Ok(()), |run| self.add_run(&run))?;
+                    self.unless_full(Run::grown(own, start, end, is_message))?
                 }
                 (Some(Piece::Lost(mut lost)), Some(mut run)) => {
                     run.yield_to(&mut lost);
@@ -188,48 +203,6 @@ where
         }
         self.flush()?;
         self.check_unchunked()
-    }
-
-    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one.
-    fn check_unchunked(&mut self) -> Result<(), E> {
-        let Some((data_end, stated)) = self.frames.data_crc() else {
-            return Ok(());
-        };
-        if self.account.messages_outside_chunks == 0 || !self.account.rejects.is_empty() {
-            return Ok(());
-        }
-        let found = self.checksum(data_end)?;
-        if found != stated {
-            let reject = LogReject {
-                file: self.account.file.clone(),
-                topic: None,
-                byte_start: 0,
-                byte_end: data_end,
-                time_span_ns: None,
-                messages: Some(0),
-                reason: format!(
-                    "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
-                     in messages outside chunks it cannot be told which; they were kept"
-                ),
-            };
-            self.account.reject(reject);
-        }
-        Ok(())
-    }
-
-    fn checksum(&mut self, end: u64) -> Result<u32, E> {
-        let mut hasher = crc32fast::Hasher::new();
-        let mut at = 0;
-        let mut bytes = Vec::new();
-        while at < end {
-            bytes.clear();
-            let count = RUN_BYTES.min(end - at);
-            let read = self.frames.source().append(at, count, &mut bytes);
-            read.map_err(|source| self.io(source))?;
-            hasher.update(&bytes);
-            at += count;
-        }
-        Ok(hasher.finalize())
     }
 
     fn take(&mut self, piece: Piece) -> Result<(), E> {
@@ -296,12 +269,16 @@ where
         let block = &mut self.batch[self.filled];
         block.stored.clear();
         let (start, length) = (extent.start, extent.end - extent.start);
-        let read = self
-            .frames
-            .source()
-            .append(start, length, &mut block.stored);
+        // A chunk above the limit is refused by its header, and never read.
+        let chunk = extent.chunk.as_ref();
+        let fits = chunk.is_none_or(|chunk| chunk::within(chunk, self.limits.chunk_bytes).is_ok());
         block.extent = extent;
         self.filled += 1;
+        if !fits {
+            return Ok(());
+        }
+        let stored = &mut block.stored;
+        let read = self.frames.source().append(start, length, stored);
         read.map_err(|source| self.io(source))
     }
 
@@ -319,13 +296,27 @@ where
                 self.define(&mut block)?;
             }
             settle(&mut block, self.visitor, &mut self.account);
+            self.keep(&mut block);
             self.batch[place] = block;
         }
         self.progress.advance(self.frames.at() - self.told);
         self.told = self.frames.at();
         self.filled = 0;
-        self.blocks_at_once = (self.blocks_at_once * 2).min(1024);
+        self.blocks_at_once = (self.blocks_at_once * 2).min(MOST_BLOCKS);
+        self.let_go();
         Ok(())
+    }
+
+    /// Gives buffers back where all blocks together keep more than a batch may hold.
+    fn let_go(&mut self) {
+        let mut kept = 0;
+        for block in &mut self.batch {
+            kept += block.kept();
+            if kept > self.limits.batch_bytes {
+                kept -= block.kept();
+                *block = Block::default();
+            }
+        }
     }
 
     /// Takes in what the block defines and, where that does not suffice because a definition was lost, what the
@@ -336,17 +327,11 @@ where
         if unknown.is_empty() {
             return Ok(());
         }
-        if self.summary.is_none() {
-            let limit = self.limits.record_bytes;
-            let read =
-                summary::read(self.frames.source(), limit).map_err(|source| self.io(source))?;
-            self.summary = Some(read);
-        }
-        let summary = self.summary.as_deref().unwrap_or_default();
-        for (channel, schema) in unknown
-            .iter()
-            .filter_map(|&id| summary::definition(summary, id))
-        {
+        let summary = match self.summary.take() {
+            Some(summary) => summary,
+            None => Definitions::read(self.frames.source()).map_err(|source| self.io(source))?,
+        };
+        for (channel, schema) in unknown.iter().filter_map(|&id| summary.of(id)) {
             if schema.is_some_and(|schema| self.registry.add_schema(&schema).is_err()) {
                 continue;
             }
@@ -356,7 +341,33 @@ where
             })?;
             debug_assert!(added != Err(Refused::Redefined), "unknown until now");
         }
+        self.summary = Some(summary);
         block.define(self.visitor, &mut self.registry)
+    }
+
+    /// Keeps the block's metadata records, if there is room for them.
+    fn keep(&mut self, block: &mut Block<V::Part>) {
+        let later = std::mem::take(&mut block.metadata);
+        if !self.metadata.append(&later) {
+            let fault = BlockFault::TooMuchMetadata.to_string();
+            let place = (block.extent.start, block.extent.end);
+            self.note(place, fault);
+        }
+    }
+
+    /// Tells of bytes without messages.
+    fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
+        let file = self.account.file.clone();
+        self.account.reject(LogReject {
+            file,
+            topic: None,
+            byte_start,
+            byte_end,
+            time_span_ns: None,
+            clock: SpanClock::Log,
+            messages: Some(0),
+            reason,
+        });
     }
 
     fn lose(&mut self, lost: &Lost) {
@@ -368,6 +379,7 @@ where
             byte_start: lost.start,
             byte_end: lost.end,
             time_span_ns: times,
+            clock: SpanClock::Log,
             messages,
             reason: lost.why.to_string(),
         };
@@ -382,78 +394,9 @@ where
 
 /// Bytes that a block may occupy while it is worked on.
 fn weight(extent: &Extent, limits: Limits) -> u64 {
-    let unpacked = extent
-        .chunk
-        .as_ref()
-        .map_or(0, |chunk| chunk.uncompressed_size.min(limits.chunk_bytes));
-    (extent.end - extent.start).saturating_add(unpacked)
-}
-
-/// Merges a block that was walked, accounts for one that was not.
-fn settle<V: Visitor>(block: &mut Block<V::Part>, visitor: &mut V, account: &mut Account) {
-    let Extent {
-        start,
-        end,
-        ref chunk,
-        indexed,
-    } = block.extent;
-    let reject = |fault: &BlockFault, tally: &Tally| LogReject {
-        file: account.file.clone(),
-        topic: None,
-        byte_start: start,
-        byte_end: end,
-        time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
-        messages: tally.messages,
-        reason: fault.to_string(),
-    };
-    let mut rejects: Vec<_> = block
-        .faults
-        .iter()
-        .map(|(fault, tally)| reject(fault, tally))
-        .collect();
-    if let Outcome::Rejected(fault) = &block.outcome {
-        let tally = Tally {
-            messages: indexed,
-            times: chunk
-                .as_ref()
-                .map(|chunk| (chunk.start_time, chunk.end_time)),
-        };
-        rejects.push(reject(fault, &tally));
-    } else {
-        account.count(chunk.as_ref(), block.messages);
-        visitor.merge(&block.extent, &mut block.part, &mut rejects);
-    }
-    account.metadata.append(&mut block.metadata);
-    for reject in rejects {
-        account.reject(reject);
-    }
-}
-
-/// Records outside chunks, one after another.
-struct Run {
-    start: u64,
-    end: u64,
-    /// Where the last record begins, if it is a message.
-    last_message: Option<u64>,
-}
-
-impl Run {
-    fn grown(run: Option<Self>, start: u64, end: u64, is_message: bool) -> Self {
-        Self {
-            start: run.map_or(start, |run| run.start),
-            end,
-            last_message: is_message.then_some(start),
-        }
-    }
-
-    /// Where framing is lost right behind a message, its own length may be what is wrong.
-    fn yield_to(&mut self, lost: &mut Lost) {
-        if let (Loss::Framing(_), Some(start), true) =
-            (lost.why, self.last_message, lost.start == self.end)
-        {
-            self.end = start;
-            lost.start = start;
-        }
+    match &extent.chunk {
+        None => extent.end - extent.start,
+        Some(chunk) => chunk.needs().min(limits.chunk_bytes),
     }
 }
 

@@ -2,6 +2,11 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::packed::{self, Packed};
+use super::{FileError, Limits};
+use crate::progress::Progress;
 
 /// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;
@@ -19,8 +24,28 @@ pub struct Source {
 }
 
 impl Source {
-    /// Takes an open regular file.
-    pub fn new(file: File) -> io::Result<Self> {
+    /// Opens the log at `path`, which is named `name` in errors; one in zstd is decompressed first.
+    pub fn open(
+        path: &Path,
+        name: &str,
+        limits: Limits,
+        progress: &dyn Progress,
+    ) -> Result<(Self, Option<Packed>), FileError> {
+        let at_fault = |source| FileError::Io {
+            file: name.to_owned(),
+            source,
+        };
+        let file = File::open(path).map_err(at_fault)?;
+        let mut source = Self::new(file).map_err(at_fault)?;
+        if !packed::is_zstd(source.peek(0, 8).map_err(at_fault)?) {
+            return Ok((source, None));
+        }
+        source.file.seek(SeekFrom::Start(0)).map_err(at_fault)?;
+        let (file, packed) = packed::unpack(source.file, name, limits, progress)?;
+        Ok((Self::new(file).map_err(at_fault)?, Some(packed)))
+    }
+
+    fn new(file: File) -> io::Result<Self> {
         let length = file.metadata()?.len();
         Ok(Self {
             file,

@@ -16,7 +16,7 @@ use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
     DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping, Origin, Origins,
-    TimeSource,
+    SpanClock, TimeSource,
 };
 use crate::io::message::{FieldPath, MessageSchema};
 
@@ -63,7 +63,7 @@ impl<'m> Streams<'m> {
     /// Nothing read yet.
     pub fn new(file: &str, wanted: Vec<Wanted>, mapping: &'m Mapping) -> Self {
         let origins = |stream| Origins {
-            file: file.to_owned(),
+            files: vec![file.to_owned()],
             topic: wanted
                 .iter()
                 .find(|w| w.stream == stream)
@@ -97,11 +97,9 @@ impl<'m> Streams<'m> {
         }
     }
 
-    /// The first wanted topic that the file does not have.
-    pub fn missing_topic(&self) -> Option<&Wanted> {
-        self.wanted
-            .iter()
-            .find(|wanted| !self.met.contains(&wanted.stream))
+    /// Whether the file has the stream's topic.
+    pub fn has(&self, stream: Stream) -> bool {
+        self.met.contains(&stream)
     }
 
     fn reader(
@@ -247,6 +245,7 @@ impl Visitor for Streams<'_> {
                 byte_start: extent.start,
                 byte_end: extent.end,
                 time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
+                clock: SpanClock::Log,
                 messages: tally.messages,
                 reason: self.describe(stream, fault),
             });
@@ -278,6 +277,7 @@ fn note(origins: &mut Origins, rows: usize, extent: &Extent) {
     if origins.blocks.last().map_or(0, |origin| origin.rows_end) < rows {
         origins.blocks.push(Origin {
             rows_end: rows,
+            file: 0,
             byte_start: extent.start,
             byte_end: extent.end,
         });

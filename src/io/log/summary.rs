@@ -1,66 +1,174 @@
 //! The summary at the end of a log, as a hint: definitions of channels whose own records were lost.
 //!
-//! Nothing depends on it. It is used only where its checksum, if given, is right.
+//! Nothing depends on it. Definitions are taken from it only where its checksum, if given, is right. How a log ends is
+//! told besides, since other readers do depend on it.
 
+use std::collections::BTreeMap;
 use std::io;
+use std::ops::Range;
 
 use mcap::MAGIC;
 
 use super::frames::Records;
 use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, op};
+use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
 /// Bytes of a footer and the closing magic.
 const TAIL: u64 = FRAME_HEADER + 20 + 8;
+/// Bytes read at once.
+const PIECE: u64 = 256 * 1024;
 
-/// The records of a summary; empty where there is none that can be trusted. At most `limit` bytes are read.
-pub fn read(source: &mut Source, limit: u64) -> io::Result<Vec<u8>> {
-    let none = Ok(Vec::new());
-    let Some(footer) = source.length().checked_sub(TAIL) else {
-        return none;
-    };
-    let mut tail = Vec::new();
-    source.append(footer, TAIL, &mut tail)?;
-    let Some((start, crc)) = summary_start(&tail) else {
-        return none;
-    };
-    if start < 8 || start >= footer || footer - start > limit {
-        return none;
-    }
-    let mut bytes = Vec::new();
-    // The checksum reaches over the footer, up to itself.
-    source.append(start, footer - start + FRAME_HEADER + 16, &mut bytes)?;
-    if crc != 0 && crc32fast::hash(&bytes) != crc {
-        return none;
-    }
-    bytes.truncate(usize::try_from(footer - start).unwrap_or(0));
-    Ok(bytes)
+/// How a log ends.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Ending {
+    /// No footer and no closing magic bytes: something was cut off.
+    #[default]
+    Cut,
+    /// A footer without a summary.
+    NoSummary,
+    /// A summary without a checksum.
+    Unchecked,
+    /// A summary with the right checksum.
+    Sound,
+    /// A summary that is not where its footer says, or with another checksum.
+    Damaged,
 }
 
-/// Where the summary starts and its checksum, if `tail` is a footer and the closing magic.
-fn summary_start(tail: &[u8]) -> Option<(u64, u32)> {
+/// A footer's word on the summary.
+#[derive(Debug, Clone, Copy)]
+struct Footer {
+    /// Where the footer begins.
+    at: u64,
+    summary_start: u64,
+    crc: u32,
+}
+
+/// How the log ends, and where its summary begins if it has one that can be trusted.
+pub fn ending(source: &mut Source) -> io::Result<(Ending, Option<Range<u64>>)> {
+    let Some(footer) = footer(source)? else {
+        return Ok((Ending::Cut, None));
+    };
+    let range = footer.summary_start..footer.at;
+    if footer.summary_start == 0 {
+        return Ok((Ending::NoSummary, None));
+    }
+    if range.start < 8 || range.start > range.end {
+        return Ok((Ending::Damaged, None));
+    }
+    if footer.crc == 0 {
+        return Ok((Ending::Unchecked, Some(range)));
+    }
+    // The checksum reaches over the footer, up to itself.
+    let found = source.checksum(range.start..footer.at + FRAME_HEADER + 16)?;
+    Ok(if found == footer.crc {
+        (Ending::Sound, Some(range))
+    } else {
+        (Ending::Damaged, None)
+    })
+}
+
+fn footer(source: &mut Source) -> io::Result<Option<Footer>> {
+    let Some(at) = source.length().checked_sub(TAIL) else {
+        return Ok(None);
+    };
+    let mut tail = Vec::new();
+    source.append(at, TAIL, &mut tail)?;
+    Ok(read_footer(at, &tail))
+}
+
+fn read_footer(at: u64, tail: &[u8]) -> Option<Footer> {
     let (&opcode, rest) = tail.split_first()?;
     let (length, rest) = rest.split_first_chunk::<8>()?;
     let (start, rest) = rest.split_first_chunk::<8>()?;
     let (_offsets, rest) = rest.split_first_chunk::<8>()?;
     let (crc, magic) = rest.split_first_chunk::<4>()?;
     let sound = opcode == op::FOOTER && u64::from_le_bytes(*length) == 20 && magic == MAGIC;
-    sound.then_some((u64::from_le_bytes(*start), u32::from_le_bytes(*crc)))
+    sound.then_some(Footer {
+        at,
+        summary_start: u64::from_le_bytes(*start),
+        crc: u32::from_le_bytes(*crc),
+    })
 }
 
-/// The channel `id` and its schema, if the summary repeats them.
-pub fn definition(
-    summary: &[u8],
-    id: u16,
-) -> Option<(ChannelRecord<'_>, Option<SchemaRecord<'_>>)> {
-    let records = || Records::new(summary).map_while(Result::ok);
-    let channel = records()
-        .filter(|record| record.1 == op::CHANNEL)
-        .filter_map(|record| ChannelRecord::read(record.2))
-        .find(|channel| channel.id == id)?;
-    let schema = records()
-        .filter(|record| record.1 == op::SCHEMA)
-        .filter_map(|record| SchemaRecord::read(record.2))
-        .find(|schema| schema.id == channel.schema_id);
-    Some((channel, schema))
+/// The channels and schemas that a summary repeats.
+#[derive(Debug, Default)]
+pub struct Definitions {
+    /// Frames of schemas and channels, one after another.
+    bytes: Vec<u8>,
+    /// Where each channel's body lies.
+    channels: BTreeMap<u16, Range<usize>>,
+    schemas: BTreeMap<u16, Range<usize>>,
+}
+
+impl Definitions {
+    /// Reads them; none where there is no summary that can be trusted.
+    pub fn read(source: &mut Source) -> io::Result<Self> {
+        let (_, Some(range)) = ending(source)? else {
+            return Ok(Self::default());
+        };
+        let bytes = definitions(source, range)?;
+        let mut found = Self::default();
+        for (start, opcode, body) in Records::new(&bytes).map_while(Result::ok) {
+            let range = start + 9..start + 9 + body.len();
+            if let (op::CHANNEL, Some(channel)) = (opcode, ChannelRecord::read(body)) {
+                found.channels.insert(channel.id, range);
+            } else if let (op::SCHEMA, Some(schema)) = (opcode, SchemaRecord::read(body)) {
+                found.schemas.insert(schema.id, range);
+            }
+        }
+        found.bytes = bytes;
+        Ok(found)
+    }
+
+    /// The channel `id` and its schema, if the summary repeats them.
+    pub fn of(&self, id: u16) -> Option<(ChannelRecord<'_>, Option<SchemaRecord<'_>>)> {
+        let body = |range: &Range<usize>| self.bytes.get(range.clone());
+        let channel = ChannelRecord::read(body(self.channels.get(&id)?)?)?;
+        let schema = self.schemas.get(&channel.schema_id);
+        let schema = schema.and_then(body).and_then(SchemaRecord::read);
+        Some((channel, schema))
+    }
+}
+
+/// Frames of the schemas and channels in a summary; indexes, which can be long, are stepped over.
+fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
+    let mut found = Vec::new();
+    let mut at = range.start;
+    while at < range.end {
+        let header = source.peek(at, 9)?;
+        let length = header.get(1..9).and_then(|l| l.first_chunk::<8>());
+        let (Some(&opcode), Some(length)) = (header.first(), length) else {
+            break;
+        };
+        let end = u64::from_le_bytes(*length).checked_add(at + FRAME_HEADER);
+        let Some(end) = end.filter(|&end| end <= range.end) else {
+            break;
+        };
+        if matches!(opcode, op::SCHEMA | op::CHANNEL) {
+            if found.len() as u64 + (end - at) > MOST_DEFINITIONS as u64 {
+                break;
+            }
+            source.append(at, end - at, &mut found)?;
+        }
+        at = end;
+    }
+    Ok(found)
+}
+
+impl Source {
+    /// CRC-32 of a range of the file.
+    pub fn checksum(&mut self, range: Range<u64>) -> io::Result<u32> {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut bytes = Vec::new();
+        let mut at = range.start;
+        while at < range.end {
+            let count = PIECE.min(range.end - at);
+            bytes.clear();
+            self.append(at, count, &mut bytes)?;
+            hasher.update(&bytes);
+            at += count;
+        }
+        Ok(hasher.finalize())
+    }
 }

@@ -69,7 +69,7 @@ fn of_log(log: &LogReject) -> Row<'_> {
         number: Some(number),
         reason: &log.reason,
         log: Some(log),
-        clock: log.time_span_ns.map(|_| "log"),
+        clock: log.time_span_ns.map(|_| log.clock.name()),
         span_ns: log.time_span_ns,
         ..Row::default()
     }

@@ -48,13 +48,17 @@ pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {
-    let lost = file.input.max_lost_share;
-    wrong_unless(
-        (0.0..=1.0).contains(&lost),
-        "[input] max_lost_share",
-        lost,
-        "a share from 0 to 1",
-    )?;
+    for (key, share) in [
+        ("[input] max_lost_share", file.input.max_lost_share),
+        ("[input] max_rejected_share", file.input.max_rejected_share),
+    ] {
+        wrong_unless(
+            (0.0..=1.0).contains(&share),
+            key,
+            share,
+            "a share from 0 to 1",
+        )?;
+    }
     if let Some(kg) = file.robot.valid_for.payload_kg {
         not_negative("[robot.valid_for] payload_kg", kg)?;
     }
@@ -282,6 +286,7 @@ fn limits(limits: &Limits) -> Check {
         ("[limits] record_bytes", limits.record_bytes),
         ("[limits] chunk_bytes", limits.chunk_bytes),
         ("[limits] batch_bytes", limits.batch_bytes),
+        ("[limits] unpacked_bytes", limits.unpacked_bytes),
     ] {
         wrong_unless(bytes > 0, key, bytes, "above 0")?;
     }

@@ -9,6 +9,7 @@ use crate::geometry::PlacementError;
 use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
+use crate::pipeline::file::LogNames;
 
 /// Why a pipeline file makes no plan.
 #[derive(Debug, Error)]
@@ -128,14 +129,14 @@ pub enum PlanError {
         how: &'static str,
     },
     /// Nothing to do.
-    #[error("no session to learn from in {}: a session is a sub-folder with {} and {}{}", folder.display(), controller.display(), tracker.display(), besides(left_out))]
+    #[error("no session to learn from in {}: a session is a sub-folder with {controller} and {tracker}{}", folder.display(), besides(left_out))]
     NoSessions {
         /// Where was looked.
         folder: PathBuf,
         /// The controller's log in it.
-        controller: PathBuf,
+        controller: LogNames,
         /// The tracker's.
-        tracker: PathBuf,
+        tracker: LogNames,
         /// Sub-folders that are no session.
         left_out: Vec<String>,
     },

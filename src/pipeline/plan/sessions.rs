@@ -5,21 +5,20 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-use super::{Overrides, PlanError};
+use super::{Overrides, PlanError, logs};
+use crate::io::log::SessionLogs;
 use crate::pipeline::file::{InputSection, Pool};
 
 /// The session of a pooled fit.
 pub const POOLED: &str = "pooled";
 
-/// One session's two logs.
+/// One session's logs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionFiles {
     /// The session's name: its folder's.
     pub name: String,
-    /// The controller's log.
-    pub controller: PathBuf,
-    /// The tracker's log; it may be the same file.
-    pub tracker: PathBuf,
+    /// The files of its two sides.
+    pub logs: SessionLogs,
 }
 
 /// One piece of work: what one run learns from and is judged on.
@@ -175,16 +174,12 @@ impl<'a> Found<'a> {
         if !own.is_dir() {
             return Err("there is no such folder".to_owned());
         }
-        let [controller, tracker] = [&self.input.controller, &self.input.tracker];
-        for log in [controller, tracker] {
-            if !own.join(log).is_file() {
-                return Err(format!("it has no {}", log.display()));
-            }
-        }
         Ok(SessionFiles {
             name: name.to_owned(),
-            controller: own.join(controller),
-            tracker: own.join(tracker),
+            logs: SessionLogs {
+                controller: logs::find(&own, &self.input.controller)?,
+                tracker: logs::find(&own, &self.input.tracker)?,
+            },
         })
     }
 

@@ -15,7 +15,7 @@ use crate::fit::{
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
-use crate::ingest::LogReject;
+use crate::ingest::{LogReject, SpanClock};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
@@ -147,6 +147,7 @@ fn log_reject(messages: Option<u64>) -> LogReject {
         byte_start: 100,
         byte_end: 164,
         time_span_ns: messages.map(|_| (1, 2)),
+        clock: SpanClock::Log,
         messages,
         reason: "a joint angle is not a finite number".to_owned(),
     }

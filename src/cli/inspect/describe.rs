@@ -1,0 +1,294 @@
+//! One log in words.
+
+use std::fmt::Write as _;
+
+use super::escaped;
+use crate::ingest::LogReject;
+use crate::io::inspect::{ChannelSummary, ClockSummary, Differences, Inspection, Traffic};
+use crate::io::log::{Account, Ending};
+
+/// Rejects of one log that are printed.
+const MOST_PRINTED: usize = 20;
+/// A gap is worth a line from so many usual steps on.
+const LONG_GAP: f64 = 5.0;
+
+/// One log in words.
+pub fn describe(found: &Inspection) -> String {
+    let account = &found.account;
+    let mut text = String::new();
+    let mut line = |line: String| text.push_str(&(line + "\n"));
+    line(format!(
+        "{}  {:.1} MB, {} messages",
+        escaped(&account.file),
+        account.bytes as f64 / 1e6,
+        account.messages
+    ));
+    line(format!(
+        "  profile {:?}, written by {:?}",
+        escaped(&account.profile),
+        escaped(&account.library)
+    ));
+    line(format!("  {}", storage(account)));
+    line(format!("  {}", ending(account.ending)));
+    for (name, key, value) in &account.metadata {
+        line(format!(
+            "  metadata {}.{} = {}",
+            escaped(name),
+            escaped(key),
+            escaped(value)
+        ));
+    }
+    for channel in &found.channels {
+        line(of_channel(channel, &found.channels));
+    }
+    line(damage(account));
+    text
+}
+
+fn storage(account: &Account) -> String {
+    let mut parts = Vec::new();
+    if let Some(packed) = &account.packed {
+        let megabytes = packed.bytes as f64 / 1e6;
+        parts.push(format!(
+            "in zstd as a whole ({megabytes:.1} MB; places are those of the decompressed log)"
+        ));
+    }
+    parts.extend(
+        account
+            .chunks
+            .iter()
+            .map(|(compression, count)| match compression.as_str() {
+                "" => format!("{count} uncompressed chunks"),
+                name => format!("{count} chunks in {}", escaped(name)),
+            }),
+    );
+    if account.messages_outside_chunks > 0 {
+        parts.push(format!(
+            "{} messages outside chunks",
+            account.messages_outside_chunks
+        ));
+    }
+    if account.chunks_unchecked > 0 {
+        parts.push(format!(
+            "{} chunks without a checksum: damage inside them can go unnoticed",
+            account.chunks_unchecked
+        ));
+    }
+    if parts.is_empty() {
+        "no readable chunk or message".to_owned()
+    } else {
+        parts.join(", ")
+    }
+}
+
+const fn ending(ending: Ending) -> &'static str {
+    match ending {
+        Ending::Cut => "no closing mark at its end",
+        Ending::NoSummary => "ends as it should, without a summary (which is not needed here)",
+        Ending::Unchecked => "ends as it should, with a summary without a checksum",
+        Ending::Sound => "ends as it should, with a sound summary",
+        Ending::Damaged => "ends as it should, with a damaged summary (which is not needed here)",
+    }
+}
+
+fn of_channel(channel: &ChannelSummary, all: &[ChannelSummary]) -> String {
+    let mut text = format!("\n  {}\n", escaped(&channel.topic));
+    let mut line = |line: String| text.extend(["    ", line.as_str(), "\n"]);
+    line(format!(
+        "{} ({}, schema in {})",
+        or_none(&channel.type_name),
+        or_none(&channel.encoding),
+        or_none(&channel.schema_encoding)
+    ));
+    if all
+        .iter()
+        .filter(|other| other.topic == channel.topic)
+        .count()
+        > 1
+    {
+        line("another channel has this topic: both are read as one".to_owned());
+    }
+    let traffic = &channel.traffic;
+    if traffic.messages == 0 {
+        line("no messages".to_owned());
+        return text.trim_end().to_owned();
+    }
+    of_traffic(traffic, &mut line);
+    text.trim_end().to_owned()
+}
+
+fn of_traffic(traffic: &Traffic, line: &mut impl FnMut(String)) {
+    let rate = traffic.log.rate_hz();
+    let rate = rate.map_or_else(String::new, |rate| format!(", {rate:.2} Hz"));
+    line(format!(
+        "{} messages over {:.3} s{rate}",
+        traffic.messages,
+        traffic.log.span_s()
+    ));
+    for (name, clock) in [
+        ("header", &traffic.header),
+        ("publish", &traffic.publish),
+        ("log", &traffic.log),
+    ] {
+        if clock.count > 0 {
+            line(of_clock(name, clock));
+        }
+    }
+    for (name, differences) in [
+        ("header stamp", traffic.log_less_header),
+        ("publish time", traffic.log_less_publish),
+    ] {
+        line_of(compare_clocks(name, differences), line);
+    }
+    if traffic.last_sequence > 0 {
+        line(format!(
+            "sequence up to {}, {} jumps",
+            traffic.last_sequence, traffic.sequence_jumps
+        ));
+    }
+    if traffic.unreadable > 0 {
+        line(format!(
+            "{} messages do not fit their schema",
+            traffic.unreadable
+        ));
+    }
+    if !traffic.joints.is_empty() {
+        let names: Vec<_> = traffic.joints.iter().map(|name| escaped(name)).collect();
+        line(format!("joints {}", names.join(", ")));
+    }
+}
+
+fn line_of(text: Option<String>, line: &mut impl FnMut(String)) {
+    if let Some(text) = text {
+        line(text);
+    }
+}
+
+fn of_clock(name: &str, clock: &ClockSummary) -> String {
+    let mut text = format!(
+        "{name:<7} {} … {}, largest gap {:.3} s",
+        moment(clock.first),
+        moment(clock.last),
+        seconds(clock.largest_gap)
+    );
+    let usual = clock.span_s() / (clock.count - 1).max(1) as f64;
+    if seconds(clock.largest_gap) > LONG_GAP * usual {
+        write!(text, " after {}", moment(clock.gap_start)).expect("writing to a string");
+    }
+    if clock.backward > 0 {
+        let largest = seconds(clock.largest_step_back);
+        write!(
+            text,
+            ", {} steps back (by {largest:.3} s at most)",
+            clock.backward
+        )
+        .expect("writing to a string");
+    }
+    if clock.duplicate > 0 {
+        write!(text, ", {} duplicates", clock.duplicate).expect("writing to a string");
+    }
+    text
+}
+
+/// A time in seconds with all its digits.
+fn moment(ns: i64) -> String {
+    let (s, ns) = (ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000));
+    format!("{s}.{ns:09}")
+}
+
+fn seconds(ns: i64) -> f64 {
+    ns as f64 * 1e-9
+}
+
+/// Times within a second of each other are taken for one clock; a recorder is rarely later.
+fn compare_clocks(other: &str, differences: Differences) -> Option<String> {
+    let (least_ns, most_ns) = differences.0?;
+    if (least_ns, most_ns) == (0, 0) {
+        return None;
+    }
+    let (least, most) = (seconds(least_ns), seconds(most_ns));
+    let clocks = if least.abs().max(most.abs()) < 1.0 {
+        "one clock"
+    } else if most - least < 1.0 {
+        "two clocks: name the one that the measurement was stamped with"
+    } else {
+        "two clocks, or stamps that are not set, or a clock that was set while it ran"
+    };
+    Some(format!(
+        "log time less {other}: {least:.6} to {most:.6} s ({clocks})"
+    ))
+}
+
+fn damage(account: &Account) -> String {
+    let rejects = &account.rejects;
+    if rejects.is_empty() {
+        return "\n  no damage".to_owned();
+    }
+    let (lost, bytes) = (account.bytes_lost(), account.bytes.max(1));
+    let mut text = format!(
+        "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %); [input] max_lost_share says how much may be",
+        rejects.len(),
+        account.bytes,
+        100.0 * lost as f64 / bytes as f64
+    );
+    for reject in rejects.iter().take(MOST_PRINTED) {
+        text += "\n    ";
+        text += &of_reject(reject);
+    }
+    if rejects.len() > MOST_PRINTED {
+        let more = rejects.len() - MOST_PRINTED;
+        write!(text, "\n    and {more} more").expect("writing to a string");
+    }
+    text
+}
+
+fn of_reject(reject: &LogReject) -> String {
+    let mut text = format!("bytes {}..{}", reject.byte_start, reject.byte_end);
+    if let Some(messages) = reject.messages {
+        write!(text, ", {messages} messages").expect("writing to a string");
+    }
+    if let Some((first, last)) = reject.time_span_ns {
+        let (first, last) = (moment(first), moment(last));
+        write!(text, ", log time {first} … {last}").expect("writing to a string");
+    }
+    write!(text, ": {}", escaped(&reject.reason)).expect("writing to a string");
+    text
+}
+
+fn or_none(text: &str) -> String {
+    if text.is_empty() {
+        "none".to_owned()
+    } else {
+        escaped(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clocks_apart_are_told() {
+        let compare =
+            |least, most| compare_clocks("header stamp", Differences(Some((least, most))));
+        assert!(compare(100_000, 200_000).unwrap().contains("one clock"));
+        let apart = compare(-37_000_000_000, -36_900_000_000).unwrap();
+        assert!(apart.contains("two clocks: name"), "{apart}");
+        assert!(compare(0, 37_000_000_000).unwrap().contains("not set"));
+        assert_eq!(compare(0, 0), None);
+    }
+
+    #[test]
+    fn a_long_gap_is_placed_and_a_usual_one_is_not() {
+        let mut clock = ClockSummary::default();
+        (0..100).for_each(|i| clock.add(i * 10_000_000));
+        let usual = of_clock("log", &clock);
+        assert!(usual.ends_with("largest gap 0.010 s"), "{usual}");
+        clock.add(5_000_000_000);
+        clock.add(4_500_000_000);
+        let long = of_clock("log", &clock);
+        // From 0.99 s to 5 s, then half a second back.
+        assert!(long.contains("gap 4.010 s after 0.990000000"), "{long}");
+        assert!(long.contains("1 steps back (by 0.500 s at most)"), "{long}");
+    }
+}

@@ -1,0 +1,258 @@
+//! The sections of a pipeline file that would read the logs, as far as types, topics and times tell.
+//!
+//! What no log states is left as a comment that says what has to be filled in.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::{escaped, toml_text};
+use crate::io::inspect::{ChannelSummary, Inspection};
+use crate::io::log::Layout;
+
+/// A section that a topic is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Section {
+    Controller,
+    Commanded,
+    Tracker,
+}
+
+impl Section {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Controller => "controller",
+            Self::Commanded => "commanded",
+            Self::Tracker => "tracker",
+        }
+    }
+
+    /// The unit of ROS custom, and the choices.
+    const fn unit(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Controller => ("rad", "rad or deg"),
+            Self::Commanded | Self::Tracker => ("m", "m or mm"),
+        }
+    }
+
+    /// Commands stand beside joint states; poses in a log without joint states are a tracker's, whatever they are called.
+    fn suits(self, log: &Inspection, channel: &ChannelSummary) -> bool {
+        let is_pose = matches!(
+            layout(channel),
+            Some(Layout::Pose | Layout::Point | Layout::PoseWithCovariance)
+        );
+        let is_command =
+            sounds_like_a_command(&channel.topic) && log.channels.iter().any(is_joints);
+        match self {
+            Self::Controller => is_joints(channel),
+            Self::Commanded => is_pose && is_command,
+            Self::Tracker => is_pose && !is_command,
+        }
+    }
+
+    /// What no log states, to be filled in.
+    const fn to_fill_in(self) -> &'static str {
+        match self {
+            Self::Controller => "",
+            Self::Commanded => {
+                "# base_from_command = { xyz_mm = [0, 0, 0], quaternion_xyzw = [0, 0, 0, 1] }  # where the frame of the \
+                 commands lies in the robot file's base frame\n\
+                 # target_is_tool = true  # whether the commanded point is the measured target\n\
+                 # flange_from_tool = { … }  # the controller's tool, where it is not\n"
+            }
+            Self::Tracker => {
+                "# uncertainty = { range_um = 10, range_um_per_m = 0.3, transverse_um = 15, transverse_um_per_m = 6, \
+                 divisor = 2 }  # from the instrument's data sheet\n"
+            }
+        }
+    }
+}
+
+fn layout(channel: &ChannelSummary) -> Option<Layout> {
+    channel.suggestion.as_ref().map(|found| found.layout)
+}
+
+fn is_joints(channel: &ChannelSummary) -> bool {
+    layout(channel) == Some(Layout::Joints) && channel.traffic.messages > 0
+}
+
+const SECTIONS: [Section; 3] = [Section::Controller, Section::Commanded, Section::Tracker];
+
+/// The sections of a pipeline file that would read the logs, with what to check; `None` where no log was read.
+pub fn snippet(found: &[Inspection]) -> Option<String> {
+    if found.is_empty() {
+        return None;
+    }
+    let mut text = String::from(
+        "# A pipeline file would read this with (units are a guess from ROS custom, check them; fill in what stands behind #):\n\n",
+    );
+    text += &input(found);
+    let mut missing = Vec::new();
+    for section in SECTIONS {
+        match most(found, &|log, channel| section.suits(log, channel)) {
+            Some(channel) => text += &of_section(section, channel, found),
+            None if section == Section::Commanded => {}
+            None => missing.push(section),
+        }
+    }
+    for section in missing {
+        text += &of_missing(section, found);
+    }
+    Some(text)
+}
+
+/// The channel with the most messages among those that suit.
+fn most<'f>(
+    found: &'f [Inspection],
+    suits: &dyn Fn(&Inspection, &ChannelSummary) -> bool,
+) -> Option<&'f ChannelSummary> {
+    let of_log = |log: &'f Inspection| {
+        let channels = log.channels.iter();
+        channels.filter(move |channel| channel.traffic.messages > 0 && suits(log, channel))
+    };
+    found
+        .iter()
+        .flat_map(of_log)
+        .max_by_key(|channel| channel.traffic.messages)
+}
+
+fn of_section(section: Section, channel: &ChannelSummary, found: &[Inspection]) -> String {
+    let (unit, choices) = section.unit();
+    let mut text = format!(
+        "[{}]\ntopic = {}\ntime = \"{}\"\nunit = \"{unit}\"  # {choices}\n",
+        section.name(),
+        toml_text(&channel.topic),
+        channel.best_time()
+    );
+    let fields = channel
+        .suggestion
+        .as_ref()
+        .and_then(|found| found.fields.as_ref());
+    if let Some(fields) = fields {
+        writeln!(text, "{fields}  # guessed by their names: check them")
+            .expect("writing to a string");
+    }
+    let joints = &channel.traffic.joints;
+    if section == Section::Controller && !joints.is_empty() {
+        let names: Vec<_> = joints.iter().map(|name| escaped(name)).collect();
+        let names = names.join(", ");
+        writeln!(text, "# the robot file has to name these joints: {names}")
+            .expect("writing to a string");
+    }
+    let temperature = most(found, &|_, channel| {
+        layout(channel) == Some(Layout::Temperature)
+    });
+    if let (Some(temperature), Section::Tracker) = (temperature, section) {
+        writeln!(text, "temperature = {}", toml_text(&temperature.topic))
+            .expect("writing to a string");
+    }
+    text + section.to_fill_in() + "\n"
+}
+
+/// Which files belong to which side, in the order of the times in them.
+fn input(found: &[Inspection]) -> String {
+    let mut text =
+        String::from("[input]\n# folder = \"…\"  # the folder with one sub-folder per session\n");
+    for (key, section) in [
+        ("controller", Section::Controller),
+        ("tracker", Section::Tracker),
+    ] {
+        let Some(topic) =
+            most(found, &|log, channel| section.suits(log, channel)).map(|c| &c.topic)
+        else {
+            continue;
+        };
+        let parts = parts(found, topic);
+        let names: Vec<_> = parts.iter().map(|part| toml_text(&part.name)).collect();
+        match &names[..] {
+            [one] => writeln!(text, "{key} = {one}"),
+            several => writeln!(text, "{key} = [{}]", several.join(", ")),
+        }
+        .expect("writing to a string");
+        text += &joints_of(&parts);
+    }
+    text + "\n"
+}
+
+/// A file with messages of a topic, and the log times of the first and the last of them.
+struct Part {
+    name: String,
+    first: i64,
+    last: i64,
+}
+
+fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
+    let part = |log: &Inspection| {
+        let mut clocks = log
+            .channels
+            .iter()
+            .filter(|channel| channel.topic == topic && channel.traffic.messages > 0)
+            .map(|channel| channel.traffic.log);
+        let first = clocks.next()?;
+        let whole = clocks.fold(first, |mut whole, clock| {
+            whole.append(&clock);
+            whole
+        });
+        let name = Path::new(&log.account.file).file_name().unwrap_or_default();
+        Some(Part {
+            name: name.to_string_lossy().into_owned(),
+            first: whole.first,
+            last: whole.last,
+        })
+    };
+    let mut parts: Vec<Part> = found.iter().filter_map(part).collect();
+    parts.sort_by_key(|part| (part.first, part.last));
+    parts
+}
+
+/// How the files of a split recording follow each other.
+fn joints_of(parts: &[Part]) -> String {
+    let between = |pair: &[Part]| {
+        let gap = pair[1].first.saturating_sub(pair[0].last) as f64 * 1e-9;
+        let (one, next) = (escaped(&pair[0].name), escaped(&pair[1].name));
+        if gap < 0.0 {
+            format!(
+                "# {next} begins {:.3} s before {one} ends: are they of one recording?\n",
+                -gap
+            )
+        } else {
+            format!("# {next} follows {one} after {gap:.3} s\n")
+        }
+    };
+    parts.windows(2).map(between).collect()
+}
+
+/// Why a section is not there, and what might do.
+fn of_missing(section: Section, found: &[Inspection]) -> String {
+    let what = match section {
+        Section::Controller => "joint states",
+        Section::Commanded | Section::Tracker => "poses or points of a target",
+    };
+    let kinds: Vec<String> = found
+        .iter()
+        .flat_map(|log| &log.channels)
+        .map(|channel| {
+            format!(
+                "{} ({}, {})",
+                escaped(&channel.topic),
+                escaped(&channel.type_name),
+                escaped(&channel.encoding)
+            )
+        })
+        .collect();
+    let kinds = if kinds.is_empty() {
+        "none".to_owned()
+    } else {
+        kinds.join(", ")
+    };
+    format!(
+        "# no [{}]: no topic here has {what} of a type that is known; topics: {kinds}\n",
+        section.name()
+    )
+}
+
+fn sounds_like_a_command(topic: &str) -> bool {
+    let topic = topic.to_lowercase();
+    ["command", "cmd", "target", "goal", "desired", "setpoint"]
+        .iter()
+        .any(|word| topic.contains(word))
+}

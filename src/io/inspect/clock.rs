@@ -1,0 +1,127 @@
+//! One clock of one channel: span, gaps, steps back; summed up block by block.
+
+/// One clock's times on one channel, ns.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ClockSummary {
+    /// Times seen.
+    pub count: u64,
+    /// Earliest.
+    pub first: i64,
+    /// Latest.
+    pub last: i64,
+    /// Steps back.
+    pub backward: u64,
+    /// Largest step back.
+    pub largest_step_back: i64,
+    /// Steps of zero.
+    pub duplicate: u64,
+    /// Largest step forward.
+    pub largest_gap: i64,
+    /// When the largest step forward began.
+    pub gap_start: i64,
+    /// The first in the order of the file.
+    begin: i64,
+    /// The last in the order of the file.
+    end: i64,
+}
+
+impl ClockSummary {
+    /// Takes the next time in.
+    pub fn add(&mut self, time: i64) {
+        let one = Self {
+            count: 1,
+            first: time,
+            last: time,
+            begin: time,
+            end: time,
+            ..Self::default()
+        };
+        self.append(&one);
+    }
+
+    /// Takes in what follows in the file.
+    pub fn append(&mut self, later: &Self) {
+        if self.count == 0 || later.count == 0 {
+            if self.count == 0 {
+                *self = *later;
+            }
+            return;
+        }
+        let step = later.begin.saturating_sub(self.end);
+        self.backward += u64::from(step < 0) + later.backward;
+        self.duplicate += u64::from(step == 0) + later.duplicate;
+        self.largest_step_back = self
+            .largest_step_back
+            .max(later.largest_step_back)
+            .max(step.saturating_neg());
+        for (gap, start) in [(step, self.end), (later.largest_gap, later.gap_start)] {
+            if gap > self.largest_gap {
+                (self.largest_gap, self.gap_start) = (gap, start);
+            }
+        }
+        self.first = self.first.min(later.first);
+        self.last = self.last.max(later.last);
+        self.end = later.end;
+        self.count += later.count;
+    }
+
+    /// From the earliest to the latest, s.
+    pub fn span_s(&self) -> f64 {
+        self.last.saturating_sub(self.first) as f64 * 1e-9
+    }
+
+    /// Times per second, where there are at least two moments.
+    pub fn rate_hz(&self) -> Option<f64> {
+        let span = self.span_s();
+        (span > 0.0).then(|| (self.count - 1) as f64 / span)
+    }
+}
+
+/// The smallest and the largest of some differences of two clocks, ns.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Differences(pub Option<(i64, i64)>);
+
+impl Differences {
+    /// Takes a difference in.
+    pub fn add(&mut self, difference: i64) {
+        self.append(Self(Some((difference, difference))));
+    }
+
+    /// Takes others in.
+    pub fn append(&mut self, others: Self) {
+        self.0 = match (self.0, others.0) {
+            (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
+            (one, other) => one.or(other),
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_put_together_are_as_one() {
+        let times = [10, 20, 20, 15, 60, 61, 5];
+        let of = |times: &[i64]| {
+            let mut clock = ClockSummary::default();
+            for &time in times {
+                clock.add(time);
+            }
+            clock
+        };
+        let whole = of(&times);
+        assert_eq!((whole.count, whole.first, whole.last), (7, 5, 61));
+        // 20 → 15 and 61 → 5; 20 twice; 15 → 60.
+        assert_eq!(
+            (whole.backward, whole.largest_step_back, whole.duplicate),
+            (2, 56, 1)
+        );
+        assert_eq!((whole.largest_gap, whole.gap_start), (45, 15));
+        for cut in 0..=times.len() {
+            let mut parts = of(&times[..cut]);
+            parts.append(&of(&times[cut..]));
+            assert_eq!(parts, whole, "cut at {cut}");
+        }
+    }
+}

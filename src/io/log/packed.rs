@@ -1,0 +1,261 @@
+//! Whole logs in zstd (`log.mcap.zst`) → the log in an unnamed temporary file, and what could not be decompressed.
+//!
+//! A log is read by position, so it is decompressed first: in one pass, in bounded memory whatever the file says, into a
+//! file that no name leads to and that is gone with the process. What comes before damage is kept.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufReader, Read, Seek, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use mcap::MAGIC;
+use zstd::stream::read::Decoder;
+
+use super::{FileError, Limits};
+use crate::progress::Progress;
+
+/// Largest window that is decompressed, as a power of two: 128 MiB, the limit of the `zstd` command.
+const WINDOW_LOG: u32 = 27;
+/// Bytes decompressed at once.
+const PIECE: usize = 256 * 1024;
+
+/// How a compressed log is stored, and what of it was lost.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Packed {
+    /// Bytes of the compressed file.
+    pub bytes: u64,
+    /// Where decompression ended too early, if it did.
+    pub fault: Option<PackedFault>,
+}
+
+/// Where and why decompression ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PackedFault {
+    /// Byte of the compressed file, or a little behind the damage.
+    pub at: u64,
+    /// Why, in words.
+    pub why: String,
+    /// Whether a checksum was wrong: then the damage is somewhere in what was decompressed.
+    pub anywhere: bool,
+}
+
+/// Whether a file that begins so is in zstd: a frame, or one that decompressors skip.
+pub fn is_zstd(start: &[u8]) -> bool {
+    matches!(
+        start,
+        [0x28, 0xb5, 0x2f, 0xfd, ..] | [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..]
+    )
+}
+
+/// Decompresses `file`, which is named `name` in errors.
+pub fn unpack(
+    file: File,
+    name: &str,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<(File, Packed), FileError> {
+    let at_fault = |source| FileError::Io {
+        file: name.to_owned(),
+        source,
+    };
+    let no_room = |source| FileError::NoRoom {
+        file: name.to_owned(),
+        folder: std::env::temp_dir().display().to_string(),
+        source,
+    };
+    let bytes = file.metadata().map_err(at_fault)?.len();
+    let mut from = decoder(file).map_err(at_fault)?;
+    let mut to = unnamed().map_err(no_room)?;
+    let mut piece = vec![0; PIECE];
+    let (mut length, mut told) = (0, 0);
+    progress.begin(name, bytes);
+    let fault = loop {
+        let (count, ended) = fill(&mut from, &mut piece);
+        check(name, &piece[..count], length, limits)?;
+        length += count as u64;
+        to.write_all(&piece[..count]).map_err(no_room)?;
+        let at = from.get_mut().stream_position().map_err(at_fault)?;
+        progress.advance(at - told);
+        told = at;
+        match ended {
+            None if count < PIECE => break None,
+            None => {}
+            // The disk's own errors have a number, those of the format have none.
+            Some(error) if error.raw_os_error().is_some() => return Err(at_fault(error)),
+            Some(error) => break Some(PackedFault::new(&error, at)),
+        }
+    };
+    progress.end();
+    if length == 0 {
+        let file = name.to_owned();
+        return Err(match fault {
+            None => FileError::Empty { file },
+            Some(PackedFault { why, .. }) => FileError::NotUnpacked { file, why },
+        });
+    }
+    Ok((to, Packed { bytes, fault }))
+}
+
+fn decoder(file: File) -> io::Result<Decoder<'static, BufReader<File>>> {
+    let mut decoder = Decoder::with_buffer(BufReader::new(file))?;
+    decoder.window_log_max(WINDOW_LOG)?;
+    Ok(decoder)
+}
+
+/// A file in the folder for temporaries that no name leads to.
+fn unnamed() -> io::Result<File> {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let name = format!(".posegrid-unpacked-{}-{count}", std::process::id());
+    let path = std::env::temp_dir().join(name);
+    let file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create_new(true)
+        .open(&path)?;
+    fs::remove_file(&path)?;
+    Ok(file)
+}
+
+/// Fills `piece` as far as the input goes; an error comes after the bytes before it.
+fn fill(from: &mut impl Read, piece: &mut [u8]) -> (usize, Option<io::Error>) {
+    let mut count = 0;
+    while count < piece.len() {
+        match from.read(&mut piece[count..]) {
+            Ok(0) => break,
+            Ok(more) => count += more,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return (count, Some(error)),
+        }
+    }
+    (count, None)
+}
+
+/// Refuses what is no log before anything of it is written, and a log above the limit.
+fn check(name: &str, piece: &[u8], before: u64, limits: Limits) -> Result<(), FileError> {
+    if before == 0 && !piece.is_empty() && !piece.starts_with(MAGIC) {
+        return Err(FileError::NotMcap {
+            file: format!("{name}, decompressed"),
+            start: piece[..piece.len().min(8)].to_vec(),
+        });
+    }
+    let limit = limits.unpacked_bytes;
+    if before + piece.len() as u64 > limit {
+        let file = name.to_owned();
+        return Err(FileError::TooLarge { file, limit });
+    }
+    Ok(())
+}
+
+impl PackedFault {
+    fn new(error: &io::Error, at: u64) -> Self {
+        let why = error.to_string();
+        let advice = match &*why {
+            long if long.contains("too much memory") => {
+                " (it needs a window above 128 MiB; decompress it with `zstd -d --long=31`)"
+            }
+            _ if error.kind() == io::ErrorKind::UnexpectedEof => {
+                " (it was cut, or its writer was stopped hard)"
+            }
+            _ => "",
+        };
+        Self {
+            at,
+            anywhere: why.contains("checksum"),
+            why: why + advice,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::SeekFrom;
+
+    use super::*;
+    use crate::progress::Quiet;
+
+    fn unpacked(bytes: &[u8], limits: Limits) -> Result<(Vec<u8>, Packed), FileError> {
+        let mut file = tempfile::tempfile().expect("a temporary file");
+        file.write_all(bytes).expect("writable");
+        file.seek(SeekFrom::Start(0)).expect("a file");
+        let (mut file, packed) = unpack(file, "log.mcap.zst", limits, &Quiet)?;
+        let mut found = Vec::new();
+        file.seek(SeekFrom::Start(0)).expect("a file");
+        file.read_to_end(&mut found).expect("readable");
+        Ok((found, packed))
+    }
+
+    /// Magic and a megabyte that does not compress well: splitmix64.
+    fn log() -> Vec<u8> {
+        let mut state = 7_u64;
+        let noise = std::iter::repeat_with(|| {
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            ((state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40).to_le_bytes()
+        });
+        MAGIC
+            .iter()
+            .copied()
+            .chain(noise.flatten().take(1 << 20))
+            .collect()
+    }
+
+    fn packed(bytes: &[u8]) -> Vec<u8> {
+        let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), 1).expect("memory");
+        encoder.include_checksum(true).expect("memory");
+        encoder.write_all(bytes).expect("memory");
+        encoder.finish().expect("memory")
+    }
+
+    #[test]
+    fn a_whole_file_and_several_frames_come_back() {
+        let log = log();
+        let skipped = [&[0x50, 0x2a, 0x4d, 0x18, 3, 0, 0, 0][..], b"abc"].concat();
+        let (head, tail) = log.split_at(300_000);
+        for stored in [packed(&log), [skipped, packed(head), packed(tail)].concat()] {
+            assert!(is_zstd(&stored));
+            let (found, packed) = unpacked(&stored, Limits::default()).expect("sound");
+            assert_eq!((found == log, packed.fault), (true, None));
+        }
+    }
+
+    #[test]
+    fn what_stands_before_damage_is_kept() {
+        let (log, stored) = (log(), packed(&log()));
+        let (found, cut) =
+            unpacked(&stored[..stored.len() / 2], Limits::default()).expect("half of it");
+        assert!(found.len() > 300_000 && log.starts_with(&found));
+        let fault = cut.fault.expect("it was cut");
+        assert!(fault.why.contains("cut") && !fault.anywhere, "{fault:?}");
+        let mut wrong = stored.clone();
+        let last = wrong.len() - 1;
+        wrong[last] ^= 1;
+        let fault = unpacked(&wrong, Limits::default())
+            .expect("all of it")
+            .1
+            .fault;
+        assert!(fault.expect("the checksum is wrong").anywhere);
+    }
+
+    #[test]
+    fn what_is_no_log_or_too_large_is_refused() {
+        let refused = unpacked(
+            &packed(
+                b"time,x,y,z
+",
+            ),
+            Limits::default(),
+        )
+        .expect_err("text");
+        assert!(
+            refused
+                .to_string()
+                .contains("log.mcap.zst, decompressed: not an MCAP log")
+        );
+        let limits = Limits {
+            unpacked_bytes: 1 << 20,
+            ..Limits::default()
+        };
+        // The eight bytes of magic are too many.
+        let refused = unpacked(&packed(&log()), limits).expect_err("too large");
+        assert!(refused.to_string().contains("unpacked_bytes"), "{refused}");
+    }
+}

@@ -1,0 +1,378 @@
+//! A session's logs: the files of the controller's side and of the tracker's → one set of columns.
+//!
+//! A recorder may split a recording into several files, and say only in the first one what it says once. So a topic has to
+//! be in one file of its side, not in each. The files are put in order by the times in them, stream by stream, never by
+//! their names; ids mean something within one file only.
+//!
+//! 1. Each file is read once, for all that is wanted of it, even if it belongs to both sides.
+//! 2. Every wanted topic has to be in some file of its side.
+//! 3. The files' rows are put one behind the other, earliest first.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use super::account::Account;
+use super::scan::scan;
+use super::streams::{Stream, Streams, Wanted};
+use super::summary::Ending;
+use super::{Limits, LogError, wanted};
+use crate::ingest::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Mapping};
+use crate::progress::Progress;
+
+/// The files of a session's two sides; a file may belong to both.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SessionLogs {
+    /// The controller's log, or the parts it was split into.
+    pub controller: Vec<PathBuf>,
+    /// The tracker's.
+    pub tracker: Vec<PathBuf>,
+}
+
+impl SessionLogs {
+    /// One file a side.
+    pub fn of_two(controller: &Path, tracker: &Path) -> Self {
+        Self {
+            controller: vec![controller.to_owned()],
+            tracker: vec![tracker.to_owned()],
+        }
+    }
+
+    /// Each file once, by its real path.
+    fn files(&self) -> Vec<LogFile> {
+        let mut files: Vec<LogFile> = Vec::new();
+        for (side, paths) in [
+            (Side::Controller, &self.controller),
+            (Side::Tracker, &self.tracker),
+        ] {
+            for path in paths {
+                let real = path.canonicalize().unwrap_or_else(|_| path.clone());
+                if let Some(file) = files.iter_mut().find(|file| file.real == real) {
+                    file.sides.insert(side);
+                } else {
+                    files.push(LogFile {
+                        path: path.clone(),
+                        real,
+                        sides: BTreeSet::from([side]),
+                    });
+                }
+            }
+        }
+        files
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Side {
+    Controller,
+    Tracker,
+}
+
+/// A file and what it is read for.
+struct LogFile {
+    path: PathBuf,
+    real: PathBuf,
+    sides: BTreeSet<Side>,
+}
+
+impl LogFile {
+    /// What its counts and metadata are named by.
+    fn role(&self) -> &'static str {
+        match (
+            self.sides.contains(&Side::Controller),
+            self.sides.contains(&Side::Tracker),
+        ) {
+            (true, true) => "log",
+            (true, false) => "controller",
+            _ => "tracker",
+        }
+    }
+}
+
+/// One file, read.
+struct Part<'m> {
+    role: &'static str,
+    sides: BTreeSet<Side>,
+    account: Account,
+    streams: Streams<'m>,
+}
+
+/// Decodes all logs of a session into columns in the logs' own units.
+pub fn decode_session(
+    logs: &SessionLogs,
+    mapping: &Mapping,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<Decoded, LogError> {
+    let (of_controller, of_tracker) = wanted(mapping);
+    let by_side = BTreeMap::from([
+        (Side::Controller, of_controller),
+        (Side::Tracker, of_tracker),
+    ]);
+    let mut parts = Vec::new();
+    for file in logs.files() {
+        let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
+        parts.push(read(&file, wanted.collect(), mapping, limits, progress)?);
+    }
+    for (side, wanted) in &by_side {
+        require(*side, wanted, &parts)?;
+    }
+    let mut decoded = Decoded::default();
+    for part in &mut parts {
+        take_counts(part, &mut decoded);
+        for (name, key, value) in std::mem::take(&mut part.account.metadata) {
+            remember(
+                &mut decoded.metadata,
+                &format!("{name}.{key}"),
+                value,
+                part.role,
+            );
+        }
+        decoded.rejects.append(&mut part.account.rejects);
+    }
+    for wanted in by_side.into_values().flatten() {
+        take(wanted.stream, &mut parts, &mut decoded);
+    }
+    decoded.settle_orientations(mapping)?;
+    Ok(decoded)
+}
+
+fn read<'m>(
+    file: &LogFile,
+    wanted: Vec<Wanted>,
+    mapping: &'m Mapping,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<Part<'m>, LogError> {
+    let name = file.path.display().to_string();
+    let twice = wanted
+        .iter()
+        .enumerate()
+        .find(|(i, w)| wanted[..*i].iter().any(|other| other.topic == w.topic));
+    if let Some((_, twice)) = twice {
+        return Err(LogError::NamedTwice {
+            file: name,
+            topic: twice.topic.clone(),
+        });
+    }
+    let mut streams = Streams::new(&name, wanted, mapping);
+    let account = scan(&file.path, &name, limits, &mut streams, progress)?;
+    Ok(Part {
+        role: file.role(),
+        sides: file.sides.clone(),
+        account,
+        streams,
+    })
+}
+
+/// Each wanted topic has to be in some file of its side.
+fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_>]) -> Result<(), LogError> {
+    let of_side = || parts.iter().filter(|part| part.sides.contains(&side));
+    let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(wanted.stream));
+    match wanted.iter().find(missing) {
+        None => Ok(()),
+        Some(missing) => Err(unknown_topic(
+            of_side().map(|part| &part.account),
+            &missing.topic,
+        )),
+    }
+}
+
+fn unknown_topic<'a>(accounts: impl Iterator<Item = &'a Account>, topic: &str) -> LogError {
+    let mut topics: Vec<String> = Vec::new();
+    let (mut files, mut places) = (Vec::new(), 0);
+    for account in accounts {
+        files.push(account.file.clone());
+        places += account.rejects.len();
+        for channel in &account.channels {
+            let name = format!("{:?}", channel.topic);
+            if !topics.contains(&name) {
+                topics.push(name);
+            }
+        }
+    }
+    let damage = match places {
+        0 => String::new(),
+        n => format!(
+            " (the log is damaged in {n} places, so topics may be missing; see `posegrid inspect`)"
+        ),
+    };
+    LogError::UnknownTopic {
+        file: files.join(", "),
+        topic: topic.to_owned(),
+        topics: if topics.is_empty() {
+            "none".to_owned()
+        } else {
+            topics.join(", ")
+        },
+        damage,
+    }
+}
+
+/// The same key with another value in a later file gets that file's role behind it, and a number if need be.
+fn remember(metadata: &mut BTreeMap<String, String>, key: &str, value: String, role: &str) {
+    let names = std::iter::once(key.to_owned())
+        .chain(std::iter::once(format!("{key} ({role})")))
+        .chain((2..).map(|number| format!("{key} ({role} {number})")));
+    for name in names {
+        match metadata.get(&name) {
+            Some(known) if *known == value => return,
+            Some(_) => {}
+            None => {
+                metadata.insert(name, value);
+                return;
+            }
+        }
+    }
+}
+
+fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
+    let Part {
+        role,
+        account,
+        streams,
+        ..
+    } = part;
+    let mut count = |name: String, count: u64| {
+        *decoded.counts.entry(name).or_default() += count;
+    };
+    count(format!("{role}.files"), 1);
+    count(format!("{role}.bytes"), account.bytes);
+    count(format!("{role}.bytes_lost"), account.bytes_lost());
+    let cut = account.ending == Ending::Cut;
+    count(format!("{role}.files_cut"), u64::from(cut));
+    count(format!("{role}.chunks"), account.chunks.values().sum());
+    count(format!("{role}.chunks_unchecked"), account.chunks_unchecked);
+    count(format!("{role}.messages"), account.messages);
+    count(
+        format!("{role}.messages_outside_chunks"),
+        account.messages_outside_chunks,
+    );
+    for (stream, messages) in &streams.messages {
+        count(format!("{}.messages", stream.name()), *messages);
+        let undecoded = streams.undecoded.get(stream).copied().unwrap_or(0);
+        count(format!("{}.rejected", stream.name()), undecoded);
+    }
+}
+
+/// Moves one stream's rows out of all files, earliest file first.
+fn take(stream: Stream, parts: &mut [Part<'_>], decoded: &mut Decoded) {
+    let having = || parts.iter().filter(|part| part.streams.has(stream));
+    debug_assert!(having().count() > 0, "required before");
+    let parts = parts.iter_mut().filter(|part| part.streams.has(stream));
+    let streams = parts.map(|part| &mut part.streams);
+    match stream {
+        Stream::Joints => {
+            let of_files = streams.map(|streams| std::mem::take(&mut streams.joints));
+            decoded.joints = in_order(of_files, |rows| &rows.stamps, DecodedJoints::append);
+        }
+        Stream::Commands => {
+            let of_files = streams.map(|streams| std::mem::take(&mut streams.commands));
+            decoded.commands = Some(in_order(
+                of_files,
+                |rows| &rows.stamps,
+                DecodedPoses::append,
+            ));
+        }
+        Stream::Readings => {
+            let of_files = streams.map(|streams| std::mem::take(&mut streams.readings));
+            decoded.readings = in_order(of_files, |rows| &rows.stamps, DecodedPoses::append);
+        }
+        Stream::Temperatures => {
+            let of_files = streams.map(|streams| std::mem::take(&mut streams.temperatures));
+            let rows = in_order(of_files, |rows| &rows.stamps, DecodedTemperatures::append);
+            decoded.temperatures = Some(rows);
+        }
+    }
+}
+
+/// Rows of several files, those with the earliest stamp first; files that begin and end alike stay in the order given.
+fn in_order<R: Default>(
+    of_files: impl Iterator<Item = R>,
+    stamps: impl Fn(&R) -> &Vec<i64>,
+    append: impl Fn(&mut R, R),
+) -> R {
+    let mut of_files: Vec<R> = of_files.collect();
+    of_files.sort_by_key(|rows| {
+        let stamps = stamps(rows);
+        (stamps.iter().min().copied(), stamps.iter().max().copied())
+    });
+    let mut of_files = of_files.into_iter();
+    let mut whole = of_files.next().unwrap_or_default();
+    of_files.for_each(|rows| append(&mut whole, rows));
+    whole
+}
+
+impl Decoded {
+    /// Drops orientations that are not wanted; a topic must have them in all its messages or in none.
+    fn settle_orientations(&mut self, mapping: &Mapping) -> Result<(), LogError> {
+        if mapping.tracker.ignore_orientation {
+            self.readings.orientations = None;
+        }
+        for poses in self.commands.iter().chain([&self.readings]) {
+            let rows = poses.stamps.len();
+            let partly = |count: Option<usize>| count.is_some_and(|count| count != rows);
+            if partly(poses.orientations.as_ref().map(Vec::len))
+                || partly(poses.covariances.as_ref().map(Vec::len))
+            {
+                return Err(LogError::Mixed {
+                    file: poses.origins.names(),
+                    topic: poses.origins.topic.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_key_in_several_files_keeps_every_value() {
+        let mut metadata = BTreeMap::new();
+        for (value, role) in [
+            ("a", "controller"),
+            ("b", "controller"),
+            ("c", "controller"),
+            ("a", "tracker"),
+            ("d", "tracker"),
+        ] {
+            remember(&mut metadata, "k", value.to_owned(), role);
+        }
+        let found: Vec<_> = metadata
+            .iter()
+            .map(|(k, v)| (k.as_str(), v.as_str()))
+            .collect();
+        assert_eq!(
+            found,
+            [
+                ("k", "a"),
+                ("k (controller 2)", "c"),
+                ("k (controller)", "b"),
+                ("k (tracker)", "d")
+            ]
+        );
+    }
+
+    #[test]
+    fn a_file_on_both_sides_is_read_once() {
+        let path = Path::new("Cargo.toml");
+        let other = Path::new("src/../Cargo.toml");
+        let files = SessionLogs::of_two(path, other).files();
+        assert_eq!(files.len(), 1);
+        assert_eq!(files[0].role(), "log");
+    }
+
+    #[test]
+    fn files_are_ordered_by_what_is_in_them() {
+        // Stamps of three files: the one named last comes first, an empty one before all.
+        let of_files = [vec![20, 30], vec![], vec![5, 25]];
+        let whole = in_order(
+            of_files.into_iter(),
+            |rows| rows,
+            |all, mut more| all.append(&mut more),
+        );
+        assert_eq!(whole, [5, 25, 20, 30]);
+    }
+}

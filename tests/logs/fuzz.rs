@@ -1,0 +1,394 @@
+//! Fuzzing without instruments of the compiler: inputs are changed at random, and one that comes out in a way not seen
+//! before is kept to be changed again.
+//!
+//! As a test each target runs for a few hundred inputs that are the same every time. For longer:
+//! `POSEGRID_FUZZ_SECONDS=600 cargo test --release --test logs fuzz::`, which begins somewhere else each time. An input
+//! that fails is written into the folder for temporaries, and its path told.
+//!
+//! Long runs so far, all clean (unoptimised, on two busy cores; seconds, thousands of inputs): `log_file` 450, 32;
+//! `log_file_in_zstd` 450, 50; `schema_and_message` 300, 970; `pipeline_file` 450, 85; `robot_file` 450, 43.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::panic::{self, AssertUnwindSafe};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use mcap::Compression;
+use posegrid::io::inspect::inspect;
+use posegrid::io::log::{Limits, read_recording, suggest};
+use posegrid::io::message::{FieldPath, MessageSchema, Row};
+use posegrid::pipeline::plan::{Overrides, Plan};
+use posegrid::progress::Quiet;
+
+use crate::build::{Folder, mapping, session_log};
+use crate::mutator::log::Log;
+use crate::{conformance, encodings};
+
+/// Inputs of one target in the tests.
+const INPUTS: u32 = 300;
+/// The longest input; longer ones only take longer.
+const LONGEST: usize = 64 * 1024;
+
+const LIMITS: Limits = Limits {
+    record_bytes: 4 << 20,
+    chunk_bytes: 4 << 20,
+    batch_bytes: 4 << 20,
+    unpacked_bytes: 16 << 20,
+};
+
+/// Numbers that look random (splitmix64).
+struct Chance(u64);
+
+impl Chance {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        usize::try_from(self.next() % limit.max(1) as u64).expect("below a usize")
+    }
+
+    fn of<'a, T>(&mut self, all: &'a [T]) -> &'a T {
+        &all[self.below(all.len())]
+    }
+}
+
+/// Numbers at which programs stumble.
+const NUMBERS: [u64; 9] = [
+    0,
+    1,
+    0x7f,
+    0xff,
+    0xffff,
+    0x7fff_ffff,
+    0xffff_ffff,
+    1 << 40,
+    u64::MAX,
+];
+
+/// Changes bytes in one of the ways that files break, or that programs lie.
+fn change(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
+    let at = chance.below(bytes.len());
+    let end = (at + 1 + chance.below(64)).min(bytes.len());
+    match chance.below(8) {
+        _ if bytes.is_empty() => bytes.push(chance.next().to_le_bytes()[0]),
+        0 => bytes[at] ^= 1 << chance.below(8),
+        1 => bytes[at] = chance.next().to_le_bytes()[0],
+        2 => {
+            let number = chance.of(&NUMBERS).to_le_bytes();
+            let width = *chance.of(&[1, 2, 4, 8]);
+            let end = (at + width).min(bytes.len());
+            bytes[at..end].copy_from_slice(&number[..end - at]);
+        }
+        3 => drop(bytes.drain(at..end)),
+        4 => {
+            let again = bytes[at..end].to_vec();
+            let to = chance.below(bytes.len());
+            drop(bytes.splice(to..to, again));
+        }
+        5 => {
+            let other = chance.of(others);
+            let from = chance.below(other.len());
+            let to = (from + 1 + chance.below(512)).min(other.len());
+            let end = (at + to - from).min(bytes.len());
+            drop(bytes.splice(at..end, other[from..to].to_vec()));
+        }
+        6 => bytes[at..end].fill(0),
+        _ => bytes.truncate(at),
+    }
+    bytes.truncate(LONGEST);
+}
+
+/// Changes a text in one of the ways that people do.
+fn change_text(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
+    const WORDS: [&str; 14] = [
+        "0",
+        "-1",
+        "1e308",
+        "-1e-308",
+        "nan",
+        "inf",
+        "[]",
+        "\"\"",
+        "{}",
+        "true",
+        "\"../../..\"",
+        "\"/\"",
+        "18446744073709551616",
+        "\"\u{202e}\u{1b}[2J\"",
+    ];
+    let text = String::from_utf8_lossy(bytes).into_owned();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let at = chance.below(lines.len());
+    match chance.below(6) {
+        _ if lines.is_empty() => return change(bytes, others, chance),
+        0 => drop(lines.remove(at)),
+        1 => lines.insert(chance.below(lines.len()), lines[at].clone()),
+        2 | 3 => {
+            let word = *chance.of(&WORDS);
+            if let Some((key, _)) = lines[at].split_once('=') {
+                lines[at] = format!("{key}= {word}");
+            }
+        }
+        4 => {
+            let other = chance.below(lines.len());
+            lines.swap(at, other);
+        }
+        _ => return change(bytes, others, chance),
+    }
+    *bytes = lines.join("\n").into_bytes();
+    bytes.truncate(LONGEST);
+}
+
+type Change = fn(&mut Vec<u8>, &[Vec<u8>], &mut Chance);
+
+/// Runs a target on changed seeds; it tells in a few words how an input came out.
+fn fuzz(name: &str, seeds: Vec<Vec<u8>>, change: Change, target: impl Fn(&[u8]) -> String) {
+    let seconds = std::env::var("POSEGRID_FUZZ_SECONDS").ok();
+    let seconds = seconds.map(|text| text.parse().expect("POSEGRID_FUZZ_SECONDS is a number"));
+    let begun = Instant::now();
+    // Other inputs each time where time is given; the same ones in the tests.
+    let start = seconds.map_or(1, |_: u64| {
+        u64::from(std::process::id()) << 32 | u64::from(begun.elapsed().subsec_nanos())
+    });
+    let mut chance = Chance(start);
+    let mut pool = seeds;
+    let mut seen: BTreeSet<String> = pool.iter().map(|seed| tried(name, seed, &target)).collect();
+    let mut count = 0_u64;
+    let goes_on = |count| match seconds {
+        None => count < u64::from(INPUTS),
+        Some(seconds) => begun.elapsed() < Duration::from_secs(seconds),
+    };
+    while goes_on(count) {
+        let mut input = chance.of(&pool).clone();
+        for _ in 0..=chance.below(6) {
+            change(&mut input, &pool, &mut chance);
+        }
+        let outcome = tried(name, &input, &target);
+        if seen.len() < 5000 && seen.insert(outcome) {
+            pool.push(input);
+        }
+        count += 1;
+    }
+    println!("{name}: {count} inputs, {} outcomes, clean", seen.len());
+    assert!(seen.len() > 3, "{name}: the inputs hardly differ: {seen:?}");
+}
+
+/// Tries an input; if that panics, keeps it.
+fn tried(name: &str, input: &[u8], target: &impl Fn(&[u8]) -> String) -> String {
+    if let Ok(outcome) = panic::catch_unwind(AssertUnwindSafe(|| target(input))) {
+        return without_numbers(&outcome);
+    }
+    let file = format!("posegrid-fuzz-{name}-{}", std::process::id());
+    let path = std::env::temp_dir().join(file);
+    fs::write(&path, input).expect("room for the input that fails");
+    panic!("{name}: fails on {}", path.display());
+}
+
+/// Outcomes that differ in numbers or names only are one.
+fn without_numbers(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_alphabetic());
+    let words: Vec<_> = words.filter(|word| word.len() > 2).collect();
+    words.join(" ").chars().take(300).collect()
+}
+
+/// Reads a log in both ways; what goes in comes out or is counted.
+fn read_log(path: &Path) -> String {
+    let mut outcome = String::new();
+    match inspect(path, LIMITS, &Quiet) {
+        Err(error) => outcome += &error.to_string(),
+        Ok(found) => {
+            let counted: u64 = found
+                .channels
+                .iter()
+                .map(|channel| channel.traffic.messages)
+                .sum();
+            assert!(counted <= found.account.messages);
+            for reject in &found.account.rejects {
+                assert!(reject.byte_start <= reject.byte_end, "{reject:?}");
+                outcome += &reject.reason;
+            }
+        }
+    }
+    match read_recording(path, path, &mapping(), LIMITS, &Quiet) {
+        Err(error) => outcome += &error.to_string(),
+        Ok(recording) => {
+            for stream in ["joints", "commands", "readings"] {
+                let count = |name: &str| recording.counts.get(&format!("{stream}.{name}")).copied();
+                let [messages, kept, rejected] =
+                    ["messages", "kept", "rejected"].map(|name| count(name).unwrap_or(0));
+                assert_eq!(messages, kept + rejected, "{stream}");
+            }
+            assert!(recording.joints.stamps.is_sorted());
+        }
+    }
+    outcome
+}
+
+fn logs() -> Vec<Vec<u8>> {
+    let mut seeds = vec![Log::new(true).bytes, Log::new(false).bytes];
+    seeds.extend(
+        [None, Some(Compression::Zstd), Some(Compression::Lz4)].map(|c| session_log(c, 30)),
+    );
+    seeds.extend(conformance::samples());
+    seeds
+}
+
+#[test]
+fn log_file() {
+    let folder = Folder::new();
+    fuzz("log_file", logs(), change, |bytes| {
+        read_log(&folder.file("log.mcap", bytes))
+    });
+}
+
+#[test]
+fn log_file_in_zstd() {
+    let folder = Folder::new();
+    let packed = |log: Vec<u8>| zstd::stream::encode_all(&log[..], 1).expect("memory");
+    let seeds = logs().into_iter().map(packed).collect();
+    fuzz("log_file_in_zstd", seeds, change, |bytes| {
+        read_log(&folder.file("log.mcap.zst", bytes))
+    });
+}
+
+/// Encodings of messages with the languages of their schemas.
+const FORMS: [(&str, &str); 4] = [
+    ("cdr", "ros2msg"),
+    ("cdr", "ros2idl"),
+    ("protobuf", "protobuf"),
+    ("json", "jsonschema"),
+];
+
+/// Which form, length of the type's name, length of the schema; then name, schema and message.
+fn packed_form(form: u8, name: &str, schema: &[u8], message: &[u8]) -> Vec<u8> {
+    let name_length = u8::try_from(name.len()).expect("short");
+    let length = u16::try_from(schema.len()).expect("short").to_le_bytes();
+    let head = [form, name_length, length[0], length[1]];
+    [&head[..], name.as_bytes(), schema, message].concat()
+}
+
+/// Reads every value of a message that its schema knows of.
+fn read_message(bytes: &[u8]) -> String {
+    let Some((&[form, name_length, low, high], rest)) = bytes.split_first_chunk() else {
+        return "short".to_owned();
+    };
+    let (encoding, language) = FORMS[usize::from(form) % FORMS.len()];
+    let (name, rest) = rest.split_at(usize::from(name_length).min(rest.len()));
+    let length = usize::from(u16::from_le_bytes([low, high]));
+    let (definition, message) = rest.split_at(length.min(rest.len()));
+    let name = String::from_utf8_lossy(name);
+    let suggested = suggest(encoding, &name, language, definition, Some(message));
+    let schema = match MessageSchema::read(encoding, &name, language, definition) {
+        None => return "no such encoding".to_owned(),
+        Some(Err(error)) => return error.to_string(),
+        Some(Ok(schema)) => schema,
+    };
+    let paths = schema.leaves().into_iter().take(20);
+    let paths: Vec<_> = paths
+        .filter_map(|path| FieldPath::parse(&path).ok())
+        .collect();
+    let plan = match schema.plan(&paths) {
+        Err(error) => return error.to_string(),
+        Ok(plan) => plan,
+    };
+    let mut row = Row::default();
+    let read = plan.read(message, &mut row);
+    let values: Vec<_> = match read {
+        Ok(()) => (0..paths.len())
+            .map(|slot| row.value(message, slot).integer().is_some())
+            .collect(),
+        Err(_) => Vec::new(),
+    };
+    format!(
+        "{encoding} {language} {read:?} {values:?} {}",
+        suggested.is_some()
+    )
+}
+
+#[test]
+fn schema_and_message() {
+    let seed = |sample: encodings::Sample| {
+        let form = FORMS.iter().position(|form| *form == sample.form)?;
+        let form = u8::try_from(form).ok()?;
+        Some(packed_form(
+            form,
+            sample.type_name,
+            &sample.definition,
+            &sample.message,
+        ))
+    };
+    let seeds: Vec<_> = encodings::samples().into_iter().filter_map(seed).collect();
+    assert!(seeds.len() >= 4, "{} of the forms", seeds.len());
+    fuzz("schema_and_message", seeds, change, read_message);
+}
+
+/// A folder with a pipeline file, its robot file and a session.
+fn cell() -> Folder {
+    let folder = Folder::new();
+    let session = folder.path().join("sessions/mon");
+    fs::create_dir_all(&session).expect("writable");
+    for log in ["controller.mcap", "tracker.mcap"] {
+        fs::write(session.join(log), b"").expect("writable");
+    }
+    folder.file(
+        "robot.toml",
+        &toml_file("pipelines/robots/kr210-r2700-extra.toml"),
+    );
+    folder
+}
+
+fn toml_file(path: &str) -> Vec<u8> {
+    fs::read(path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+fn pipeline_text() -> String {
+    let text = String::from_utf8(toml_file("pipelines/quickstart.toml")).expect("text");
+    text.replace("../tests/recordings", "sessions")
+        .replace("sessions = [\"quickstart\"]", "sessions = [\"mon\"]")
+        .replace("robots/kr210-r2700-extra.toml", "robot.toml")
+}
+
+fn planned(path: &Path) -> String {
+    match Plan::load(path, &Overrides::default()) {
+        Err(error) => error.to_string(),
+        Ok(plan) => {
+            assert!(!plan.pieces.is_empty());
+            plan.remarks.join("; ")
+        }
+    }
+}
+
+#[test]
+fn pipeline_file() {
+    let folder = cell();
+    let whole = pipeline_text();
+    let path = folder.file("pipeline.toml", whole.as_bytes());
+    assert!(
+        Plan::load(&path, &Overrides::default()).is_ok(),
+        "{}",
+        planned(&path)
+    );
+    fuzz(
+        "pipeline_file",
+        vec![whole.into_bytes()],
+        change_text,
+        |bytes| planned(&folder.file("pipeline.toml", bytes)),
+    );
+}
+
+#[test]
+fn robot_file() {
+    let folder = cell();
+    let path = folder.file("pipeline.toml", pipeline_text().as_bytes());
+    let robot = toml_file("pipelines/robots/kr210-r2700-extra.toml");
+    fuzz("robot_file", vec![robot], change_text, |bytes| {
+        folder.file("robot.toml", bytes);
+        planned(&path)
+    });
+}
