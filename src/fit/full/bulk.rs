@@ -10,7 +10,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{DMatrix, DMatrixView, Matrix3, Point3, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::layout::Block;
@@ -52,6 +52,14 @@ struct Joint {
     beside: DMatrix<f64>,
     /// Variance of the curve.
     variance: Vec<f64>,
+}
+
+/// One pose on its way to an estimate.
+struct Pose {
+    position: Point3<f64>,
+    standing: Matrix3<f64>,
+    /// How the point moves with each joint, mm/rad.
+    joints: Vec<Vector3<f64>>,
 }
 
 impl FullModel {
@@ -121,49 +129,49 @@ impl<'m> Bulk<'m> {
 
     fn chunk(&self, queries: &[Query<'_>]) -> Vec<Estimate> {
         let mut rows = DMatrix::zeros(self.others.nrows(), 3 * queries.len());
-        let poses: Vec<_> = queries
+        let poses: Vec<Pose> = queries
             .iter()
             .enumerate()
-            .map(|(place, query)| {
-                assert_eq!(
-                    query.own.then_some(query.session),
-                    self.session,
-                    "tables of one session"
-                );
-                let target = self.model.viewed(query).target;
-                let pose = self.model.pose(query, &target);
-                pose.other_columns(&self.model.layout, &mut |column, twist, amount| {
-                    let other = self.places[column].expect("a column of this session");
-                    for axis in 0..3 {
-                        rows[(other, 3 * place + axis)] += twist.linear[axis] * amount;
-                    }
-                });
-                let (shift, standing) = self.model.stands(query, &target.joints);
-                let moved = pose.moved(
-                    &self.model.layout,
-                    &self.model.mean,
-                    &self.model.ready.curves,
-                );
-                let position = Point3::from(target.end.translation.vector + moved + shift);
-                let linear: Vec<Vector3<f64>> =
-                    target.joints.iter().map(|twist| twist.linear).collect();
-                (position, standing, linear)
-            })
+            .map(|(place, query)| self.pose(query, &mut rows.columns_mut(3 * place, 3)))
             .collect();
         let carried = &self.others * &rows;
-        let estimate = |(place, (position, standing, joints)): (
-            usize,
-            (Point3<f64>, Matrix3<f64>, Vec<Vector3<f64>>),
-        )| {
+        let estimate = |((place, pose), query): ((usize, &Pose), &Query<'_>)| {
             let own = rows.columns(3 * place, 3);
             let among = fixed(&own.tr_mul(&carried.columns(3 * place, 3)));
-            let (beside, curves) = self.curves(queries[place].axes, &joints, &own);
+            let (beside, curves) = self.curves(query.axes, &pose.joints, &own);
             Estimate {
-                position,
-                covariance: among + beside + beside.transpose() + curves + standing,
+                position: pose.position,
+                covariance: among + beside + beside.transpose() + curves + pose.standing,
             }
         };
-        poses.into_iter().enumerate().map(estimate).collect()
+        poses
+            .iter()
+            .enumerate()
+            .zip(queries)
+            .map(estimate)
+            .collect()
+    }
+
+    /// A pose without its covariance; its other columns go into `rows`.
+    fn pose(&self, query: &Query<'_>, rows: &mut DMatrixViewMut<'_, f64>) -> Pose {
+        let session = query.own.then_some(query.session);
+        assert_eq!(session, self.session, "the tables are of one session");
+        let model = self.model;
+        let target = model.viewed(query).target;
+        let pose = model.pose(query, &target);
+        pose.other_columns(&model.layout, &mut |column, twist, amount| {
+            let other = self.places[column].expect("a column of this session");
+            for axis in 0..3 {
+                rows[(other, axis)] += twist.linear[axis] * amount;
+            }
+        });
+        let moved = pose.moved(&model.layout, &model.mean, &model.ready.curves);
+        let (shift, standing) = model.stands(query, &target.joints);
+        Pose {
+            position: Point3::from(target.end.translation.vector + moved + shift),
+            standing,
+            joints: target.joints.iter().map(|twist| twist.linear).collect(),
+        }
     }
 
     /// Share of the curves with the other columns (one side of it) and among themselves, mm².
@@ -223,8 +231,10 @@ fn fixed(matrix: &DMatrix<f64>) -> Matrix3<f64> {
 /// Whether a block's columns move the target in queries of `session`.
 fn applies(block: Block, session: Option<usize>) -> bool {
     match block {
-        Block::SessionBlend(own) | Block::OwnBlend(own) | Block::Drift(own) => Some(own) == session,
-        Block::SessionCurve { session: own, .. } => Some(own) == session,
+        Block::SessionBlend(own)
+        | Block::OwnBlend(own)
+        | Block::Drift(own)
+        | Block::SessionCurve { session: own, .. } => Some(own) == session,
         Block::Unknowns
         | Block::Gravity
         | Block::Blend
