@@ -131,12 +131,6 @@ pub struct Query<'q> {
     pub station: Option<usize>,
 }
 
-/// A point before the columns move it.
-struct Viewed {
-    target: ChainView,
-    flange: UnitQuaternion<f64>,
-}
-
 /// What the model says of a pose: the point in the tracker's frame of the query's session, and its rows.
 #[derive(Debug, Clone)]
 pub struct Predicted {
@@ -222,14 +216,14 @@ impl FullModel {
     /// Predicts a point at a pose.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
-        let rows = self.pose(query, &view.target).rows(&self.layout, 3);
+        let rows = self.pose(query, &view).rows(&self.layout, 3);
         let moved: DVector<f64> = &rows * &self.mean;
-        let (shift, standing) = self.stands(query, &view.target.joints);
+        let (shift, standing) = self.stands(query, &view.joints);
         let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
-        let position = Point3::from(view.target.end.translation.vector + moved);
+        let position = Point3::from(view.end.translation.vector + moved);
         Predicted {
             position,
-            flange: view.flange,
+            flange: view.end.rotation * self.target_from_flange(query.session),
             rows,
             standing,
         }
@@ -237,7 +231,7 @@ impl FullModel {
 
     /// The predicted point alone, in the tracker's frame, mm: many times as fast.
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
-        let target = self.viewed(query).target;
+        let target = self.viewed(query);
         let pose = self.pose(query, &target);
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
         let (shift, _) = self.stands(query, &target.joints);
@@ -252,21 +246,22 @@ impl FullModel {
     }
 
     /// The point at the offsets that rows are taken at, and how it moves.
-    fn viewed(&self, query: &Query<'_>) -> Viewed {
-        let view = self.ready.chains[query.session].view(query.axes);
-        let from_target = self.frames[query.session]
-            .flange_from_target
-            .isometry()
-            .rotation;
-        let flange = view.end.rotation * from_target.inverse();
-        let mut target = view.moved(&(flange * query.lever));
+    fn viewed(&self, query: &Query<'_>) -> ChainView {
+        let lever = self.target_from_flange(query.session) * query.lever;
+        let mut view = self.ready.chains[query.session].view_of(query.axes, &lever);
         if !query.own {
             let is_base = |place: usize| {
                 matches!(self.problem.unknowns()[place].parameter, Parameter::Base(_))
             };
-            target.unknowns.retain(|(place, _)| !is_base(*place));
+            view.unknowns.retain(|(place, _)| !is_base(*place));
         }
-        Viewed { target, flange }
+        view
+    }
+
+    /// How the flange's axes lie in the target's.
+    fn target_from_flange(&self, session: usize) -> UnitQuaternion<f64> {
+        let flange_from_target = self.frames[session].flange_from_target.isometry();
+        flange_from_target.rotation.inverse()
     }
 
     fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
@@ -382,7 +377,7 @@ impl FullModel {
     /// Covariance of what no other visit repeats: where the arm stands on one visit besides what the model leaves open,
     /// mm², tracker frame. Structure too fine for the model counts as this too: only visits to the same pose tell them apart.
     pub fn visit_covariance(&self, query: &Query<'_>) -> Matrix3<f64> {
-        let joints = self.viewed(query).target.joints;
+        let joints = self.viewed(query).joints;
         let sizes = &self.repeatability;
         let arm = Matrix3::identity() * sizes.position;
         let scale = joints

@@ -35,29 +35,17 @@ enum UnitMotion {
     },
 }
 
-/// The chain's end at one pose and how it moves, in the root frame.
+/// A point of the chain's end at one pose and how it moves, in the root frame.
 #[derive(Debug, Clone)]
 pub struct ChainView {
-    /// The end.
+    /// The point, turned as the end.
     pub end: Isometry3<f64>,
-    /// The end's motion per unit of each unknown that moves it.
+    /// The point's motion per unit of each unknown that moves it.
     pub unknowns: Vec<(usize, Twist)>,
-    /// The end's motion per unit of each axis variable.
+    /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
     /// Origin and direction of each joint axis.
     pub axes: Vec<(Point3<f64>, Vector3<f64>)>,
-}
-
-impl ChainView {
-    /// The same for a point that sits `lever` (root frame, mm) beside the end on the same body.
-    #[must_use]
-    pub fn moved(mut self, lever: &Vector3<f64>) -> Self {
-        let carry = |twist: &mut Twist| twist.linear += twist.angular.cross(lever);
-        self.unknowns.iter_mut().for_each(|(_, twist)| carry(twist));
-        self.joints.iter_mut().for_each(carry);
-        self.end.translation.vector += lever;
-        self
-    }
 }
 
 impl HeldChain {
@@ -113,6 +101,11 @@ impl HeldChain {
 
     /// The end and how it moves at the axis variables `q` (rad or mm).
     pub fn view(&self, q: &[f64]) -> ChainView {
+        self.view_of(q, &Vector3::zeros())
+    }
+
+    /// The point that sits `lever` (mm, along the end's own axes) beside the end, and how it moves.
+    pub fn view_of(&self, q: &[f64], lever: &Vector3<f64>) -> ChainView {
         let mut frame = Frame::root();
         let mut unknowns = Vec::with_capacity(self.segments.iter().map(|s| s.free.len()).sum());
         let mut axes = Vec::with_capacity(self.joints);
@@ -125,6 +118,7 @@ impl HeldChain {
                 frame.turn(motion, sign * q[joint]);
             }
         }
+        frame.origin += frame.rotation * lever;
         let end = frame.origin;
         ChainView {
             end: frame.isometry(),
@@ -291,8 +285,12 @@ mod tests {
         let (q, offsets) = ([0.8, 25.0, -1.3], [0.5, 1e-3, -0.2, 2e-3, 0.1]);
         // The third parameter is nobody's unknown.
         let unknowns = [Some(7), Some(3), None, Some(0), Some(5)];
-        let view = HeldChain::new(&chain, &offsets, &unknowns).view(&q);
-        let whole = chain.differential(&q, &offsets);
+        let lever = Vector3::new(30.0, -20.0, 10.0);
+        let view = HeldChain::new(&chain, &offsets, &unknowns).view_of(&q, &lever);
+        let beside = vec![Element::Fixed(Isometry3::translation(30.0, -20.0, 10.0))];
+        let whole = chain
+            .extended(Vec::new(), beside)
+            .differential(&q, &offsets);
         assert!((view.end.to_homogeneous() - whole.end.to_homogeneous()).norm() < 1e-11);
         let of_chain = |place: usize| whole.parameters[place];
         let expected = [

@@ -157,7 +157,7 @@ impl<'m> Bulk<'m> {
         let session = query.own.then_some(query.session);
         assert_eq!(session, self.session, "the tables are of one session");
         let model = self.model;
-        let target = model.viewed(query).target;
+        let target = model.viewed(query);
         let pose = model.pose(query, &target);
         pose.other_columns(&model.layout, &mut |column, twist, amount| {
             let other = self.places[column].expect("a column of this session");
