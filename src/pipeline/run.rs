@@ -26,7 +26,7 @@ use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::{JoinError, Pairing, join};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
-use crate::report::{Accuracy, Angles, BaseRefit, Model, ResidualSet, Split};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
 
 /// What a finished piece of work comes to.
 #[derive(Debug, Clone)]
@@ -406,7 +406,7 @@ fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
             .accuracy
             .iter()
             .filter(|accuracy| is_headline(accuracy))
-            .filter_map(figure_words),
+            .filter_map(|accuracy| figure_words(accuracy, outcome.training.len() > 1)),
     );
     if let Some(full) = &outcome.full {
         let part = |part: &crate::fit::full::PartEvidence| {
@@ -438,30 +438,27 @@ const FAR: f64 = 0.25;
 /// The most stations that are named.
 const NAMED: usize = 5;
 
-/// Stations that the whole model hardly believes, the least believed first.
+/// Stations that the whole model hardly believes, the least believed first, with how far all others predict them.
 fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
-    let is_weighed = |set: &&ResidualSet| {
-        let subject = &set.subject;
-        (subject.model, subject.split, subject.angles)
-            == (Model::Full, Split::None, Angles::Blended)
-    };
-    let mut far: Vec<(f64, String)> = Vec::new();
-    for set in outcome.residuals.iter().filter(is_weighed) {
-        let own = set.residuals.iter().filter_map(|residual| {
-            let weight = residual.weight.filter(|weight| *weight < FAR)?;
-            let (session, station) = (&set.subject.of_session, residual.station);
-            let away = residual.residual.norm();
-            Some((weight, format!("{session} {station} ({away:.2} mm)")))
-        });
-        far.extend(own);
-    }
+    let full = outcome.full.as_ref()?;
+    let paired = outcome.training.iter().flat_map(|session| {
+        let stations = session.joined.stations.iter();
+        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
+        paired.map(|station| (session.name.as_str(), station.number))
+    });
+    let judged = paired.zip(full.weights.iter().zip(&full.left_out));
+    let mut far: Vec<(f64, String)> = judged
+        .filter(|(_, (weight, _))| **weight < FAR)
+        .map(|((session, station), (weight, left_out))| {
+            let away = left_out.residual.rows(0, 3).norm();
+            (*weight, format!("{session} {station} ({away:.2} mm)"))
+        })
+        .collect();
     far.sort_by(|a, b| a.0.total_cmp(&b.0));
     let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
-    let more = far.len().saturating_sub(NAMED);
-    let more = if more > 0 {
-        format!(" and {more} more")
-    } else {
-        String::new()
+    let more = match far.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
     };
     (!far.is_empty()).then(|| {
         format!(
@@ -478,7 +475,7 @@ fn is_headline(accuracy: &Accuracy) -> bool {
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }
 
-fn figure_words(accuracy: &Accuracy) -> Option<String> {
+fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
     let figures = accuracy.figures?;
     let subject = &accuracy.subject;
     let model = match subject.model {
@@ -495,6 +492,7 @@ fn figure_words(accuracy: &Accuracy) -> Option<String> {
     };
     let judged = match (subject.split, subject.base_refit) {
         (Split::None, _) => String::new(),
+        (Split::Blocks, _) if pooled => format!(", held-out blocks of {}", subject.of_session),
         (Split::Blocks, _) => ", held-out blocks".to_owned(),
         (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),
         (Split::Session, _) => format!(

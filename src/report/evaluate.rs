@@ -188,33 +188,76 @@ impl Unseen<'_> {
         )
     }
 
-    /// The model's covariance with the refitted frames projected out, plus noise and what drift the session may have.
+    /// Covariance of what is left on each station: the model's share that the refitted frames do not take up, noise, what
+    /// drift the session may have, and what the frames inherit from the stations they were found from.
     fn covariances(&self, observations: &[Observation]) -> Option<Vec<Matrix3<f64>>> {
         let full = self.models.full.as_ref()?;
+        let to_tracker = self.to_base.inverse();
+        let noise: Vec<Matrix3<f64>> = self
+            .predictions
+            .iter()
+            .zip(observations)
+            .map(|(prediction, o)| turned(&(full.noise(o) + prediction.standing), &to_tracker))
+            .collect();
         let mut rows = stacked(self.predictions, self.to_base)?;
-        if self.used > 0 {
-            let positions: Vec<_> = self.placed.iter().map(|p| p.position).collect();
-            let flanges: Vec<_> = self.placed.iter().map(|p| p.flange).collect();
-            let q = refit::columns(&positions, &flanges, self.settings.with_target)
-                .qr()
-                .q();
-            rows -= &q * q.tr_mul(&rows);
+        let frames = (self.used > 0).then(|| self.frames());
+        if let Some(frames) = &frames {
+            rows -= &frames.columns * (&frames.from_first * rows.rows(0, 3 * self.used));
         }
         let drift = Matrix3::identity() * full.drift_variance();
-        let models = full
-            .covariances(&rows)
-            .into_iter()
-            .zip(self.predictions)
-            .zip(observations);
-        let to_tracker = self.to_base.inverse();
-        let in_base = |prediction: &Prediction, o: &Observation| {
-            turned(&(full.noise(o) + prediction.standing), &to_tracker)
+        let own = full.covariances(&rows).into_iter().zip(&noise);
+        let own = own.map(|(model, noise)| model + noise + drift);
+        Some(match frames.filter(|_| self.used < observations.len()) {
+            None => own.collect(),
+            Some(frames) => {
+                // Where the base stood during the first stations is in the frames, and is not where it stands later.
+                let inherited = frames.inherited(&noise[..self.used]);
+                own.zip(inherited)
+                    .map(|(own, frames)| own + frames + drift)
+                    .collect()
+            }
+        })
+    }
+
+    /// The frames' columns at all stations, and how the frames follow from the stations they are found from.
+    fn frames(&self) -> RefittedFrames {
+        let positions: Vec<_> = self.placed.iter().map(|p| p.position).collect();
+        let flanges: Vec<_> = self.placed.iter().map(|p| p.flange).collect();
+        let columns = refit::columns(&positions, &flanges, self.settings.with_target);
+        let first = columns.rows(0, 3 * self.used);
+        let size = columns.ncols();
+        let normal = first.tr_mul(&first) + DMatrix::identity(size, size) * refit::RIDGE;
+        let factor = normal
+            .cholesky()
+            .expect("a ridge makes it positive definite");
+        RefittedFrames {
+            from_first: factor.solve(&first.transpose()),
+            columns,
+        }
+    }
+}
+
+/// Refitted frames: their columns at all stations, and how they follow from residuals of the first ones.
+struct RefittedFrames {
+    columns: DMatrix<f64>,
+    from_first: DMatrix<f64>,
+}
+
+impl RefittedFrames {
+    /// Covariance at each station by the noise of the first stations, mm².
+    fn inherited(&self, noise: &[Matrix3<f64>]) -> Vec<Matrix3<f64>> {
+        let size = self.from_first.nrows();
+        let mut covariance = DMatrix::zeros(size, size);
+        for (place, noise) in noise.iter().enumerate() {
+            let own = self.from_first.columns(3 * place, 3);
+            covariance += own * noise * own.transpose();
+        }
+        let at = |place: usize| {
+            let own = self.columns.rows(3 * place, 3);
+            let inherited = own * &covariance * own.transpose();
+            Matrix3::from_fn(|row, column| inherited[(row, column)])
         };
-        Some(
-            models
-                .map(|((model, prediction), o)| model + in_base(prediction, o) + drift)
-                .collect(),
-        )
+        (0..self.columns.nrows() / 3).map(at).collect()
     }
 }
 

@@ -25,7 +25,7 @@ pub struct Refit {
 }
 
 /// Keeps the target's shift from running away where one tool orientation does not show it.
-const RIDGE: f64 = 1e-3;
+pub const RIDGE: f64 = 1e-3;
 const PASSES: usize = 4;
 
 /// The frames that bring `measured` (tracker frame) nearest to `predicted`; `None` where stations do not span space.
