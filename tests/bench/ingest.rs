@@ -24,7 +24,10 @@ use posegrid::ingest::{
     TimeSource, TrackerSettings,
 };
 use posegrid::io::inspect::inspect;
+use posegrid::io::lake::Lake;
 use posegrid::io::log::{Limits, decode, read_recording};
+use posegrid::io::tables::logs::logs;
+use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
 
 const JOINTS: [&str; 6] = [
@@ -68,6 +71,11 @@ fn main() {
     });
     let kept = measure_kept(&path, &mapping, floor);
     assert_eq!(kept, joint_states, "all joint states are kept");
+    let rows = measure_published(&path, folder.path(), &mapping, floor);
+    assert!(
+        rows >= joint_states + joint_states / 10,
+        "every sample is a row"
+    );
     measure("inspect", Some(floor), || {
         inspect(&path, limits, &Quiet)
             .expect("a sound log")
@@ -91,6 +99,23 @@ fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {
         },
     );
     kept
+}
+
+/// From the log to the Parquet table of its samples on disk.
+fn measure_published(path: &Path, folder: &Path, mapping: &Mapping, floor: f64) -> u64 {
+    let lake = Lake::new(folder.join("lake"));
+    let key = RunKey::new("robot", "session", "0123456789abcdef0123456789abcdef");
+    let mut rows = 0;
+    measure("the whole path to Parquet log tables", Some(floor), || {
+        let recording =
+            read_recording(path, path, mapping, Limits::default(), &Quiet).expect("a sound log");
+        let mut run = lake.start(&key).expect("a lake").expect("a new run");
+        run.publish_parts(logs(&recording, &key))
+            .expect("space on disk");
+        rows = run.written()[0].rows;
+        rows
+    });
+    rows
 }
 
 /// Runs a step, prints its times, returns its user seconds.
