@@ -15,6 +15,7 @@ use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
+use super::words::words;
 use crate::compensation::Validity;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
@@ -23,10 +24,10 @@ use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_session};
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
-use crate::join::{JoinError, Pairing, join};
+use crate::join::{JoinError, join};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
-use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
+use crate::report::{Angles, Model, Split};
 
 /// What a finished piece of work comes to.
 #[derive(Debug, Clone)]
@@ -379,133 +380,4 @@ fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)
-}
-
-/// The result in lines that a person reads.
-fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
-    let mut words = Vec::new();
-    for session in outcome.training.iter().chain(&outcome.test) {
-        words.extend(damage::words(&session.name, &session.counts));
-        let stations = &session.joined.stations;
-        let paired = stations
-            .iter()
-            .filter(|station| station.pairing == Pairing::Paired)
-            .count();
-        let clock = &session.joined.clock.model;
-        words.push(format!(
-            "{}: {} stations, {paired} measured, {} not; tracker clock {:+.4} s ahead, drift {:+.2} ppm",
-            session.name,
-            stations.len(),
-            stations.len() - paired,
-            clock.offset_ns / crate::units::NS_PER_S,
-            clock.drift * 1e6
-        ));
-    }
-    words.extend(
-        outcome
-            .accuracy
-            .iter()
-            .filter(|accuracy| is_headline(accuracy))
-            .filter_map(|accuracy| figure_words(accuracy, outcome.training.len() > 1)),
-    );
-    if let Some(full) = &outcome.full {
-        let part = |part: &crate::fit::full::PartEvidence| {
-            format!(
-                "{} {} ({:+.0} nats)",
-                part.name,
-                if part.kept { "kept" } else { "dropped" },
-                part.gain
-            )
-        };
-        let parts: Vec<String> = full.parts.iter().map(part).collect();
-        words.push(format!(
-            "parts of the model by evidence: {}",
-            parts.join(", ")
-        ));
-    }
-    words.extend(far_stations(outcome));
-    words.push(format!("grid: {}", outcome.grids.choice.words));
-    words.push(match &outcome.grids.choice.verdict {
-        Verdict::Meets => format!("tolerance {tolerance_mm} mm: met"),
-        Verdict::DoesNotMeet => format!("tolerance {tolerance_mm} mm: not met"),
-        Verdict::NotShown(reason) => format!("tolerance {tolerance_mm} mm: not shown ({reason})"),
-    });
-    words
-}
-
-/// A station that counts for less than this in the whole model is far from what all others say.
-const FAR: f64 = 0.25;
-/// The most stations that are named.
-const NAMED: usize = 5;
-
-/// Stations that the whole model hardly believes, the least believed first, with how far all others predict them.
-fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
-    let full = outcome.full.as_ref()?;
-    let paired = outcome.training.iter().flat_map(|session| {
-        let stations = session.joined.stations.iter();
-        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
-        paired.map(|station| (session.name.as_str(), station.number))
-    });
-    let judged = paired.zip(full.weights.iter().zip(&full.left_out));
-    let mut far: Vec<(f64, String)> = judged
-        .filter(|(_, (weight, _))| **weight < FAR)
-        .map(|((session, station), (weight, left_out))| {
-            let away = left_out.residual.rows(0, 3).norm();
-            (*weight, format!("{session} {station} ({away:.2} mm)"))
-        })
-        .collect();
-    far.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
-    let more = match far.len().saturating_sub(NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    (!far.is_empty()).then(|| {
-        format!(
-            "stations far from what all others say, hardly counted: {}{more}; see weight in residuals",
-            named.join(", ")
-        )
-    })
-}
-
-/// Figures on stations that took no part, and the command as it is.
-fn is_headline(accuracy: &Accuracy) -> bool {
-    let subject = &accuracy.subject;
-    subject.model == Model::RawCommand
-        || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
-}
-
-fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
-    let figures = accuracy.figures?;
-    let subject = &accuracy.subject;
-    let model = match subject.model {
-        Model::RawCommand => "error against the raw command",
-        Model::BaseTarget => "base and target fitted",
-        Model::Geometric => "geometry identified",
-        Model::Full => "whole model",
-        Model::Table => "compensation table",
-    };
-    let angles = if subject.model == Model::Full && subject.angles == Angles::Commanded {
-        " from commands alone"
-    } else {
-        ""
-    };
-    let judged = match (subject.split, subject.base_refit) {
-        (Split::None, _) => String::new(),
-        (Split::Blocks, _) if pooled => format!(", held-out blocks of {}", subject.of_session),
-        (Split::Blocks, _) => ", held-out blocks".to_owned(),
-        (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),
-        (Split::Session, _) => format!(
-            ", unseen session {} with its base from its first stations",
-            subject.of_session
-        ),
-    };
-    let bound = accuracy.bound.map_or_else(
-        || "bound not shown".to_owned(),
-        |bound| format!("bound {bound:.3} mm"),
-    );
-    Some(format!(
-        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} (n = {})",
-        figures.mean, figures.p95, figures.max, figures.n
-    ))
 }

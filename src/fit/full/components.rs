@@ -155,97 +155,55 @@ impl Components {
         settings: &FullSettings,
         span: f64,
     ) {
-        // On a circle of several turns a length is a smaller share of it.
-        let length = |deg: f64| deg.to_radians() / f64::from(settings.curve_period_turns);
-        let even = |columns: &Range<usize>| vec![1.0; columns.len()];
-        let pairs =
-            |variances: &[f64]| variances.iter().flat_map(|&v| [v, v]).collect::<Vec<f64>>();
+        let s = settings;
+        let even = vec![1.0; columns.len()];
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
-            Block::Blend | Block::OwnBlend(_) => {
-                self.fixed[columns].fill(settings.blend_sd.powi(2));
-            }
-            Block::Gravity => self.join(
-                Part::Gravity,
-                settings.gravity_sd,
-                columns.clone(),
-                even(&columns),
-                2.0,
-            ),
-            Block::StopShort => self.join(
-                Part::StopShort,
-                settings.stop_short_sd_rad,
-                columns.clone(),
-                even(&columns),
-                2.0,
-            ),
+            Block::Blend | Block::OwnBlend(_) => self.fixed[columns].fill(s.blend_sd.powi(2)),
+            Block::Gravity => self.join(Part::Gravity, s.gravity_sd, columns, even),
+            Block::StopShort => self.join(Part::StopShort, s.stop_short_sd_rad, columns, even),
             Block::SessionBlend(_) => {
-                self.join(
-                    Part::SessionBlend,
-                    settings.session_blend_sd,
-                    columns.clone(),
-                    even(&columns),
-                    2.0,
-                );
+                self.join(Part::SessionBlend, s.session_blend_sd, columns, even);
             }
-            Block::WarmUp | Block::Drift(_) => {
-                let part = if block == Block::WarmUp {
-                    Part::WarmUp
-                } else {
-                    Part::Drift
-                };
-                let shape =
-                    smooth_variances(span, settings.drift_length_stations, columns.len() / 3);
-                self.join(part, settings.drift_sd_mm, columns, shape.repeat(3), 2.0);
+            Block::WarmUp => {
+                let profile = drift_profile(s, span, columns.len());
+                self.join(Part::WarmUp, s.drift_sd_mm, columns, profile);
+            }
+            Block::Drift(_) => {
+                let profile = drift_profile(s, span, columns.len());
+                self.join(Part::Drift, s.drift_sd_mm, columns, profile);
             }
             Block::Curve(joint) => {
-                let harmonics = columns.len() / 2;
-                let short =
-                    Kernel::Matern52(length(settings.short_length_deg)).variances(harmonics);
-                let long = Kernel::SquaredExponential(length(settings.long_length_deg))
-                    .variances(harmonics);
-                self.join(
-                    Part::ShortCurve(joint),
-                    settings.curve_sd_rad,
-                    columns.clone(),
-                    pairs(&short[1..]),
-                    2.0,
-                );
-                self.join(
-                    Part::LongCurve(joint),
-                    settings.curve_sd_rad,
-                    columns,
-                    pairs(&long[1..]),
-                    2.0,
-                );
+                let short = Kernel::Matern52(length(s, s.short_length_deg));
+                let long = Kernel::SquaredExponential(length(s, s.long_length_deg));
+                for (part, kernel) in [
+                    (Part::ShortCurve(joint), short),
+                    (Part::LongCurve(joint), long),
+                ] {
+                    let profile = pairs(&kernel.variances(columns.len() / 2)[1..]);
+                    self.join(part, s.curve_sd_rad, columns.clone(), profile);
+                }
             }
             Block::SessionCurve { .. } => {
-                let kernel = Kernel::SquaredExponential(length(settings.session_length_deg));
+                let kernel = Kernel::SquaredExponential(length(s, s.session_length_deg));
                 let variances = kernel.variances((columns.len() - 1) / 2);
                 let mut profile = vec![variances[0]];
                 profile.extend(pairs(&variances[1..]));
-                self.join(
-                    Part::SessionCurve,
-                    settings.session_curve_sd_rad,
-                    columns,
-                    profile,
-                    2.0,
-                );
+                self.join(Part::SessionCurve, s.session_curve_sd_rad, columns, profile);
             }
             Block::Line { joint, cycles } => {
-                let even = even(&columns);
-                self.join(
-                    Part::Line { joint, cycles },
-                    settings.line_sd_rad,
-                    columns,
-                    even,
-                    1.0,
-                );
+                self.join(Part::Line { joint, cycles }, s.line_sd_rad, columns, even);
             }
         }
     }
 
-    fn join(&mut self, part: Part, sd: f64, columns: Range<usize>, profile: Vec<f64>, weight: f64) {
+    fn join(&mut self, part: Part, sd: f64, columns: Range<usize>, profile: Vec<f64>) {
+        // A gear line has two columns: a prior of two observations would outweigh them.
+        let weight = if matches!(part, Part::Line { .. }) {
+            1.0
+        } else {
+            2.0
+        };
         if let Some(own) = self.all.iter_mut().find(|component| component.part == part) {
             own.profiles.push((columns, profile));
             return;
@@ -259,4 +217,19 @@ impl Components {
             weight,
         });
     }
+}
+
+/// A kernel's length on the circle of the curves' period: of several turns it is a smaller share.
+fn length(settings: &FullSettings, deg: f64) -> f64 {
+    deg.to_radians() / f64::from(settings.curve_period_turns)
+}
+
+/// The variance of each pair `cos, sin`, for both.
+fn pairs(variances: &[f64]) -> Vec<f64> {
+    variances.iter().flat_map(|&v| [v, v]).collect()
+}
+
+/// Along x, then y, then z.
+fn drift_profile(settings: &FullSettings, span: f64, columns: usize) -> Vec<f64> {
+    smooth_variances(span, settings.drift_length_stations, columns / 3).repeat(3)
 }

@@ -29,17 +29,8 @@ pub fn accuracy(
     let rows: Vec<Figure<'_>> = all.iter().flat_map(figures).collect();
     let subjects = || rows.iter().map(|row| &row.of.subject);
     let table_of = |model| (model == Model::Table).then(|| table_id(key));
-    let table = Columns::new(schema::find("accuracy")?, rows.len())
-        .key(key)
-        .column("split", subjects().map(|s| words::split(s.split)))
-        .column("model", subjects().map(|s| words::model(s.model)))
-        .column("angles", subjects().map(|s| words::angles(s.angles)))
-        .column(
-            "base_refit",
-            subjects().map(|s| words::base_refit(s.base_refit)),
-        )
-        .column("role", subjects().map(|s| words::role(s.split)))
-        .column("of_session", subjects().map(|s| &s.of_session))
+    let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
+    let table = words::subjects(table, subjects())
         .column("point", subjects().map(|s| point(s.model)))
         .column("table_id", subjects().map(|s| table_of(s.model)))
         .absent(["pose"]);

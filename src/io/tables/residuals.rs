@@ -17,17 +17,8 @@ pub fn residuals(sets: &[ResidualSet], key: &RunKey) -> Result<Table, PublishErr
         })
         .collect();
     let subjects = || rows.iter().map(|(subject, _)| *subject);
-    let table = Columns::new(schema::find("residuals")?, rows.len())
-        .key(key)
-        .column("split", subjects().map(|s| words::split(s.split)))
-        .column("model", subjects().map(|s| words::model(s.model)))
-        .column("angles", subjects().map(|s| words::angles(s.angles)))
-        .column(
-            "base_refit",
-            subjects().map(|s| words::base_refit(s.base_refit)),
-        )
-        .column("role", subjects().map(|s| words::role(s.split)))
-        .column("of_session", subjects().map(|s| &s.of_session));
+    let table = Columns::new(schema::find("residuals")?, rows.len()).key(key);
+    let table = words::subjects(table, subjects());
     let residuals: Vec<&Residual> = rows.iter().map(|(_, residual)| *residual).collect();
     Ok(columns(table, &residuals).finish()?)
 }

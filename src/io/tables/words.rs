@@ -3,7 +3,23 @@
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 
 use crate::grid::Verdict;
-use crate::report::{Angles, BaseRefit, Model, Split};
+use crate::io::table::Columns;
+use crate::report::{Angles, BaseRefit, Model, Split, Subject};
+
+/// The columns that say what residuals or figures are of.
+pub(super) fn subjects<'s>(
+    table: Columns,
+    subjects: impl Iterator<Item = &'s Subject> + Clone,
+) -> Columns {
+    let all = || subjects.clone();
+    table
+        .column("split", all().map(|s| split(s.split)))
+        .column("model", all().map(|s| model(s.model)))
+        .column("angles", all().map(|s| angles(s.angles)))
+        .column("base_refit", all().map(|s| base_refit(s.base_refit)))
+        .column("role", all().map(|s| role(s.split)))
+        .column("of_session", all().map(|s| &s.of_session))
+}
 
 pub(super) const fn model(model: Model) -> &'static str {
     match model {

@@ -47,11 +47,7 @@ impl Judged<'_> {
     /// What is left on the stations that trained, with what each of them counted for.
     pub(super) fn own_sessions(&self) -> Vec<ResidualSet> {
         let of = |(place, session): (usize, &JoinedSession)| {
-            let own: Vec<_> = self
-                .observed
-                .of_session(place)
-                .map(|(o, _)| o.clone())
-                .collect();
+            let own = self.observed.own(place);
             let stations = Stations {
                 session: &session.name,
                 observations: &own,
@@ -112,11 +108,7 @@ impl Judged<'_> {
         let judge = |(place, session): (usize, &JoinedSession)| {
             let train = self.observed.without_session(place);
             let models = fit::models::train(self.arm, &train, others, settings)?;
-            let own: Vec<_> = self
-                .observed
-                .of_session(place)
-                .map(|(o, _)| o.clone())
-                .collect();
+            let own = self.observed.own(place);
             let stations = Stations {
                 session: &session.name,
                 observations: &own,

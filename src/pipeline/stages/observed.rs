@@ -30,6 +30,11 @@ impl Observed {
             .filter(move |(o, _)| o.session == session)
     }
 
+    /// The observations of one session alone.
+    pub(super) fn own(&self, session: usize) -> Vec<Observation> {
+        self.of_session(session).map(|(o, _)| o.clone()).collect()
+    }
+
     pub(super) fn folds_of(&self, session: usize) -> Vec<usize> {
         self.of_session(session).map(|(_, fold)| fold).collect()
     }

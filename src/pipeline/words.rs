@@ -1,0 +1,132 @@
+//! What a run found, in lines that a person reads.
+
+use super::damage;
+use super::outcome::{JoinedSession, Outcome};
+use crate::fit::full::{FullModel, PartEvidence};
+use crate::grid::Verdict;
+use crate::join::{Pairing, Station};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
+use crate::units::NS_PER_S;
+
+/// The result in lines that a person reads.
+pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
+    let pooled = outcome.training.len() > 1;
+    let sessions = outcome.training.iter().chain(&outcome.test);
+    let headlines = outcome.accuracy.iter().filter(|a| is_headline(a));
+    let mut words: Vec<String> = sessions.flat_map(session_words).collect();
+    words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
+    words.extend(outcome.full.as_ref().map(part_words));
+    words.extend(far_stations(outcome));
+    words.push(format!("grid: {}", outcome.grids.choice.words));
+    words.push(match &outcome.grids.choice.verdict {
+        Verdict::Meets => format!("tolerance {tolerance_mm} mm: met"),
+        Verdict::DoesNotMeet => format!("tolerance {tolerance_mm} mm: not met"),
+        Verdict::NotShown(reason) => format!("tolerance {tolerance_mm} mm: not shown ({reason})"),
+    });
+    words
+}
+
+fn session_words(session: &JoinedSession) -> Vec<String> {
+    let stations = &session.joined.stations;
+    let is_paired = |station: &&Station| station.pairing == Pairing::Paired;
+    let paired = stations.iter().filter(is_paired).count();
+    let clock = &session.joined.clock.model;
+    let mut words: Vec<String> = damage::words(&session.name, &session.counts)
+        .into_iter()
+        .collect();
+    words.push(format!(
+        "{}: {} stations, {paired} measured, {} not; tracker clock {:+.4} s ahead, drift {:+.2} ppm",
+        session.name,
+        stations.len(),
+        stations.len() - paired,
+        clock.offset_ns / NS_PER_S,
+        clock.drift * 1e6
+    ));
+    words
+}
+
+fn part_words(full: &FullModel) -> String {
+    let part = |part: &PartEvidence| {
+        let fate = if part.kept { "kept" } else { "dropped" };
+        format!("{} {fate} ({:+.0} nats)", part.name, part.gain)
+    };
+    let parts: Vec<String> = full.parts.iter().map(part).collect();
+    format!("parts of the model by evidence: {}", parts.join(", "))
+}
+
+/// A station that counts for less than this in the whole model is far from what all others say.
+const FAR: f64 = 0.25;
+/// The most stations that are named.
+const NAMED: usize = 5;
+
+/// Stations that the whole model hardly believes, the least believed first, with how far all others predict them.
+fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
+    let full = outcome.full.as_ref()?;
+    let paired = outcome.training.iter().flat_map(|session| {
+        let stations = session.joined.stations.iter();
+        let paired = stations.filter(|station| station.pairing == Pairing::Paired);
+        paired.map(|station| (session.name.as_str(), station.number))
+    });
+    let judged = paired.zip(full.weights.iter().zip(&full.left_out));
+    let mut far: Vec<(f64, String)> = judged
+        .filter(|(_, (weight, _))| **weight < FAR)
+        .map(|((session, station), (weight, left_out))| {
+            let away = left_out.residual.rows(0, 3).norm();
+            (*weight, format!("{session} {station} ({away:.2} mm)"))
+        })
+        .collect();
+    far.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let named: Vec<&str> = far.iter().take(NAMED).map(|(_, name)| &**name).collect();
+    let more = match far.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    (!far.is_empty()).then(|| {
+        format!(
+            "stations far from what all others say, hardly counted: {}{more}; see weight in residuals",
+            named.join(", ")
+        )
+    })
+}
+
+/// Figures on stations that took no part, and the command as it is.
+fn is_headline(accuracy: &Accuracy) -> bool {
+    let subject = &accuracy.subject;
+    subject.model == Model::RawCommand
+        || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
+}
+
+fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
+    let figures = accuracy.figures?;
+    let subject = &accuracy.subject;
+    let model = match subject.model {
+        Model::RawCommand => "error against the raw command",
+        Model::BaseTarget => "base and target fitted",
+        Model::Geometric => "geometry identified",
+        Model::Full => "whole model",
+        Model::Table => "compensation table",
+    };
+    let angles = if subject.model == Model::Full && subject.angles == Angles::Commanded {
+        " from commands alone"
+    } else {
+        ""
+    };
+    let judged = match (subject.split, subject.base_refit) {
+        (Split::None, _) => String::new(),
+        (Split::Blocks, _) if pooled => format!(", held-out blocks of {}", subject.of_session),
+        (Split::Blocks, _) => ", held-out blocks".to_owned(),
+        (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),
+        (Split::Session, _) => format!(
+            ", unseen session {} with its base from its first stations",
+            subject.of_session
+        ),
+    };
+    let bound = accuracy.bound.map_or_else(
+        || "bound not shown".to_owned(),
+        |bound| format!("bound {bound:.3} mm"),
+    );
+    Some(format!(
+        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} (n = {})",
+        figures.mean, figures.p95, figures.max, figures.n
+    ))
+}
