@@ -30,7 +30,7 @@ pub fn accuracy(
     let subjects = || rows.iter().map(|row| &row.of.subject);
     let table_of = |model| (model == Model::Table).then(|| table_id(key));
     let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
-    let table = words::subjects(table, subjects())
+    let table = words::subjects(table, subjects)
         .column("point", subjects().map(|s| point(s.model)))
         .column("table_id", subjects().map(|s| table_of(s.model)))
         .absent(["pose"]);

@@ -18,7 +18,7 @@ pub fn residuals(sets: &[ResidualSet], key: &RunKey) -> Result<Table, PublishErr
         .collect();
     let subjects = || rows.iter().map(|(subject, _)| *subject);
     let table = Columns::new(schema::find("residuals")?, rows.len()).key(key);
-    let table = words::subjects(table, subjects());
+    let table = words::subjects(table, subjects);
     let residuals: Vec<&Residual> = rows.iter().map(|(_, residual)| *residual).collect();
     Ok(columns(table, &residuals).finish()?)
 }

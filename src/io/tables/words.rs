@@ -7,11 +7,10 @@ use crate::io::table::Columns;
 use crate::report::{Angles, BaseRefit, Model, Split, Subject};
 
 /// The columns that say what residuals or figures are of.
-pub(super) fn subjects<'s>(
+pub(super) fn subjects<'s, S: Iterator<Item = &'s Subject>>(
     table: Columns,
-    subjects: impl Iterator<Item = &'s Subject> + Clone,
+    all: impl Fn() -> S,
 ) -> Columns {
-    let all = || subjects.clone();
     table
         .column("split", all().map(|s| split(s.split)))
         .column("model", all().map(|s| model(s.model)))
