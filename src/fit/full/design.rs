@@ -182,15 +182,19 @@ impl PoseView<'_> {
     fn drift(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
         let Some(time) = self.time else { return };
         let orders = columns.len() / 3;
-        for axis in 0..3 {
-            let along = Twist {
-                linear: self.base.column(axis).into_owned(),
-                angular: Vector3::zeros(),
-            };
-            for order in 0..orders {
-                let shape = (PI * (order + 1) as f64 * time).cos();
-                each(columns.start + axis * orders + order, &along, shape);
+        let along = |axis: usize| Twist {
+            linear: self.base.column(axis).into_owned(),
+            angular: Vector3::zeros(),
+        };
+        let axes = [along(0), along(1), along(2)];
+        let first = (PI * time).cos();
+        let (mut shape, mut before) = (first, 1.0);
+        for order in 0..orders {
+            for (axis, along) in axes.iter().enumerate() {
+                each(columns.start + axis * orders + order, along, shape);
             }
+            // cos (k + 1)x = 2 cos x cos kx − cos (k − 1)x.
+            (shape, before) = (2.0 * first * shape - before, shape);
         }
     }
 
