@@ -3,7 +3,7 @@
 mod common;
 
 use common::NOISE;
-use common::trained::{base_refitted, observed, predictions, trained};
+use common::trained::{base_refitted, predictions, random_sessions, trained};
 use nalgebra::{Point3, Vector3};
 use posegrid::fit::full::{FullModel, Known, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
@@ -11,10 +11,7 @@ use posegrid::fit::{self, FitSettings, Freedom, Observation};
 #[test]
 fn random_a_predicts_random_b() {
     let arm = common::arm("ur10");
-    let (Some(a), Some(b)) = (
-        observed("ur10-random-a", &arm, &NOISE),
-        observed("ur10-random-b", &arm, &NOISE),
-    ) else {
+    let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
     // Stations 0, s, 2s, … of a; the base alone refitted on b.
@@ -34,10 +31,7 @@ fn random_a_predicts_random_b() {
 #[test]
 fn gross_outliers_hardly_move_the_answer_and_stand_out() {
     let arm = common::arm("ur10");
-    let (Some(mut a), Some(b)) = (
-        observed("ur10-random-a", &arm, &NOISE),
-        observed("ur10-random-b", &arm, &NOISE),
-    ) else {
+    let Some((mut a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
     // Every twentieth station is 2 mm off, in a direction of its own.
@@ -60,14 +54,9 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
 /// Mean variance per axis that the model states for its predictions on `test`, mm².
 fn stated_variance(model: &FullModel, test: &[Observation]) -> f64 {
     let variance = |o: &Observation| {
-        let known = o.shortfall.as_ref().map_or(Known::Reported, Known::Both);
         let query = Query {
-            axes: &o.axes,
-            known,
-            lever: Vector3::zeros(),
-            session: 0,
-            own: true,
             station: None,
+            ..Query::of(o)
         };
         model.covariances(&model.predict(&query).rows)[0].trace() / 3.0
     };
@@ -77,10 +66,7 @@ fn stated_variance(model: &FullModel, test: &[Observation]) -> f64 {
 #[test]
 fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     let arm = common::arm("ur10");
-    let (Some(a), Some(b)) = (
-        observed("ur10-random-a", &arm, &NOISE),
-        observed("ur10-random-b", &arm, &NOISE),
-    ) else {
+    let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
     let every = |stride: usize| {
@@ -95,15 +81,9 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     );
     // The fast way to a mean is the rows' way.
     for o in &b[..20] {
-        let known = o.shortfall.as_ref().map_or(Known::Reported, Known::Both);
-        let lever = Vector3::new(1.0, 2.0, 3.0);
         let query = Query {
-            axes: &o.axes,
-            known,
-            lever,
-            session: 0,
-            own: true,
-            station: Some(o.station),
+            lever: Vector3::new(1.0, 2.0, 3.0),
+            ..Query::of(o)
         };
         let apart = (many.position(&query) - many.predict(&query).position).norm();
         assert!(
@@ -114,12 +94,10 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     let queries: Vec<Query<'_>> = b[..200]
         .iter()
         .map(|o| Query {
-            axes: &o.axes,
             known: o.shortfall.as_ref().map_or(Known::Commanded, Known::Both),
             lever: Vector3::new(1.0, 2.0, 3.0),
-            session: 0,
-            own: true,
             station: None,
+            ..Query::of(o)
         })
         .collect();
     // Tables of the posterior give its covariances.
@@ -157,10 +135,7 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
 #[test]
 fn a_station_that_stands_twice_changes_little() {
     let arm = common::arm("ur10");
-    let (Some(a), Some(b)) = (
-        observed("ur10-random-a", &arm, &NOISE),
-        observed("ur10-random-b", &arm, &NOISE),
-    ) else {
+    let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
     let once: Vec<_> = a

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
-use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::models::{Models, train};
 use posegrid::fit::same_arm::{self, NotOneArm};
 use posegrid::fit::{self, FitError, FitSettings, Observation, TrainingSettings};
@@ -78,17 +78,6 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
     train(arm, observations, sessions, &settings)
 }
 
-fn query(o: &Observation) -> Query<'_> {
-    Query {
-        axes: &o.axes,
-        known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-        lever: Vector3::zeros(),
-        session: o.session,
-        own: true,
-        station: Some(o.station),
-    }
-}
-
 /// Mean distances on `test` that the whole model, geometry, and base + target leave, mm.
 fn left(arm: &Arm, models: &Models, test: &[Observation]) -> [f64; 3] {
     let full = models.full.as_ref().expect("a positive definite model");
@@ -103,7 +92,7 @@ fn left(arm: &Arm, models: &Models, test: &[Observation]) -> [f64; 3] {
         (o.position - frames.tracker_from_base.isometry() * target).norm()
     };
     [
-        mean(&|o| (o.position - full.position(&query(o))).norm()),
+        mean(&|o| (o.position - full.position(&Query::of(o))).norm()),
         mean(&|o| by(&models.geometric, o)),
         mean(&|o| by(&models.base_target, o)),
     ]
@@ -151,7 +140,7 @@ fn a_joint_that_never_moves_keeps_its_ignorance_and_costs_nothing() {
     let mut elsewhere = test[0].clone();
     elsewhere.axes[HELD] += 60.0_f64.to_radians();
     let deviation = |o: &Observation| {
-        model.covariances(&model.predict(&query(o)).rows)[0]
+        model.covariances(&model.predict(&Query::of(o)).rows)[0]
             .trace()
             .sqrt()
     };

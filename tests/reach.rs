@@ -5,10 +5,10 @@
 mod common;
 
 use common::NOISE;
-use common::trained::{observed, predictions, trained};
+use common::trained::{observed, predictions, random_sessions, trained};
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
-use posegrid::fit::full::{FullModel, Known, Query};
+use posegrid::fit::full::{FullModel, Query};
 use posegrid::fit::{FitSettings, KnownTarget, Noise, Observation, TrackerUncertainty};
 use posegrid::kinematics::Arm;
 use posegrid::report::refit::{Placed, refit};
@@ -56,18 +56,8 @@ fn figures(errors: impl Iterator<Item = Vector3<f64>>) -> Figures {
 
 /// What is left on stations of sessions that the model was trained on.
 fn own_session(model: &FullModel, test: &[Observation]) -> Figures {
-    let query = |o: &Observation| {
-        let query = Query {
-            axes: &o.axes,
-            known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-            lever: Vector3::zeros(),
-            session: o.session,
-            own: true,
-            station: Some(o.station),
-        };
-        o.position - model.position(&query)
-    };
-    figures(test.iter().map(query))
+    let left = |o: &Observation| o.position - model.position(&Query::of(o));
+    figures(test.iter().map(left))
 }
 
 /// What is left on a session of another mounting, base and target refitted on all its stations.
@@ -89,10 +79,7 @@ fn unseen_session(arm: &Arm, model: &FullModel, test: &[Observation]) -> Figures
 #[test]
 fn even_stations_of_two_sessions_predict_odd_ones() {
     let arm = common::arm("ur10");
-    let (Some(a), Some(b)) = (
-        observed("ur10-random-a", &arm, &NOISE),
-        observed("ur10-random-b", &arm, &NOISE),
-    ) else {
+    let Some((a, b)) = random_sessions(&arm, &NOISE) else {
         return;
     };
     let (even, odd): (Vec<_>, Vec<_>) = pool(&[&a, &b])

@@ -131,6 +131,28 @@ pub struct Query<'q> {
     pub station: Option<usize>,
 }
 
+impl<'q> Known<'q> {
+    /// All that is known of a station.
+    pub fn of(observation: &'q Observation) -> Self {
+        let shortfall = observation.shortfall.as_ref();
+        shortfall.map_or(Self::Reported, Self::Both)
+    }
+}
+
+impl<'q> Query<'q> {
+    /// The measured target at a station of a session that the model was trained on, with all that is known of it.
+    pub fn of(observation: &'q Observation) -> Self {
+        Self {
+            axes: &observation.axes,
+            known: Known::of(observation),
+            lever: Vector3::zeros(),
+            session: observation.session,
+            own: true,
+            station: Some(observation.station),
+        }
+    }
+}
+
 /// What the model says of a pose: the point in the tracker's frame of the query's session, and its rows.
 #[derive(Debug, Clone)]
 pub struct Predicted {
@@ -231,11 +253,15 @@ impl FullModel {
 
     /// The predicted point alone, in the tracker's frame, mm: many times as fast.
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
-        let target = self.viewed(query);
-        let pose = self.pose(query, &target);
+        let view = self.viewed(query);
+        self.attained(query, &self.pose(query, &view)).0
+    }
+
+    /// The predicted point of a pose, and its covariance by not knowing where joints stand against their command.
+    fn attained(&self, query: &Query<'_>, pose: &PoseView<'_>) -> (Point3<f64>, Matrix3<f64>) {
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
-        let (shift, _) = self.stands(query, &target.joints);
-        Point3::from(target.end.translation.vector + moved + shift)
+        let (shift, standing) = self.stands(query, pose.joints);
+        (pose.end + moved + shift, standing)
     }
 
     /// [`Self::position`] of every query, on all cores.

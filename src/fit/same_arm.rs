@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use super::Calibration;
 use super::full::layout::Block;
-use super::full::{FullModel, Known, Query};
+use super::full::{FullModel, Query};
 use super::observation::Observation;
 use crate::figures::median;
 use crate::geometry::align;
@@ -143,14 +143,7 @@ struct Shared {
 
 impl Shared {
     fn of(full: &FullModel, o: &Observation, change_rad: f64) -> Self {
-        let predicted = full.predict(&Query {
-            axes: &o.axes,
-            known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-            lever: Vector3::zeros(),
-            session: o.session,
-            own: true,
-            station: Some(o.station),
-        });
+        let predicted = full.predict(&Query::of(o));
         let mut position = predicted.position;
         let mut changed = 0.0;
         for (block, columns) in full.layout().blocks() {

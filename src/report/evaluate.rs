@@ -292,10 +292,7 @@ fn predictions(
         let (axes, known) = match angles {
             Angles::Commanded => (commanded(o)?, Known::Commanded),
             Angles::Reported => (o.axes.clone(), Known::Reported),
-            Angles::Blended => (
-                o.axes.clone(),
-                o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-            ),
+            Angles::Blended => (o.axes.clone(), Known::of(o)),
         };
         let session = if own { o.session } else { 0 };
         predict(

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::{
     self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
 };
@@ -65,12 +65,12 @@ fn main() {
     let (_, mean) = timed_ms(|| {
         stations
             .iter()
-            .map(|o| model.position(&query(o)).x)
+            .map(|o| model.position(&Query::of(o)).x)
             .sum::<f64>()
     });
     per_second("predictions, mean, one core", stations.len(), mean);
     let queries: Vec<Query<'_>> = (0..if full_size { 200 } else { 1 })
-        .flat_map(|_| stations.iter().map(query))
+        .flat_map(|_| stations.iter().map(Query::of))
         .collect();
     let (_, mean) = timed_ms(|| model.positions(&queries).len());
     per_second("predictions, mean, all cores", queries.len(), mean);
@@ -160,20 +160,9 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
     .expect("a positive definite model")
 }
 
-fn query(o: &Observation) -> Query<'_> {
-    Query {
-        axes: &o.axes,
-        known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-        lever: Vector3::zeros(),
-        session: 0,
-        own: true,
-        station: Some(o.station),
-    }
-}
-
 /// Predicts every station; gives the rows of a hundred at a time, stacked.
 fn predicted(model: &FullModel, stations: &[Observation]) -> Vec<DMatrix<f64>> {
-    let rows = |o: &Observation| model.predict(&query(o)).rows;
+    let rows = |o: &Observation| model.predict(&Query::of(o)).rows;
     let rows: Vec<DMatrix<f64>> = stations.iter().map(rows).collect();
     let stacked = |rows: &[DMatrix<f64>]| {
         let columns = rows[0].ncols();

@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
+use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation};
 use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
@@ -36,12 +36,9 @@ pub fn trained(
 pub fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> {
     let query = |o: &Observation| {
         let query = Query {
-            axes: &o.axes,
-            known: o.shortfall.as_ref().map_or(Known::Reported, Known::Both),
-            lever: Vector3::zeros(),
             session: 0,
             own: false,
-            station: Some(o.station),
+            ..Query::of(o)
         };
         model.predict(&query).position
     };
@@ -72,4 +69,12 @@ pub fn observed(name: &str, arm: &Arm, noise: &Noise) -> Option<Vec<Observation>
     let mut observations = fit::observations(0, &joined.stations, arm, noise);
     fit::add_shortfalls(&mut observations, &joined.stations, &commanded);
     Some(observations)
+}
+
+/// The two sessions of random poses, as [`observed`].
+pub fn random_sessions(arm: &Arm, noise: &Noise) -> Option<(Vec<Observation>, Vec<Observation>)> {
+    Some((
+        observed("ur10-random-a", arm, noise)?,
+        observed("ur10-random-b", arm, noise)?,
+    ))
 }

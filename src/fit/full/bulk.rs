@@ -165,10 +165,9 @@ impl<'m> Bulk<'m> {
                 rows[(other, axis)] += twist.linear[axis] * amount;
             }
         });
-        let moved = pose.moved(&model.layout, &model.mean, &model.ready.curves);
-        let (shift, standing) = model.stands(query, &target.joints);
+        let (position, standing) = model.attained(query, &pose);
         Pose {
-            position: Point3::from(target.end.translation.vector + moved + shift),
+            position,
             standing,
             joints: target.joints.iter().map(|twist| twist.linear).collect(),
         }

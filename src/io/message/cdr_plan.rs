@@ -5,7 +5,7 @@
 //!
 //! Fields after the last wanted one are still walked: a message that does not end where its schema says is damaged.
 
-use super::path::{Segment, Want};
+use super::path::{Segment, Want, by_element};
 use super::{
     Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Primitive, SchemaError,
     Shape,
@@ -232,19 +232,9 @@ impl Unfolding<'_> {
                 _ => return Err(self.wrong_type(want, field)),
             }
         }
-        indices.sort_unstable();
-        indices.dedup();
         let steps = element(self, &each)?;
         let mut picked = Vec::new();
-        for index in indices {
-            let here = wants
-                .iter()
-                .filter(|want| want.rest[0] == Segment::Element(index));
-            let here: Vec<_> = each
-                .iter()
-                .copied()
-                .chain(here.map(|want| want.inner()))
-                .collect();
+        for (index, here) in by_element(indices, &each, wants) {
             picked.push((index, element(self, &here)?));
         }
         Ok(Repeat {

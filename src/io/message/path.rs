@@ -113,6 +113,22 @@ impl<'p> Want<'p> {
     }
 }
 
+/// Which wants each of the elements `indices` has to serve: those of every element, then its own among `wants`.
+pub(super) fn by_element<'p>(
+    mut indices: Vec<usize>,
+    each: &[Want<'p>],
+    wants: &[Want<'p>],
+) -> Vec<(usize, Vec<Want<'p>>)> {
+    indices.sort_unstable();
+    indices.dedup();
+    let of = |index| {
+        let is_own = |want: &&Want<'p>| want.rest[0] == Segment::Element(index);
+        let own = wants.iter().filter(is_own).map(|want| want.inner());
+        (index, each.iter().copied().chain(own).collect())
+    };
+    indices.into_iter().map(of).collect()
+}
+
 fn field(names: &str) -> Option<Segment> {
     let names: Vec<_> = names.split('|').map(str::to_owned).collect();
     let sound = |name: &String| {

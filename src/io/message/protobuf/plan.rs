@@ -1,7 +1,7 @@
 //! Message types + wanted paths → for each message type on the way, what to do with which field number.
 
 use super::descriptor::{Descriptors, Field, Kind, Type};
-use crate::io::message::path::{Segment, Want};
+use crate::io::message::path::{Segment, Want, by_element};
 use crate::io::message::row::Cell;
 use crate::io::message::{FieldPath, SchemaError};
 
@@ -217,8 +217,6 @@ impl Resolving<'_> {
                 _ => return Err(self.wrong_type(want, "an array of messages")),
             }
         }
-        indices.sort_unstable();
-        indices.dedup();
         let lists: Vec<_> = each.iter().map(|want| want.slot).collect();
         node.lists.extend(&lists);
         let mut messages = Messages {
@@ -227,15 +225,7 @@ impl Resolving<'_> {
             picked: Vec::new(),
             lists,
         };
-        for index in indices {
-            let here = wants
-                .iter()
-                .filter(|want| want.rest[0] == Segment::Element(index));
-            let here: Vec<_> = each
-                .iter()
-                .copied()
-                .chain(here.map(|want| want.inner()))
-                .collect();
+        for (index, here) in by_element(indices, &each, wants) {
             messages.picked.push((index, self.node(inner, &here)?));
         }
         Ok(messages)
