@@ -8,6 +8,7 @@
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.
 
+mod before;
 pub mod bulk;
 mod columns;
 pub mod components;

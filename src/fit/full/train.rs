@@ -102,7 +102,7 @@ pub fn train(
 }
 
 impl State {
-    fn new(
+    pub(super) fn new(
         problem: &Problem<'_>,
         offsets: DVector<f64>,
         settings: &FullSettings,

@@ -1,0 +1,98 @@
+//! The whole error model before a session: what is expected of an arm that has not been measured yet.
+//!
+//! Every column has its prior variance and nothing has been learned, so predictions are those of the frames and the
+//! nominal arm, with the covariance of everything that may be wrong. For planning.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
+
+use super::regression::Posterior;
+use super::student::Tails;
+use super::train::State;
+use super::{FullModel, FullSettings, Ready};
+use crate::fit::observation::Observation;
+use crate::fit::problem::{Frames, Freedom, Prior, Problem};
+use crate::kinematics::Arm;
+use crate::linalg::Cholesky;
+
+impl FullModel {
+    /// The model of a session of `stations` stations before any of them is measured.
+    ///
+    /// `poses` are axis variables (rad) of the session's kind: joints that hardly move the target there have fewer columns.
+    pub fn expected(
+        arm: &Arm,
+        frames: &Frames,
+        poses: &[Vec<f64>],
+        stations: usize,
+        prior: Prior,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+    ) -> Self {
+        let observations: Vec<Observation> = poses.iter().map(|axes| unmeasured(axes)).collect();
+        let frames = [*frames];
+        let (chain, geometry) = (arm.chain(), Freedom::Geometry);
+        let problem = Problem::new(&observations, chain, &frames, geometry, prior);
+        let offsets = DVector::zeros(problem.unknowns().len());
+        let state = State::new(&problem, offsets, settings, up.is_some());
+        let span = stations.max(1) as f64;
+        let variances = state.components.variances();
+        let mean = DVector::zeros(state.layout.size());
+        let problem = Problem::new(&[], chain, &frames, geometry, prior);
+        Self {
+            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
+            frames: problem.frames(&state.offsets),
+            problem,
+            up: up.map(UnitVector3::into_inner),
+            drift_variance: 0.0,
+            warm_up_variance: 0.0,
+            standing: None,
+            tails: Tails::Normal,
+            layout: state.layout,
+            offsets: state.offsets,
+            mean,
+            posterior: Posterior::before(variances.map(f64::sqrt)),
+            span,
+            repeatability: state.repeatability,
+            weights: Vec::new(),
+            left_out: Vec::new(),
+            parts: Vec::new(),
+        }
+    }
+
+    /// The same model with its sizes, but nothing learned: what a session of another arm of its kind may expect.
+    pub fn forgetting(mut self) -> Self {
+        self.posterior = Posterior::before(self.posterior.scale);
+        self
+    }
+
+    /// `L⁻¹ √v rowsᵀ` of stacked rows: products of its columns are the covariances that the model leaves open.
+    pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        self.posterior.half(rows)
+    }
+}
+
+impl Posterior {
+    /// Nothing learned: the posterior is the prior.
+    fn before(scale: DVector<f64>) -> Self {
+        let size = scale.len();
+        Self {
+            factor: Cholesky::new(DMatrix::identity(size, size)).expect("the identity is positive"),
+            whitened: DVector::zeros(size),
+            log_evidence: 0.0,
+            scale,
+        }
+    }
+}
+
+/// A station that is still to be measured.
+fn unmeasured(axes: &[f64]) -> Observation {
+    Observation {
+        session: 0,
+        station: 0,
+        axes: axes.to_vec(),
+        position: Point3::origin(),
+        instrument: Matrix3::identity(),
+        position_factor: Matrix3::identity(),
+        orientation: None,
+        shortfall: None,
+    }
+}

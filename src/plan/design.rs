@@ -1,0 +1,253 @@
+//! Poses chosen one after another: a design.
+//!
+//! Inputs: an error model ([`FullModel`], before the session or of one measured earlier), candidate poses with the
+//! covariance of a measurement there, and poses of the region that matters. Output: candidates in the order chosen.
+//!
+//! With K the covariance of all positions under the model, measuring candidate c with noise N takes
+//! `G_c (K_cc + N)⁻¹ G_cᵀ` off the region's covariance, `G_c` being the region's covariance with c. Two aims:
+//! - *variance*: the largest trace of that goes first, so that the summed variance over the region falls fastest;
+//! - *information*: the largest `ln |K_cc + N| − ln |N|`, K of geometry and frames alone. The sum of these is the logarithm
+//!   of the determinant of the posterior information: a D-optimal set, which at a given number of poses also has the
+//!   largest O1.
+//!
+//! After each choice K is conditioned on it, by steps of a Cholesky factor whose rows are kept for the candidates alone.
+
+use nalgebra::{DMatrix, Matrix3};
+use rayon::prelude::*;
+
+use crate::fit::full::{FullModel, Known, Query};
+
+/// Candidates a worker takes at once; fixed, so that results do not depend on the number of threads.
+const AT_ONCE: usize = 64;
+
+/// A pose that may be measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Axis variables, rad.
+    pub axes: Vec<f64>,
+    /// Covariance of one measured position there: instrument and repeatability, mm².
+    pub noise: Matrix3<f64>,
+}
+
+/// A design as far as it has been chosen.
+#[derive(Debug, Clone)]
+pub struct Design<'c> {
+    candidates: &'c [Candidate],
+    /// What the model leaves open of the candidates: `KᵀK` of its columns, three for each, is their covariance before.
+    half: DMatrix<f64>,
+    /// Covariance of the region (down) with the candidates (across).
+    cross: DMatrix<f64>,
+    /// Covariance of each candidate with itself.
+    own: Vec<Matrix3<f64>>,
+    /// Rows of the Cholesky factor, three for each choice, over the candidates.
+    factor: Vec<DMatrix<f64>>,
+    /// Covariance of each pose of the region.
+    region: Vec<Matrix3<f64>>,
+    /// The candidates chosen, in order.
+    chosen: Vec<usize>,
+}
+
+/// One choice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Choice {
+    /// Which candidate.
+    pub candidate: usize,
+    /// Mean over the region of the trace of the covariance that is left after it, mm².
+    pub left_mm2: f64,
+}
+
+impl<'c> Design<'c> {
+    /// A design of which nothing is chosen yet, for the positions of a session that `model` expects.
+    pub fn new(model: &FullModel, candidates: &'c [Candidate], region: &[Vec<f64>]) -> Self {
+        let axes: Vec<&[f64]> = candidates.iter().map(|c| c.axes.as_slice()).collect();
+        let half = half(model, &axes);
+        let region: Vec<&[f64]> = region.iter().map(Vec::as_slice).collect();
+        let region_half = self::half(model, &region);
+        Self {
+            cross: product(&region_half, &half),
+            own: own_covariances(&half),
+            region: own_covariances(&region_half),
+            half,
+            candidates,
+            factor: Vec::new(),
+            chosen: Vec::new(),
+        }
+    }
+
+    /// The candidates chosen, in order.
+    pub fn chosen(&self) -> &[usize] {
+        &self.chosen
+    }
+
+    /// Covariance that is left at each pose of the region, mm².
+    pub fn region(&self) -> &[Matrix3<f64>] {
+        &self.region
+    }
+
+    /// Mean over the region of the trace of the covariance that is left, mm².
+    pub fn left_mm2(&self) -> f64 {
+        let sum: f64 = self.region.iter().map(Matrix3::trace).sum();
+        sum / self.region.len().max(1) as f64
+    }
+
+    /// Chooses the candidate that lowers the region's summed variance most; `None` when all are chosen.
+    pub fn choose(&mut self) -> Option<Choice> {
+        let gain = |candidate: usize| {
+            let cross = self.cross.columns(3 * candidate, 3);
+            let between = cross.tr_mul(&cross);
+            let squared = Matrix3::from_fn(|row, column| between[(row, column)]);
+            self.measured(candidate)
+                .try_inverse()
+                .map_or(0.0, |inverse| (inverse * squared).trace())
+        };
+        let best = self.best(gain)?;
+        Some(self.take(best))
+    }
+
+    /// Chooses the candidate that says most of all columns of the model together; `None` when all are chosen.
+    pub fn choose_informative(&mut self) -> Option<Choice> {
+        let gain = |candidate: usize| {
+            let noise = self.candidates[candidate].noise.determinant();
+            (self.measured(candidate).determinant() / noise).ln()
+        };
+        let best = self.best(gain)?;
+        Some(self.take(best))
+    }
+
+    /// Conditions on a candidate.
+    ///
+    /// # Panics
+    /// When there is no such candidate, or its noise is not positive.
+    pub fn take(&mut self, candidate: usize) -> Choice {
+        let factor = self
+            .measured(candidate)
+            .cholesky()
+            .expect("noise is positive")
+            .l();
+        let inverse = factor
+            .try_inverse()
+            .expect("a factor of a positive matrix");
+        let inverse = DMatrix::from_column_slice(3, 3, inverse.as_slice());
+        let rows = &inverse * self.with_candidates(candidate);
+        let region = self.cross.columns(3 * candidate, 3) * inverse.transpose();
+        for (place, own) in self.own.iter_mut().enumerate() {
+            let taken = rows.fixed_columns::<3>(3 * place);
+            *own -= taken.tr_mul(&taken).fixed_view::<3, 3>(0, 0);
+        }
+        for (place, own) in self.region.iter_mut().enumerate() {
+            let taken = region.fixed_rows::<3>(3 * place);
+            *own -= (taken * taken.transpose()).fixed_view::<3, 3>(0, 0);
+        }
+        downdate(&mut self.cross, &region, &rows);
+        self.factor.push(rows);
+        self.chosen.push(candidate);
+        Choice {
+            candidate,
+            left_mm2: self.left_mm2(),
+        }
+    }
+
+    /// Covariance of what would be measured at a candidate.
+    fn measured(&self, candidate: usize) -> Matrix3<f64> {
+        self.own[candidate] + self.candidates[candidate].noise
+    }
+
+    /// The candidate of the largest gain that is not chosen yet; the first of those that gain as much.
+    fn best(&self, gain: impl Fn(usize) -> f64 + Sync) -> Option<usize> {
+        let mut is_free = vec![true; self.candidates.len()];
+        self.chosen.iter().for_each(|&taken| is_free[taken] = false);
+        let gains: Vec<Option<f64>> = (0..self.candidates.len())
+            .into_par_iter()
+            .with_min_len(AT_ONCE)
+            .map(|candidate| is_free[candidate].then(|| gain(candidate)))
+            .collect();
+        let free = gains.iter().enumerate().filter_map(|(c, gain)| Some((c, (*gain)?)));
+        free.reduce(|best, next| if next.1 > best.1 { next } else { best })
+            .map(|(candidate, _)| candidate)
+    }
+
+    /// Covariance of a candidate (three rows) with all, given what is chosen.
+    fn with_candidates(&self, candidate: usize) -> DMatrix<f64> {
+        let mut covariance = self.half.columns(3 * candidate, 3).tr_mul(&self.half);
+        for rows in &self.factor {
+            let own = rows.columns(3 * candidate, 3);
+            covariance.gemm_tr(-1.0, &own, rows, 1.0);
+        }
+        covariance
+    }
+}
+
+/// `L⁻¹ √v Φᵀ` of the positions at `axes`, three columns each.
+fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
+    let part = |axes: &[&[f64]]| {
+        let mut rows = DMatrix::zeros(3 * axes.len(), model.layout().size());
+        for (place, axes) in axes.iter().enumerate() {
+            let query = Query {
+                axes,
+                known: Known::Reported,
+                lever: nalgebra::Vector3::zeros(),
+                session: 0,
+                own: true,
+                station: None,
+            };
+            rows.rows_mut(3 * place, 3)
+                .copy_from(&model.predict(&query).rows);
+        }
+        model.half(&rows)
+    };
+    let parts: Vec<DMatrix<f64>> = axes.par_chunks(AT_ONCE).map(part).collect();
+    let mut half = DMatrix::zeros(model.layout().size(), 3 * axes.len());
+    let mut first = 0;
+    for part in parts {
+        half.columns_mut(first, part.ncols()).copy_from(&part);
+        first += part.ncols();
+    }
+    half
+}
+
+/// Each pose's own covariance.
+fn own_covariances(half: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
+    (0..half.ncols() / 3)
+        .map(|place| {
+            let own = half.columns(3 * place, 3);
+            let covariance = own.tr_mul(&own);
+            Matrix3::from_fn(|row, column| covariance[(row, column)])
+        })
+        .collect()
+}
+
+/// `leftᵀ right`, columns in parallel.
+fn product(left: &DMatrix<f64>, right: &DMatrix<f64>) -> DMatrix<f64> {
+    let parts: Vec<DMatrix<f64>> = (0..right.ncols())
+        .step_by(3 * AT_ONCE)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|first| {
+            let width = (3 * AT_ONCE).min(right.ncols() - first);
+            left.tr_mul(&right.columns(first, width))
+        })
+        .collect();
+    let mut product = DMatrix::zeros(left.ncols(), right.ncols());
+    for (place, part) in parts.iter().enumerate() {
+        product
+            .columns_mut(3 * AT_ONCE * place, part.ncols())
+            .copy_from(part);
+    }
+    product
+}
+
+/// `cross −= region · rows`, columns in parallel.
+fn downdate(cross: &mut DMatrix<f64>, region: &DMatrix<f64>, rows: &DMatrix<f64>) {
+    let height = cross.nrows();
+    cross
+        .as_mut_slice()
+        .par_chunks_mut(height.max(1))
+        .with_min_len(AT_ONCE)
+        .enumerate()
+        .for_each(|(column, values)| {
+            let [x, y, z] = [0, 1, 2].map(|row| rows[(row, column)]);
+            for (row, value) in values.iter_mut().enumerate() {
+                *value -= region[(row, 0)] * x + region[(row, 1)] * y + region[(row, 2)] * z;
+            }
+        });
+}
