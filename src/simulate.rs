@@ -18,6 +18,7 @@ mod stations;
 mod timeline;
 mod tracker;
 mod true_arm;
+mod visits;
 
 use thiserror::Error;
 
@@ -25,6 +26,9 @@ use crate::ingest::{CommandSamples, JointSamples, Recording};
 use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
+pub use poses::Commanded;
+pub use random::{Ingredient, Stream};
+pub use visits::{Visit, visits};
 pub use curve::{GearLine, JointCurve};
 pub use settings::{Poses, SimulateSettings};
 pub use true_arm::ArmErrors;

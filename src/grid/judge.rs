@@ -11,6 +11,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::interpolation::Interpolation;
+use super::lattice::InCell;
 use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::fit::ErrorModel;
 
@@ -183,18 +184,10 @@ pub fn by_table(
             held_out.unlike += 1;
             continue;
         }
-        match grid.cell(&station.position) {
+        match by_nodes(grid, &tables[&station.fold], &station.position, interpolation, power) {
             None => held_out.outside += 1,
             Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
-            Some(Ok(cell)) => {
-                let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
-                let errors = &tables[&station.fold];
-                let interpolated: Vector3<f64> = cell
-                    .vertices
-                    .iter()
-                    .zip(weights)
-                    .map(|(&vertex, weight)| errors[vertex] * weight)
-                    .sum();
+            Some(Ok(interpolated)) => {
                 held_out.add(&Left::new(station, &interpolated, folds[station.fold]));
             }
         }
@@ -202,8 +195,26 @@ pub fn by_table(
     held_out
 }
 
+/// The error at a point by those at the nodes; `None` outside the grid, or why its cell cannot serve.
+pub fn by_nodes(
+    grid: &PlacedGrid,
+    errors: &[Vector3<f64>],
+    point: &Point3<f64>,
+    interpolation: Interpolation,
+    power: f64,
+) -> Option<Result<Vector3<f64>, Refusal>> {
+    let interpolated = |cell: InCell| {
+        let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
+        let weighted = cell.vertices.iter().zip(weights);
+        weighted
+            .map(|(&vertex, weight)| errors[vertex] * weight)
+            .sum()
+    };
+    Some(grid.cell(point)?.map(interpolated))
+}
+
 /// The model's error at every node; zero where the node was refused, which no usable cell touches.
-fn node_errors(grid: &PlacedGrid, model: &dyn ErrorModel) -> Vec<Vector3<f64>> {
+pub fn node_errors(grid: &PlacedGrid, model: &dyn ErrorModel) -> Vec<Vector3<f64>> {
     let value = |joints: &Result<Vec<f64>, Refusal>| {
         joints
             .as_ref()

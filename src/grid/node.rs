@@ -6,6 +6,8 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::lattice::{InCell, Lattice};
+use crate::fit::Gauge;
+use crate::join::Station;
 use crate::kinematics::{
     Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
 };
@@ -27,6 +29,31 @@ pub struct GridStation {
     pub error: Vector3<f64>,
     /// The fold that holds it out.
     pub fold: usize,
+}
+
+impl GridStation {
+    /// A paired station as grids see it: `commanded` is the tool's commanded position in the base frame, where there is
+    /// one. `None` for a station without a measurement.
+    pub fn of(
+        station: &Station,
+        commanded: Option<Point3<f64>>,
+        gauge: &Gauge<'_>,
+        reach: &Reach<'_>,
+        fold: usize,
+    ) -> Option<Self> {
+        let nominal = gauge.nominal_tool(&station.joints);
+        let position = commanded.unwrap_or_else(|| Point3::from(nominal.translation.vector));
+        let attained = gauge.attained_tool(&station.joints, station.attained.as_ref()?);
+        Some(Self {
+            number: station.number,
+            position,
+            orientation: nominal.rotation,
+            configuration: reach.configuration(&station.joints),
+            joints: station.joints.clone(),
+            error: attained - position,
+            fold,
+        })
+    }
 }
 
 /// Why a node or a cell has no value.

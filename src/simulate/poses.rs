@@ -10,9 +10,11 @@ use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
 
 /// A commanded pose of the target in the base frame, and the nominal arm's angles for it.
 #[derive(Debug, Clone)]
-pub(super) struct Commanded {
-    pub(super) base_from_target: Isometry3<f64>,
-    pub(super) joints: Vec<f64>,
+pub struct Commanded {
+    /// The target in the base frame of the nominal arm.
+    pub base_from_target: Isometry3<f64>,
+    /// The nominal arm's reported angles there, rad.
+    pub joints: Vec<f64>,
 }
 
 /// Redraws per random pose before the box is called unreachable.

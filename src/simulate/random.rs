@@ -10,29 +10,56 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 
 /// What a stream is drawn for; its number is the `ChaCha` stream.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Ingredient {
+pub enum Ingredient {
+    /// Link lengths and angles.
     Geometry = 1,
+    /// Joint error curves.
     JointCurves = 2,
+    /// Gear lines.
     GearLines = 3,
+    /// What axes give way.
     Gravity = 4,
+    /// Backlash.
     Backlash = 5,
+    /// Where the target really sits.
     Target = 6,
+    /// Drift of the base.
     BaseDrift = 7,
+    /// Poses of a session.
     Poses = 8,
+    /// How far the controller stops short.
     StopsShort = 9,
+    /// What no other visit repeats.
     Repeatability = 10,
+    /// Lengths of dwells.
     Pauses = 11,
+    /// Lost beams.
     LostBeam = 12,
+    /// Noise that all readings of a station share.
     Placement = 13,
+    /// Noise of single readings.
     Reading = 14,
+    /// Outliers.
     Outliers = 15,
+    /// Poses that a design may choose.
+    Candidates = 16,
+    /// Poses that stand for a region.
+    Region = 17,
+    /// Fresh poses that judge.
+    TestPoses = 18,
+    /// Seeds of robots and sessions.
+    Robots = 19,
+    /// What a covariance would make of errors.
+    Errors = 20,
 }
 
 /// One stream of random numbers.
-pub(super) struct Stream(ChaCha12Rng);
+#[derive(Debug, Clone)]
+pub struct Stream(ChaCha12Rng);
 
 impl Stream {
-    pub(super) fn new(seed: u64, ingredient: Ingredient) -> Self {
+    /// The stream of an ingredient.
+    pub fn new(seed: u64, ingredient: Ingredient) -> Self {
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
         let mut generator = ChaCha12Rng::from_seed(key);
@@ -40,30 +67,35 @@ impl Stream {
         Self(generator)
     }
 
+    /// 64 even bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
     /// Uniform in 0 ≤ u < 1.
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub fn uniform(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// Uniform between two bounds.
-    pub(super) fn between(&mut self, lower: f64, upper: f64) -> f64 {
+    pub fn between(&mut self, lower: f64, upper: f64) -> f64 {
         lower + (upper - lower) * self.uniform()
     }
 
     /// Normal with mean 0 and standard deviation 1.
-    pub(super) fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         // 1 − u is in 0 < v ≤ 1, so the logarithm is finite.
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
     }
 
     /// Three independent normal numbers.
-    pub(super) fn normal3(&mut self) -> Vector3<f64> {
+    pub fn normal3(&mut self) -> Vector3<f64> {
         Vector3::from_fn(|_, _| self.normal())
     }
 
     /// `count` independent normal numbers of standard deviation `sd`.
-    pub(super) fn normals(&mut self, count: usize, sd: f64) -> Vec<f64> {
+    pub fn normals(&mut self, count: usize, sd: f64) -> Vec<f64> {
         (0..count).map(|_| sd * self.normal()).collect()
     }
 }

@@ -13,6 +13,7 @@ use super::random::{Ingredient, Stream};
 use super::settings::{SimulateSettings, TrackerErrors};
 use super::timeline::{Timeline, ns};
 use super::true_arm::ArmErrors;
+use super::visits::Mean;
 use super::{POSITION_RESOLUTION_MM, QUATERNION_RESOLUTION, TEMPERATURE_RESOLUTION, rounded};
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{TargetReadings, TemperatureSamples};
@@ -212,6 +213,32 @@ impl<'a> View<'a> {
         self.clock.to_controller(stamp).since_s(self.clock.origin)
     }
 
+    /// The mean of all readings of a stop at which the target stands still at `pose`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a count of readings"
+    )]
+    pub(super) fn mean(&self, stop: usize, pose: &Isometry3<f64>, noise: &mut Stream) -> Mean {
+        let (motion, tracker) = (&self.settings.motion, &self.settings.tracker);
+        let dwell_s = self.timeline.stops[stop].end_s - self.timeline.stops[stop].start_s;
+        let readings = (dwell_s * motion.reading_rate_hz).floor().max(1.0);
+        let [placed, turned] = self.placement[stop];
+        let share = readings.sqrt().recip();
+        let position = (placed + noise.normal3() * share) * FRAC_1_SQRT_2;
+        let rotation = (turned + noise.normal3() * share) * FRAC_1_SQRT_2;
+        let off = along_and_across(&pose.translation.vector, &position, tracker);
+        let distance = pose.translation.vector.norm();
+        let scatter_mm = FRAC_1_SQRT_2 * tracker.across_mm(distance);
+        Mean::of(
+            pose,
+            Translation3::from(off),
+            UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad),
+            (scatter_mm, FRAC_1_SQRT_2 * tracker.orientation_rad),
+            readings as usize,
+        )
+    }
+
     /// The target's pose in the tracker frame with the noise of one reading.
     fn observed(&self, t_s: f64, stop: usize, noise: &mut Stream) -> Isometry3<f64> {
         let pose = self.tracker_from_target(t_s);
@@ -245,9 +272,15 @@ fn along_and_across(
     let right = along.cross(&other).normalize();
     let up = right.cross(&along);
     let radial = (tracker.radial_mm + tracker.radial_per_mm * distance) / tracker.divisor;
-    let transverse =
-        (tracker.transverse_mm + tracker.transverse_per_mm * distance) / tracker.divisor;
+    let transverse = tracker.across_mm(distance);
     along * (radial * normal.x) + (right * normal.y + up * normal.z) * transverse
+}
+
+impl TrackerErrors {
+    /// Standard deviation of one reading across the beam, mm.
+    fn across_mm(&self, distance_mm: f64) -> f64 {
+        (self.transverse_mm + self.transverse_per_mm * distance_mm) / self.divisor
+    }
 }
 
 pub(super) fn logged_position(position: &Vector3<f64>) -> [f64; 3] {

@@ -42,7 +42,8 @@ pub struct ArmErrors {
 }
 
 impl ArmErrors {
-    pub(super) fn draw(arm: &Arm, settings: &SimulateSettings) -> Self {
+    /// Draws what is wrong with the arm whose number is `settings.seed`.
+    pub fn draw(arm: &Arm, settings: &SimulateSettings) -> Self {
         let joints = arm.joints().len();
         let stream = |ingredient| Stream::new(settings.seed, ingredient);
         let errors = &settings.joints;

@@ -119,7 +119,7 @@ pub struct TrueStation {
 }
 
 impl TrueStation {
-    fn of(number: usize, stop: &Stop, view: &View<'_>) -> Self {
+    pub(super) fn of(number: usize, stop: &Stop, view: &View<'_>) -> Self {
         let stamp = |t_s: f64| view.clock.origin.plus_ns(ns(t_s));
         let middle_s = stop.start_s.midpoint(stop.end_s);
         let tracker_from_target = view.tracker_from_target(middle_s);

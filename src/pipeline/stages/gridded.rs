@@ -24,21 +24,8 @@ pub(super) fn grid_stations(
         .zip(&session.commanded.poses)
         .filter(|(station, _)| station.pairing == Pairing::Paired && station.attained.is_some());
     let station = |((station, pose), &fold): ((&Station, &Option<CommandedPose>), &usize)| {
-        let nominal = gauge.nominal_tool(&station.joints);
-        let position = pose.map_or_else(
-            || Point3::from(nominal.translation.vector),
-            |pose| pose.position,
-        );
-        let attained = gauge.attained_tool(&station.joints, station.attained.as_ref()?);
-        Some(GridStation {
-            number: station.number,
-            position,
-            orientation: nominal.rotation,
-            configuration: reach.configuration(&station.joints),
-            joints: station.joints.clone(),
-            error: attained - position,
-            fold,
-        })
+        let commanded = pose.map(|pose| pose.position);
+        GridStation::of(station, commanded, gauge, &reach, fold)
     };
     paired.zip(folds).filter_map(station).collect()
 }

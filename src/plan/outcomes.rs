@@ -1,0 +1,211 @@
+//! What many robots came out at: figures over robots, and whether enough of them meet the tolerance.
+
+use std::collections::BTreeMap;
+
+use statrs::distribution::{Beta, ContinuousCDF};
+
+use crate::figures::{Coverage, Figures, upper_tolerance_bound};
+use crate::fit::FitError;
+use crate::grid::{Refusal, Tolerance, Verdict};
+
+/// What one robot is left with on its fresh poses.
+#[derive(Debug, Clone)]
+pub enum RobotOutcome {
+    /// It was judged.
+    Judged(Left),
+    /// Its session could not be fitted.
+    NoFit(FitError),
+}
+
+/// Errors that are left on fresh poses of one robot.
+#[derive(Debug, Clone)]
+pub struct Left {
+    /// Figures of the norms, mm; `None` where no pose could be judged.
+    pub figures: Option<Figures>,
+    /// Upper tolerance bound, mm; `None` with too few poses.
+    pub bound: Option<f64>,
+    /// Whether the bound is within the tolerance.
+    pub verdict: Verdict,
+    /// Poses that could not be judged because of their cell, by reason.
+    pub refused: BTreeMap<Refusal, usize>,
+    /// Poses outside the grid.
+    pub outside: usize,
+}
+
+impl RobotOutcome {
+    /// From what is left at each fresh pose, mm: `None` outside a grid, or why its cell cannot serve.
+    pub fn of(
+        left: impl Iterator<Item = Option<Result<f64, Refusal>>>,
+        tolerance: &Tolerance,
+    ) -> Self {
+        let mut norms = Vec::new();
+        let mut refused = BTreeMap::new();
+        let mut outside = 0;
+        for found in left {
+            match found {
+                Some(Ok(norm)) => norms.push(norm),
+                Some(Err(refusal)) => *refused.entry(refusal).or_default() += 1,
+                None => outside += 1,
+            }
+        }
+        let bound = upper_tolerance_bound(&norms, tolerance.coverage());
+        // The true errors are known here: there is no instrument to guard against.
+        let verdict = tolerance.verdict(bound, norms.len(), 0.0);
+        Self::Judged(Left {
+            figures: Figures::of(&norms),
+            bound,
+            verdict,
+            refused,
+            outside,
+        })
+    }
+}
+
+/// Figures over robots.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Outcomes {
+    /// Robots drawn.
+    pub robots: usize,
+    /// Robots whose session could not be fitted.
+    pub no_fit: usize,
+    /// Robots with a bound.
+    pub judged: usize,
+    /// Robots whose bound is within the tolerance.
+    pub meet: usize,
+    /// Least share of the population that meets it, with the asked confidence.
+    pub share_at_least: f64,
+    /// The share asked for.
+    pub share_asked: f64,
+    /// Mean over robots of each robot's figures, mm; `None` without a robot that was judged.
+    pub mean: Option<RobotFigures>,
+    /// Mean error of the worst robots: what the asked share of robots stays below, with the asked confidence, mm.
+    pub mean_bound_mm: Option<f64>,
+    /// Bound that the asked share of robots stays below, with the asked confidence, mm; `None` with too few robots.
+    pub bound_mm: Option<f64>,
+    /// Fresh poses that could not be judged because of their cell, all robots together.
+    pub refused: BTreeMap<Refusal, usize>,
+    /// Fresh poses outside the grid, all robots together.
+    pub outside: usize,
+}
+
+/// Figures of one robot, or their means over robots, mm.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RobotFigures {
+    /// Mean error.
+    pub mean: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Outcomes {
+    /// Sums up robots; `asked` is the share that has to meet the tolerance, and how sure one has to be of it.
+    pub fn of<'r>(robots: impl Iterator<Item = &'r RobotOutcome>, asked: Coverage) -> Self {
+        let mut all = Self {
+            share_asked: asked.share,
+            ..Self::default()
+        };
+        let (mut figures, mut bounds) = (Vec::new(), Vec::new());
+        for robot in robots {
+            all.robots += 1;
+            match robot {
+                RobotOutcome::NoFit(_) => all.no_fit += 1,
+                RobotOutcome::Judged(left) => {
+                    figures.extend(left.figures);
+                    bounds.extend(left.bound);
+                    all.meet += usize::from(left.verdict == Verdict::Meets);
+                    all.outside += left.outside;
+                    for (refusal, count) in &left.refused {
+                        *all.refused.entry(*refusal).or_default() += count;
+                    }
+                }
+            }
+        }
+        all.judged = bounds.len();
+        all.share_at_least = share_at_least(all.meet, all.robots, asked.confidence);
+        all.mean = RobotFigures::mean(&figures);
+        // A robot without a bound is worse than any that has one.
+        let short = all.robots - bounds.len();
+        bounds.extend(std::iter::repeat_n(f64::INFINITY, short));
+        let means: Vec<f64> = figures
+            .iter()
+            .map(|f| f.mean)
+            .chain(std::iter::repeat_n(f64::INFINITY, all.robots - figures.len()))
+            .collect();
+        let finite = |bound: &f64| bound.is_finite();
+        all.bound_mm = upper_tolerance_bound(&bounds, asked).filter(finite);
+        all.mean_bound_mm = upper_tolerance_bound(&means, asked).filter(finite);
+        all
+    }
+
+    /// Whether the asked share of robots is shown to meet the tolerance.
+    pub fn holds(&self) -> bool {
+        self.share_at_least >= self.share_asked
+    }
+}
+
+impl RobotFigures {
+    fn mean(figures: &[Figures]) -> Option<Self> {
+        let n = figures.len() as f64;
+        let mean = |pick: fn(&Figures) -> f64| figures.iter().map(pick).sum::<f64>() / n;
+        (!figures.is_empty()).then(|| Self {
+            mean: mean(|f| f.mean),
+            p95: mean(|f| f.p95),
+            p99: mean(|f| f.p99),
+            max: mean(|f| f.max),
+        })
+    }
+}
+
+/// The lower limit of a share of which `k` of `n` were found, one-sided (Clopper and Pearson 1934).
+pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
+    if k == 0 {
+        return 0.0;
+    }
+    let beta = Beta::new(k as f64, (n - k + 1) as f64).expect("both shapes are positive");
+    beta.inverse_cdf(1.0 - confidence)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_share_s_lower_limit_is_the_closed_form_where_all_hold() {
+        // All of n hold: the limit p solves p^n = 1 − γ. 59 of 59 at 95 %: 0.05^(1/59) = 0.950493.
+        let found = share_at_least(59, 59, 0.95);
+        assert!((found - 0.05f64.powf(1.0 / 59.0)).abs() < 1e-6, "{found}");
+        assert!(share_at_least(0, 59, 0.95).abs() < 1e-15);
+        // 95 of 100: 0.8977 (Clopper and Pearson's one-sided 95 % limit, from tables of the binomial distribution).
+        let found = share_at_least(95, 100, 0.95);
+        assert!((found - 0.8977).abs() < 5e-4, "{found}");
+    }
+
+    #[test]
+    fn robots_without_a_fit_count_against_a_step() {
+        let tolerance = Tolerance {
+            mm: 0.5,
+            share: 0.95,
+            confidence: 0.95,
+        };
+        let good = RobotOutcome::of((0..60).map(|_| Some(Ok(0.1))), &tolerance);
+        let bad = RobotOutcome::NoFit(FitError::TooFewStations {
+            session: 0,
+            stations: 1,
+            needed: 4,
+        });
+        let asked = Coverage {
+            share: 0.9,
+            confidence: 0.95,
+        };
+        let robots: Vec<RobotOutcome> = (0..60).map(|_| good.clone()).collect();
+        let all = Outcomes::of(robots.iter(), asked);
+        assert!(all.holds() && all.bound_mm == Some(0.1), "{all:?}");
+        let half = Outcomes::of(robots.iter().take(30).chain([&bad; 30]), asked);
+        assert!(!half.holds() && half.bound_mm.is_none(), "{half:?}");
+        assert_eq!((half.robots, half.no_fit, half.meet), (60, 30, 30));
+    }
+}

@@ -1,0 +1,145 @@
+//! Poses of a region: where the nominal arm stands for each, in the arm configuration of the plan.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+use super::PlanError;
+use super::settings::{PlanSettings, Region};
+use crate::grid::{GridStation, Lattice, PlacedGrid, Reach, Refusal, WorkBox};
+use crate::kinematics::Arm;
+use crate::simulate::{Commanded, Stream};
+
+/// Poses are drawn this many times as often as are wanted before the region counts as out of reach.
+const DRAWS: usize = 20;
+
+/// What places poses: the arm's inverse kinematics, and poses to start from all over the region.
+#[derive(Debug)]
+pub struct Placer<'a> {
+    reach: Reach<'a>,
+    seeds: Vec<GridStation>,
+    flange_from_target: Isometry3<f64>,
+}
+
+impl<'a> Placer<'a> {
+    /// Starts from home, then from the middle of the box, then from the 27 nodes of a coarse lattice in it.
+    pub fn new(arm: &'a Arm, settings: &PlanSettings) -> Result<Self, PlanError> {
+        let reach = Reach::new(arm, settings.flange_from_target);
+        let region = &settings.region;
+        let mut placer = Self {
+            reach,
+            seeds: Vec::new(),
+            flange_from_target: settings.flange_from_target,
+        };
+        let home = arm.flange(&settings.home).isometry() * settings.flange_from_target;
+        placer.add(&home, settings.home.clone());
+        let half = std::array::from_fn(|axis| region.bounds.size(axis) / 2.0);
+        let lattice = Lattice::new(&region.bounds, half).ok_or(PlanError::EmptyBox {
+            sizes_mm: std::array::from_fn(|axis| region.bounds.size(axis)),
+        })?;
+        let mut order: Vec<usize> = (0..lattice.node_count()).collect();
+        let middle = lattice.position(lattice.node_count() / 2);
+        let away = |&node: &usize| (lattice.position(node) - middle).norm();
+        order.sort_by(|a, b| away(a).total_cmp(&away(b)));
+        for node in order {
+            let pose = posed(&lattice.position(node), &region.orientation);
+            if let Ok(joints) = placer.joints(&pose) {
+                placer.add(&pose, joints);
+            }
+        }
+        Ok(placer)
+    }
+
+    fn add(&mut self, pose: &Isometry3<f64>, joints: Vec<f64>) {
+        self.seeds.push(GridStation {
+            number: self.seeds.len(),
+            position: Point3::from(pose.translation.vector),
+            orientation: pose.rotation,
+            configuration: self.reach.configuration(&joints),
+            joints,
+            error: Vector3::zeros(),
+            fold: 0,
+        });
+    }
+
+    /// What the arm can reach, and how.
+    pub const fn reach(&self) -> &Reach<'a> {
+        &self.reach
+    }
+
+    /// Joint angles of a pose of the target, from the nearest pose that is known.
+    pub fn joints(&self, pose: &Isometry3<f64>) -> Result<Vec<f64>, Refusal> {
+        let position = Point3::from(pose.translation.vector);
+        let away = |seed: &GridStation| (seed.position - position).norm();
+        let nearest = self.seeds.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        let nearest = nearest.expect("home is a seed");
+        self.reach.joints(&position, &pose.rotation, &nearest.joints)
+    }
+
+    /// A pose of the target as a command.
+    pub fn commanded(&self, pose: Isometry3<f64>) -> Result<Commanded, Refusal> {
+        let joints = self.joints(&pose)?;
+        Ok(Commanded {
+            base_from_target: pose,
+            joints,
+        })
+    }
+
+    /// A pose of the target at given joint angles.
+    pub fn at(&self, arm: &Arm, joints: Vec<f64>) -> Commanded {
+        Commanded {
+            base_from_target: arm.flange(&joints).isometry() * self.flange_from_target,
+            joints,
+        }
+    }
+
+    /// A lattice with every node placed at the table's orientation.
+    pub fn grid(&self, lattice: Lattice, orientation: UnitQuaternion<f64>) -> PlacedGrid {
+        let seeds: Vec<&GridStation> = self.seeds.iter().collect();
+        PlacedGrid::new(&self.reach, lattice, orientation, &seeds)
+    }
+
+    /// `count` random poses of the region that `suits` takes, in a seeded order.
+    pub fn random(
+        &self,
+        region: &Region,
+        count: usize,
+        stream: &mut Stream,
+        suits: &(dyn Fn(&[f64]) -> bool + Sync),
+    ) -> Result<Vec<Commanded>, PlanError> {
+        let poses: Vec<Isometry3<f64>> = (0..DRAWS * count)
+            .map(|_| draw(region, stream))
+            .collect();
+        let mut found: Vec<Commanded> = Vec::with_capacity(count);
+        for batch in poses.chunks(count.max(1)) {
+            let placed: Vec<Option<Commanded>> = batch
+                .par_iter()
+                .map(|pose| self.commanded(*pose).ok().filter(|c| suits(&c.joints)))
+                .collect();
+            found.extend(placed.into_iter().flatten().take(count - found.len()));
+            if found.len() == count {
+                return Ok(found);
+            }
+        }
+        Err(PlanError::OutOfReach {
+            wanted: count,
+            found: found.len(),
+            drawn: poses.len(),
+        })
+    }
+}
+
+/// A pose at a position.
+pub fn posed(position: &Point3<f64>, orientation: &UnitQuaternion<f64>) -> Isometry3<f64> {
+    Isometry3::from_parts(Translation3::from(position.coords), *orientation)
+}
+
+/// A random pose of a region: uniform in the box, turned about a random axis by a uniform angle up to the cone's.
+fn draw(region: &Region, stream: &mut Stream) -> Isometry3<f64> {
+    let WorkBox { low_mm, high_mm } = region.bounds;
+    let place = Point3::from(Vector3::from_fn(|axis, _| {
+        stream.between(low_mm[axis], high_mm[axis])
+    }));
+    let axis = nalgebra::Unit::new_normalize(stream.normal3());
+    let turn = UnitQuaternion::from_axis_angle(&axis, region.cone_rad * stream.uniform());
+    posed(&place, &(turn * region.orientation))
+}

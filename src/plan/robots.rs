@@ -1,0 +1,137 @@
+//! Robots as they may turn out: each drawn, measured and fitted by the code that runs at night.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::place::Placer;
+use super::settings::PlanSettings;
+use crate::fit::commanded::{CommandFrames, commanded};
+use crate::fit::full::FullSettings;
+use crate::fit::{self, FitError, Gauge, Models, Observation, TrainingSettings};
+use crate::grid::GridStation;
+use crate::join::{Pairing, Station};
+use crate::kinematics::Arm;
+use crate::simulate::{ArmErrors, Commanded, Ingredient, SimulateSettings, Stream, Visit, visits};
+
+/// One robot of many.
+#[derive(Debug, Clone)]
+pub struct Robot<'a> {
+    arm: &'a Arm,
+    cell: SimulateSettings,
+    errors: ArmErrors,
+    sessions: Stream,
+}
+
+/// A robot's own session, measured and fitted.
+#[derive(Debug)]
+pub struct Fitted<'a> {
+    /// The models trained on it.
+    pub models: Models,
+    /// The gauge its errors are stated in.
+    pub gauge: Gauge<'a>,
+}
+
+impl<'a> Robot<'a> {
+    /// Robot `number` of the plan's population.
+    pub fn draw(arm: &'a Arm, settings: &PlanSettings, number: usize) -> Self {
+        let mut sessions = Stream::new(settings.seed, Ingredient::Robots);
+        let seed = (0..=number).fold(0, |_, _| sessions.bits());
+        let cell = SimulateSettings {
+            seed,
+            home: settings.home.clone(),
+            ..settings.population.clone()
+        };
+        Self {
+            arm,
+            errors: ArmErrors::draw(arm, &cell),
+            sessions: Stream::new(seed, Ingredient::Robots),
+            cell,
+        }
+    }
+
+    /// A session of its own: `poses` visited in order.
+    pub fn session(&mut self, poses: &[Commanded]) -> Vec<Visit> {
+        let session = SimulateSettings {
+            seed: self.sessions.bits(),
+            ..self.cell.clone()
+        };
+        visits(self.arm, &session, &self.errors, poses)
+    }
+
+    /// Measures `poses` and fits what `full` allows on them.
+    pub fn fitted(
+        &mut self,
+        poses: &[Commanded],
+        settings: &PlanSettings,
+        full: &FullSettings,
+    ) -> Result<Fitted<'a>, FitError> {
+        let stations: Vec<Station> = stations(self.session(poses));
+        self.fit(&stations, settings, full)
+    }
+
+    /// The models and the gauge of measured stations.
+    pub fn fit(
+        &self,
+        stations: &[Station],
+        settings: &PlanSettings,
+        full: &FullSettings,
+    ) -> Result<Fitted<'a>, FitError> {
+        let train = TrainingSettings {
+            fit: &settings.fit,
+            full,
+            up: settings.up,
+        };
+        let observations = observations(self.arm, stations, settings);
+        let models = fit::models::train(self.arm, &observations, 1, &train)?;
+        let gauge = Gauge::new(
+            self.arm,
+            models.base_target.frames[0],
+            Some(settings.flange_from_target),
+            settings.noise.orientations,
+        );
+        Ok(Fitted { models, gauge })
+    }
+}
+
+/// The stations of visits.
+pub fn stations(visits: Vec<Visit>) -> Vec<Station> {
+    visits.into_iter().map(|visit| visit.station).collect()
+}
+
+/// Stations as the fit takes them, with what they fell short of their commands.
+fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec<Observation> {
+    let frames = CommandFrames {
+        base_from_command: Isometry3::identity(),
+        flange_from_tool: Some(settings.flange_from_target),
+    };
+    let mut observations = fit::observations(0, stations, arm, &settings.noise);
+    fit::add_shortfalls(
+        &mut observations,
+        stations,
+        &commanded(stations, arm, &frames),
+    );
+    observations
+}
+
+impl Fitted<'_> {
+    /// Measured stations as grids see them.
+    pub fn grid_stations(&self, stations: &[Station], placer: &Placer<'_>) -> Vec<GridStation> {
+        stations
+            .iter()
+            .filter(|station| station.pairing == Pairing::Paired)
+            .filter_map(|station| {
+                let command = station.command.as_ref().map(|command| command.position);
+                GridStation::of(station, command, &self.gauge, placer.reach(), 0)
+            })
+            .collect()
+    }
+
+    /// The true errors of visits in the gauge, in the base frame, mm: attained minus commanded, free of the tracker's noise.
+    pub fn true_errors(&self, visits: &[Visit]) -> Vec<Vector3<f64>> {
+        let base = self.gauge.frames().tracker_from_base.isometry();
+        let error = |visit: &Visit| {
+            let attained = Point3::from(visit.truth.tracker_from_target.translation.vector);
+            base.inverse_transform_point(&attained).coords - visit.truth.command.translation.vector
+        };
+        visits.iter().map(error).collect()
+    }
+}

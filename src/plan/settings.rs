@@ -1,0 +1,59 @@
+//! What a plan is made for and with.
+
+use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
+
+use crate::figures::Coverage;
+use crate::fit::full::FullSettings;
+use crate::fit::{FitSettings, Noise};
+use crate::grid::{GridSettings, Tolerance, WorkBox};
+use crate::simulate::SimulateSettings;
+
+/// Everything a plan follows from besides the nominal arm.
+#[derive(Debug, Clone)]
+pub struct PlanSettings {
+    /// Key of all random numbers.
+    pub seed: u64,
+    /// Reported angles (rad) of a pose in the arm configuration of the whole plan.
+    pub home: Vec<f64>,
+    /// Where the target is meant to sit at the flange.
+    pub flange_from_target: Isometry3<f64>,
+    /// Where the plan has to hold.
+    pub region: Region,
+    /// Steps, node sources and interpolations.
+    pub grid: GridSettings,
+    /// What has to be met.
+    pub tolerance: Tolerance,
+    /// Robots as they may turn out, the cell and the instrument; its seed, home and poses are not used.
+    pub population: SimulateSettings,
+    /// What the fit is told of the measurement.
+    pub noise: Noise,
+    /// The geometric fit.
+    pub fit: FitSettings,
+    /// The whole error model.
+    pub full: FullSettings,
+    /// Against gravity in the base frame, where the mounting is known.
+    pub up: Option<UnitVector3<f64>>,
+    /// Robots that steps are judged on.
+    pub robots: usize,
+    /// Robots that designs are judged on, with the whole model.
+    pub whole_model_robots: usize,
+    /// Fresh poses that judge each robot.
+    pub test_poses: usize,
+    /// The share of robots that has to meet the tolerance, and how sure one has to be of that.
+    pub robots_meet: Coverage,
+    /// Candidate poses that designs choose from.
+    pub candidates: usize,
+    /// Numbers of poses at which designs are compared; the last is the most a session may have.
+    pub poses: Vec<usize>,
+}
+
+/// Where a plan has to hold, in the base frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Region {
+    /// Where the target will be sent, mm.
+    pub bounds: WorkBox,
+    /// The table's orientation of the target.
+    pub orientation: UnitQuaternion<f64>,
+    /// Largest turn away from it, rad; 0 for one orientation.
+    pub cone_rad: f64,
+}

@@ -1,0 +1,254 @@
+//! The uniform grid, the seed paper's design: for each step, how many poses it takes and what accuracy it gives.
+//!
+//! Inputs: the nominal arm and what is expected of robots. Output: a row for each step, node source and interpolation.
+//! 1. For each step, the lattice in the box, every node placed at the table's orientation and visited in serpentines.
+//! 2. Each robot measures the nodes of each step; base, target and geometry are fitted on them.
+//! 3. Node errors, as measured or by the geometric model, are interpolated at fresh poses and held against what the robot
+//!    really does there.
+//! 4. A step holds for a robot when the bound of [`crate::figures`] on its fresh poses is within the tolerance; it holds
+//!    for the population when the share of robots is, with the asked confidence, no less than was asked for.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point3, Vector3};
+use rayon::prelude::*;
+
+use super::PlanError;
+use super::outcomes::{Outcomes, RobotOutcome};
+use super::place::{Placer, posed};
+use super::robots::{Robot, stations};
+use super::settings::PlanSettings;
+use crate::fit::full::FullSettings;
+use crate::fit::{ErrorModel, Predictor, ToolErrors};
+use crate::grid::judge::{by_nodes, node_errors};
+use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
+use crate::kinematics::Arm;
+use crate::progress::Progress;
+use crate::simulate::{Commanded, Visit};
+
+/// A grid of one step, placed.
+#[derive(Debug, Clone)]
+pub struct Grid {
+    /// Step, mm.
+    pub step_mm: f64,
+    /// Its nodes.
+    pub placed: PlacedGrid,
+    /// The nodes that can be measured, in the order of visits.
+    pub visited: Vec<usize>,
+    /// Their commands, in the same order.
+    pub commands: Vec<Commanded>,
+}
+
+/// What one step, source and interpolation gives.
+#[derive(Debug, Clone)]
+pub struct StepRow {
+    /// Step, mm.
+    pub step_mm: f64,
+    /// Where node values come from.
+    pub source: Source,
+    /// How values inside a cell follow.
+    pub interpolation: Interpolation,
+    /// Poses to measure.
+    pub poses: usize,
+    /// Nodes that cannot be measured, by reason.
+    pub refused_nodes: BTreeMap<Refusal, usize>,
+    /// What it gave on the robots.
+    pub outcomes: Outcomes,
+}
+
+impl Grid {
+    /// The lattice of a step in the plan's box, moved by a share of the step along each axis.
+    pub fn new(
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+        step_mm: f64,
+    ) -> Result<Self, PlanError> {
+        let bounds = &settings.region.bounds;
+        let lattice = Lattice::new(bounds, [step_mm; 3]).ok_or_else(|| PlanError::StepTooLarge {
+            step_mm,
+            sizes_mm: std::array::from_fn(|axis| bounds.size(axis)),
+        })?;
+        Ok(Self::of(placer, settings, step_mm, lattice))
+    }
+
+    /// A lattice with its nodes placed and the order in which they are visited.
+    pub fn of(
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+        step_mm: f64,
+        lattice: Lattice,
+    ) -> Self {
+        let orientation = settings.region.orientation;
+        let placed = placer.grid(lattice, orientation);
+        let visited: Vec<usize> = serpentine(lattice.counts)
+            .map(|index| lattice.number(index))
+            .filter(|&node| placed.nodes[node].joints.is_ok())
+            .collect();
+        let command = |&node: &usize| Commanded {
+            base_from_target: posed(&lattice.position(node), &orientation),
+            joints: placed.nodes[node]
+                .joints
+                .clone()
+                .expect("only nodes in reach are visited"),
+        };
+        Self {
+            step_mm,
+            commands: visited.iter().map(command).collect(),
+            visited,
+            placed,
+        }
+    }
+
+    /// Errors at the nodes as measured; zero at nodes that were refused, which no usable cell touches.
+    fn measured(&self, errors: &[(usize, Vector3<f64>)]) -> Vec<Vector3<f64>> {
+        let mut values = vec![Vector3::zeros(); self.placed.nodes.len()];
+        for &(visit, error) in errors {
+            values[self.visited[visit]] = error;
+        }
+        values
+    }
+}
+
+/// Nodes x fastest, each line and layer back the way the last one came.
+fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    let back = |turn: usize, i: usize, n: usize| if turn % 2 == 1 { n - 1 - i } else { i };
+    (0..nz).flat_map(move |z| {
+        (0..ny).flat_map(move |row| {
+            (0..nx).map(move |column| [back(z * ny + row, column, nx), back(z, row, ny), z])
+        })
+    })
+}
+
+/// Judges every step of the settings on the plan's robots.
+pub fn judge(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    pool: &[Commanded],
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> Result<Vec<StepRow>, PlanError> {
+    let grids: Vec<Grid> = settings
+        .grid
+        .steps_mm
+        .iter()
+        .map(|&step_mm| Grid::new(placer, settings, step_mm))
+        .collect::<Result<_, _>>()?;
+    progress.begin("robots × steps", settings.robots as u64);
+    let of_robot = |number: usize| {
+        let mut robot = Robot::draw(arm, settings, number);
+        let tests = robot.session(&test_poses(pool, settings, number));
+        let of_grid = |grid: &Grid| on_robot(&mut robot, grid, placer, &tests, settings);
+        let outcomes: Vec<Vec<RobotOutcome>> = grids.iter().map(of_grid).collect();
+        progress.advance(1);
+        outcomes
+    };
+    let robots: Vec<_> = (0..settings.robots).into_par_iter().map(of_robot).collect();
+    progress.end();
+    Ok(rows(&grids, &robots, settings))
+}
+
+/// The fresh poses that judge a robot: its own share of the pool, which is drawn in random order.
+pub fn test_poses(pool: &[Commanded], settings: &PlanSettings, number: usize) -> Vec<Commanded> {
+    let from = number * settings.test_poses;
+    (from..from + settings.test_poses)
+        .map(|place| pool[place % pool.len()].clone())
+        .collect()
+}
+
+/// Sources and interpolations in the order of the rows.
+fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
+    let grid = &settings.grid;
+    grid.sources
+        .iter()
+        .flat_map(|&source| grid.interpolations.iter().map(move |&i| (source, i)))
+        .collect()
+}
+
+/// One robot measured on one grid: what each source and interpolation leaves on fresh poses.
+fn on_robot(
+    robot: &mut Robot<'_>,
+    grid: &Grid,
+    placer: &Placer<'_>,
+    tests: &[Visit],
+    settings: &PlanSettings,
+) -> Vec<RobotOutcome> {
+    let geometric = FullSettings {
+        enabled: false,
+        ..settings.full.clone()
+    };
+    let stations = stations(robot.session(&grid.commands));
+    let fitted = match robot.fit(&stations, settings, &geometric) {
+        Ok(fitted) => fitted,
+        Err(error) => return vec![RobotOutcome::NoFit(error); families(settings).len()],
+    };
+    let model = ToolErrors::new(
+        Predictor::of(&fitted.models, fitted.gauge.arm(), 0),
+        &fitted.gauge,
+    );
+    let measured: Vec<(usize, Vector3<f64>)> = fitted
+        .grid_stations(&stations, placer)
+        .iter()
+        .map(|station| (station.number, station.error))
+        .collect();
+    let errors = fitted.true_errors(tests);
+    let values = |source| match source {
+        Source::Model => node_errors(&grid.placed, &model as &dyn ErrorModel),
+        Source::Measured => grid.measured(&measured),
+    };
+    families(settings)
+        .into_iter()
+        .map(|(source, interpolation)| {
+            let values = values(source);
+            let left = tests.iter().zip(&errors).map(|(visit, error)| {
+                let command = Point3::from(visit.truth.command.translation.vector);
+                let power = settings.grid.idw_power;
+                let there = by_nodes(&grid.placed, &values, &command, interpolation, power);
+                there.map(|found| found.map(|interpolated| (error - interpolated).norm()))
+            });
+            RobotOutcome::of(left, &settings.tolerance)
+        })
+        .collect()
+}
+
+/// The rows of all steps, from what each robot has of each grid.
+fn rows(
+    grids: &[Grid],
+    robots: &[Vec<Vec<RobotOutcome>>],
+    settings: &PlanSettings,
+) -> Vec<StepRow> {
+    let mut rows = Vec::new();
+    for (step, grid) in grids.iter().enumerate() {
+        for (family, (source, interpolation)) in families(settings).into_iter().enumerate() {
+            let own = robots.iter().map(|robot| &robot[step][family]);
+            rows.push(StepRow {
+                step_mm: grid.step_mm,
+                source,
+                interpolation,
+                poses: grid.commands.len(),
+                refused_nodes: grid.placed.refused_nodes(),
+                outcomes: Outcomes::of(own, settings.robots_meet),
+            });
+        }
+    }
+    rows
+}
+
+/// The largest step of any source and interpolation that holds with all smaller ones of its own.
+pub fn largest_that_holds(rows: &[StepRow]) -> Option<&StepRow> {
+    let mut families: Vec<(Source, Interpolation)> =
+        rows.iter().map(|row| (row.source, row.interpolation)).collect();
+    families.sort_unstable();
+    families.dedup();
+    let largest = |family: &(Source, Interpolation)| {
+        let mut own: Vec<&StepRow> = rows
+            .iter()
+            .filter(|row| (row.source, row.interpolation) == *family)
+            .collect();
+        own.sort_by(|a, b| a.step_mm.total_cmp(&b.step_mm));
+        own.into_iter().take_while(|row| row.outcomes.holds()).last()
+    };
+    families
+        .iter()
+        .filter_map(largest)
+        .max_by(|a, b| a.step_mm.total_cmp(&b.step_mm))
+}

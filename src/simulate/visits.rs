@@ -1,0 +1,107 @@
+//! Visits without the logs between them: what the join would find of each, where many robots are measured for a plan.
+//!
+//! The arm, its controller and the instrument err as in [`super::simulate`]; a station's mean of n readings has the noise
+//! that all of them share and that of one over √n.
+
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
+
+use super::poses::Commanded;
+use super::random::{Ingredient, Stream};
+use super::settings::SimulateSettings;
+use super::timeline::Timeline;
+use super::tracker::View;
+use super::true_arm::ArmErrors;
+use super::truth::TrueStation;
+use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
+use crate::kinematics::Arm;
+
+/// One visit of a pose.
+#[derive(Debug, Clone)]
+pub struct Visit {
+    /// The station as the join would find it.
+    pub station: Station,
+    /// What is behind it.
+    pub truth: TrueStation,
+}
+
+/// Visits `commanded` in order with the arm of `errors`; `settings.seed` is that of the session, not of the arm.
+pub fn visits(
+    arm: &Arm,
+    settings: &SimulateSettings,
+    errors: &ArmErrors,
+    commanded: &[Commanded],
+) -> Vec<Visit> {
+    let timeline = Timeline::plan(arm, settings, errors, commanded);
+    let view = View::new(arm, settings, errors, &timeline);
+    let mut noise = Stream::new(settings.seed, Ingredient::Reading);
+    let stops = timeline.stops.iter().enumerate();
+    stops
+        .map(|(number, stop)| {
+            let truth = TrueStation::of(number, stop, &view);
+            let mean = view.mean(number, &truth.tracker_from_target, &mut noise);
+            Visit {
+                station: station(&truth, settings, &mean),
+                truth,
+            }
+        })
+        .collect()
+}
+
+/// The mean of a station's readings.
+pub(super) struct Mean {
+    pub(super) position: Point3<f64>,
+    pub(super) orientation: UnitQuaternion<f64>,
+    /// Standard deviation of one reading about it, per axis: mm and rad.
+    pub(super) scatter: (f64, f64),
+    pub(super) readings: usize,
+}
+
+impl Mean {
+    /// From the true pose, the noise of the mean and its readings.
+    pub(super) fn of(
+        pose: &Isometry3<f64>,
+        off: Translation3<f64>,
+        turn: UnitQuaternion<f64>,
+        scatter: (f64, f64),
+        readings: usize,
+    ) -> Self {
+        Self {
+            position: off * Point3::from(pose.translation.vector),
+            orientation: turn * pose.rotation,
+            scatter,
+            readings,
+        }
+    }
+}
+
+fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Station {
+    let clock = truth.start;
+    let attained = truth.measured.then(|| Attained {
+        position: mean.position,
+        orientation: settings.cell.six_dof.then_some(mean.orientation),
+        scatter_mm: [mean.scatter.0; 3],
+        orientation_scatter_rad: settings.cell.six_dof.then_some(mean.scatter.1),
+        stated_covariance: None,
+        kept: mean.readings,
+        readings: mean.readings,
+        first: crate::units::Stamp::from_ns(clock.ns()),
+        last: crate::units::Stamp::from_ns(truth.end.ns()),
+        temperature_c: None,
+    });
+    Station {
+        number: truth.number,
+        start: truth.start,
+        end: truth.end,
+        joints: truth.reported.clone(),
+        joint_samples: mean.readings,
+        command: Some(Command {
+            position: Point3::from(truth.command.translation.vector),
+            orientation: Some(truth.command.rotation),
+        }),
+        pairing: match attained {
+            Some(_) => Pairing::Paired,
+            None => Pairing::Unmeasured(Unmeasured::NoReadings),
+        },
+        attained,
+    }
+}
