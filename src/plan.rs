@@ -1,9 +1,12 @@
 //! Plan: before the tracker is set up, which step, which poses, and what accuracy to expect (METHOD.md 9).
 
+pub mod compare;
 pub mod design;
+pub mod influence;
 pub mod outcomes;
 pub mod place;
 pub mod robots;
+pub mod section;
 pub mod settings;
 pub mod steps;
 

@@ -12,7 +12,7 @@
 //!
 //! After each choice K is conditioned on it, by steps of a Cholesky factor whose rows are kept for the candidates alone.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
@@ -182,16 +182,8 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
     let part = |axes: &[&[f64]]| {
         let mut rows = DMatrix::zeros(3 * axes.len(), model.layout().size());
         for (place, axes) in axes.iter().enumerate() {
-            let query = Query {
-                axes,
-                known: Known::Reported,
-                lever: nalgebra::Vector3::zeros(),
-                session: 0,
-                own: true,
-                station: None,
-            };
             rows.rows_mut(3 * place, 3)
-                .copy_from(&model.predict(&query).rows);
+                .copy_from(&model.predict(&query(axes)).rows);
         }
         model.half(&rows)
     };
@@ -203,6 +195,18 @@ fn half(model: &FullModel, axes: &[&[f64]]) -> DMatrix<f64> {
         first += part.ncols();
     }
     half
+}
+
+/// The target at a pose in the session that is planned.
+pub(super) fn query(axes: &[f64]) -> Query<'_> {
+    Query {
+        axes,
+        known: Known::Reported,
+        lever: Vector3::zeros(),
+        session: 0,
+        own: true,
+        station: None,
+    }
 }
 
 /// Each pose's own covariance.

@@ -1,5 +1,7 @@
 //! Poses of a region: where the nominal arm stands for each, in the arm configuration of the plan.
 
+use std::f64::consts::PI;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
@@ -17,7 +19,6 @@ const DRAWS: usize = 20;
 pub struct Placer<'a> {
     reach: Reach<'a>,
     seeds: Vec<GridStation>,
-    flange_from_target: Isometry3<f64>,
 }
 
 impl<'a> Placer<'a> {
@@ -28,7 +29,6 @@ impl<'a> Placer<'a> {
         let mut placer = Self {
             reach,
             seeds: Vec::new(),
-            flange_from_target: settings.flange_from_target,
         };
         let home = arm.flange(&settings.home).isometry() * settings.flange_from_target;
         placer.add(&home, settings.home.clone());
@@ -84,12 +84,20 @@ impl<'a> Placer<'a> {
         })
     }
 
-    /// A pose of the target at given joint angles.
-    pub fn at(&self, arm: &Arm, joints: Vec<f64>) -> Commanded {
-        Commanded {
-            base_from_target: arm.flange(&joints).isometry() * self.flange_from_target,
-            joints,
-        }
+    /// Joint angles of the same pose with the wrist flipped; `None` where a limit is in the way.
+    pub fn flipped(&self, command: &Commanded) -> Option<Vec<f64>> {
+        let own = self.reach.configuration(&command.joints)?;
+        let turns = [(PI, PI), (-PI, PI), (PI, -PI), (-PI, -PI)];
+        turns.into_iter().find_map(|(fourth, sixth)| {
+            let mut seed = command.joints.clone();
+            let wrist = seed.len().checked_sub(3)?;
+            seed[wrist] += fourth;
+            seed[wrist + 1] = -seed[wrist + 1];
+            seed[wrist + 2] += sixth;
+            let joints = self.reach.solve(&command.base_from_target, &seed).ok()?;
+            let other = self.reach.configuration(&joints)?;
+            (other != own).then_some(joints)
+        })
     }
 
     /// A lattice with every node placed at the table's orientation.

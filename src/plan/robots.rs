@@ -1,6 +1,6 @@
 //! Robots as they may turn out: each drawn, measured and fitted by the code that runs at night.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
 use super::place::Placer;
 use super::settings::PlanSettings;
@@ -125,13 +125,20 @@ impl Fitted<'_> {
             .collect()
     }
 
-    /// The true errors of visits in the gauge, in the base frame, mm: attained minus commanded, free of the tracker's noise.
-    pub fn true_errors(&self, visits: &[Visit]) -> Vec<Vector3<f64>> {
-        let base = self.gauge.frames().tracker_from_base.isometry();
-        let error = |visit: &Visit| {
-            let attained = Point3::from(visit.truth.tracker_from_target.translation.vector);
-            base.inverse_transform_point(&attained).coords - visit.truth.command.translation.vector
-        };
-        visits.iter().map(error).collect()
+    /// The true errors of the tool point at visits in the gauge, in the base frame, mm: free of the tracker's noise.
+    pub fn true_errors(
+        &self,
+        visits: &[Visit],
+        settings: &PlanSettings,
+        placer: &Placer<'_>,
+    ) -> Vec<Vector3<f64>> {
+        let perfect: Vec<Station> = visits
+            .iter()
+            .map(|visit| visit.perfect(&settings.population))
+            .collect();
+        self.grid_stations(&perfect, placer)
+            .iter()
+            .map(|station| station.error)
+            .collect()
     }
 }

@@ -16,10 +16,10 @@ use rayon::prelude::*;
 use super::PlanError;
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
-use super::robots::{Robot, stations};
+use super::robots::{Fitted, Robot, stations};
 use super::settings::PlanSettings;
 use crate::fit::full::FullSettings;
-use crate::fit::{ErrorModel, Predictor, ToolErrors};
+use crate::fit::{FitError, Predictor, ToolErrors};
 use crate::grid::judge::{by_nodes, node_errors};
 use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
 use crate::kinematics::Arm;
@@ -98,15 +98,6 @@ impl Grid {
             placed,
         }
     }
-
-    /// Errors at the nodes as measured; zero at nodes that were refused, which no usable cell touches.
-    fn measured(&self, errors: &[(usize, Vector3<f64>)]) -> Vec<Vector3<f64>> {
-        let mut values = vec![Vector3::zeros(); self.placed.nodes.len()];
-        for &(visit, error) in errors {
-            values[self.visited[visit]] = error;
-        }
-        values
-    }
 }
 
 /// Nodes x fastest, each line and layer back the way the last one came.
@@ -156,7 +147,7 @@ pub fn test_poses(pool: &[Commanded], settings: &PlanSettings, number: usize) ->
 }
 
 /// Sources and interpolations in the order of the rows.
-fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
+pub fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
     let grid = &settings.grid;
     grid.sources
         .iter()
@@ -164,50 +155,83 @@ fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
         .collect()
 }
 
+/// One robot measured on one grid.
+#[derive(Debug)]
+pub struct Measured<'a> {
+    fitted: Fitted<'a>,
+    /// Errors at the nodes, by source; zero at nodes that were refused, which no usable cell touches.
+    by_model: Vec<Vector3<f64>>,
+    as_measured: Vec<Vector3<f64>>,
+}
+
+impl<'a> Measured<'a> {
+    /// Visits the grid's commands, fits base, target and geometry, and takes the error at every node.
+    pub fn new(
+        robot: &mut Robot<'a>,
+        grid: &Grid,
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+    ) -> Result<Self, FitError> {
+        let geometric = FullSettings {
+            enabled: false,
+            ..settings.full.clone()
+        };
+        let stations = stations(robot.session(&grid.commands));
+        let fitted = robot.fit(&stations, settings, &geometric)?;
+        let predictor = Predictor::of(&fitted.models, fitted.gauge.arm(), 0);
+        let by_model = {
+            let model = ToolErrors::new(predictor, &fitted.gauge);
+            node_errors(&grid.placed, &model)
+        };
+        let mut as_measured = vec![Vector3::zeros(); grid.placed.nodes.len()];
+        for station in fitted.grid_stations(&stations, placer) {
+            as_measured[grid.visited[station.number]] = station.error;
+        }
+        Ok(Self {
+            fitted,
+            by_model,
+            as_measured,
+        })
+    }
+
+    /// What each source and interpolation leaves at fresh visits.
+    pub fn left(
+        &self,
+        grid: &Grid,
+        tests: &[Visit],
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+    ) -> Vec<RobotOutcome> {
+        let errors = self.fitted.true_errors(tests, settings, placer);
+        let left = |(source, interpolation): (Source, Interpolation)| {
+            let values = match source {
+                Source::Model => &self.by_model,
+                Source::Measured => &self.as_measured,
+            };
+            let left = tests.iter().zip(&errors).map(|(visit, error)| {
+                let command = Point3::from(visit.truth.command.translation.vector);
+                let power = settings.grid.idw_power;
+                let there = by_nodes(&grid.placed, values, &command, interpolation, power);
+                there.map(|found| found.map(|interpolated| (error - interpolated).norm()))
+            });
+            RobotOutcome::of(left, &settings.tolerance)
+        };
+        families(settings).into_iter().map(left).collect()
+    }
+}
+
 /// One robot measured on one grid: what each source and interpolation leaves on fresh poses.
-fn on_robot(
+pub fn on_robot(
     robot: &mut Robot<'_>,
     grid: &Grid,
     placer: &Placer<'_>,
     tests: &[Visit],
     settings: &PlanSettings,
 ) -> Vec<RobotOutcome> {
-    let geometric = FullSettings {
-        enabled: false,
-        ..settings.full.clone()
-    };
-    let stations = stations(robot.session(&grid.commands));
-    let fitted = match robot.fit(&stations, settings, &geometric) {
-        Ok(fitted) => fitted,
-        Err(error) => return vec![RobotOutcome::NoFit(error); families(settings).len()],
-    };
-    let model = ToolErrors::new(
-        Predictor::of(&fitted.models, fitted.gauge.arm(), 0),
-        &fitted.gauge,
-    );
-    let measured: Vec<(usize, Vector3<f64>)> = fitted
-        .grid_stations(&stations, placer)
-        .iter()
-        .map(|station| (station.number, station.error))
-        .collect();
-    let errors = fitted.true_errors(tests);
-    let values = |source| match source {
-        Source::Model => node_errors(&grid.placed, &model as &dyn ErrorModel),
-        Source::Measured => grid.measured(&measured),
-    };
-    families(settings)
-        .into_iter()
-        .map(|(source, interpolation)| {
-            let values = values(source);
-            let left = tests.iter().zip(&errors).map(|(visit, error)| {
-                let command = Point3::from(visit.truth.command.translation.vector);
-                let power = settings.grid.idw_power;
-                let there = by_nodes(&grid.placed, &values, &command, interpolation, power);
-                there.map(|found| found.map(|interpolated| (error - interpolated).norm()))
-            });
-            RobotOutcome::of(left, &settings.tolerance)
-        })
-        .collect()
+    match Measured::new(robot, grid, placer, settings) {
+        Ok(measured) => measured.left(grid, tests, placer, settings),
+        Err(error) => vec![RobotOutcome::NoFit(error); families(settings).len()],
+    }
 }
 
 /// The rows of all steps, from what each robot has of each grid.

@@ -14,6 +14,7 @@ use super::true_arm::ArmErrors;
 use super::truth::TrueStation;
 use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
+use crate::units::Stamp;
 
 /// One visit of a pose.
 #[derive(Debug, Clone)]
@@ -22,6 +23,23 @@ pub struct Visit {
     pub station: Station,
     /// What is behind it.
     pub truth: TrueStation,
+}
+
+impl Visit {
+    /// The station as a perfect instrument would have it, beam or no beam.
+    pub fn perfect(&self, settings: &SimulateSettings) -> Station {
+        let mean = Mean {
+            position: Point3::from(self.truth.tracker_from_target.translation.vector),
+            orientation: self.truth.tracker_from_target.rotation,
+            scatter: (0.0, 0.0),
+            readings: 1,
+        };
+        let seen = TrueStation {
+            measured: true,
+            ..self.truth.clone()
+        };
+        station(&seen, settings, &mean)
+    }
 }
 
 /// Visits `commanded` in order with the arm of `errors`; `settings.seed` is that of the session, not of the arm.
@@ -75,7 +93,6 @@ impl Mean {
 }
 
 fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Station {
-    let clock = truth.start;
     let attained = truth.measured.then(|| Attained {
         position: mean.position,
         orientation: settings.cell.six_dof.then_some(mean.orientation),
@@ -84,8 +101,8 @@ fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Sta
         stated_covariance: None,
         kept: mean.readings,
         readings: mean.readings,
-        first: crate::units::Stamp::from_ns(clock.ns()),
-        last: crate::units::Stamp::from_ns(truth.end.ns()),
+        first: Stamp::from_ns(truth.start.ns()),
+        last: Stamp::from_ns(truth.end.ns()),
         temperature_c: None,
     });
     Station {

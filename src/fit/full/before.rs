@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
 
+use super::layout::Block;
 use super::regression::Posterior;
 use super::student::Tails;
 use super::train::State;
@@ -61,6 +62,19 @@ impl FullModel {
     /// The same model with its sizes, but nothing learned: what a session of another arm of its kind may expect.
     pub fn forgetting(mut self) -> Self {
         self.posterior = Posterior::before(self.posterior.scale);
+        self
+    }
+
+    /// The same model where geometry and frames are all that may be wrong, with nothing learned.
+    pub fn geometry_alone(mut self) -> Self {
+        let unknowns = self.layout.columns(Block::Unknowns).unwrap_or(0..0);
+        let mut scale = self.posterior.scale;
+        for (column, scale) in scale.iter_mut().enumerate() {
+            if !unknowns.contains(&column) {
+                *scale = 0.0;
+            }
+        }
+        self.posterior = Posterior::before(scale);
         self
     }
 

@@ -1,0 +1,349 @@
+//! Designs side by side: accuracy of the whole model against the number of poses, for grid, random and chosen poses.
+//!
+//! Inputs: the nominal arm and what is expected of robots. Output: a row for each design and number of poses.
+//! 1. Candidates are random poses of the region that suit the constraints; each design takes its own from them, but the
+//!    grid, which has its nodes.
+//! 2. Each robot measures each design at each number of poses; the whole model is trained on it.
+//! 3. Its predictions from commands alone are held against what the robot really does at fresh poses of the region: that is
+//!    what compensating by the identified arm leaves.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
+
+use super::PlanError;
+use super::design::{Candidate, Choice, Design};
+use super::outcomes::{Outcomes, RobotOutcome};
+use super::place::Placer;
+use super::robots::Robot;
+use super::settings::PlanSettings;
+use super::steps::{Grid, test_poses};
+use crate::figures::Figures;
+use crate::fit::full::FullModel;
+use crate::fit::{ErrorModel, Frames, Observation, Predictor, ToolErrors};
+use crate::geometry::Transform;
+use crate::grid::Lattice;
+use crate::kinematics::Arm;
+use crate::progress::Progress;
+use crate::simulate::{Commanded, Ingredient, Stream};
+
+/// Poses that stand for the region while a design is chosen.
+const REGION_POSES: usize = 300;
+/// Errors drawn from each pose's covariance for what a design expects.
+const DRAWS: usize = 32;
+
+/// How poses are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// A uniform grid at the table's orientation.
+    UniformGrid,
+    /// Random poses of the region.
+    Random,
+    /// One after another, each lowering the summed variance over the region most.
+    GreedyVariance,
+    /// One after another, each saying most of geometry and frames: D-optimal, which at a number of poses is the largest O1.
+    DOptimal,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [
+        Self::UniformGrid,
+        Self::Random,
+        Self::GreedyVariance,
+        Self::DOptimal,
+    ];
+
+    /// The name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::UniformGrid => "uniform_grid",
+            Self::Random => "random",
+            Self::GreedyVariance => "greedy_variance",
+            Self::DOptimal => "d_optimal",
+        }
+    }
+}
+
+/// What one design at one number of poses gives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DesignRow {
+    /// How poses are chosen.
+    pub kind: Kind,
+    /// Poses measured.
+    pub poses: usize,
+    /// What the model expects to leave, mm; `None` for designs that were not chosen by it.
+    pub expected: Option<Expected>,
+    /// What it gave on the robots.
+    pub outcomes: Outcomes,
+}
+
+/// What the model expects of errors over the region, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected {
+    /// Mean.
+    pub mean_mm: f64,
+    /// What the tolerance's share of errors stays below.
+    pub share_mm: f64,
+}
+
+/// Candidates and the orders in which designs take them.
+#[derive(Debug, Clone)]
+pub struct Designs {
+    /// The candidates.
+    pub candidates: Vec<Commanded>,
+    /// Candidates in the order the variance design takes them, with what each leaves.
+    pub by_variance: Vec<Choice>,
+    /// What the model expects after each of them.
+    pub expected: Vec<Expected>,
+    /// Candidates in the order the D-optimal design takes them.
+    pub by_information: Vec<usize>,
+}
+
+impl Designs {
+    /// Draws candidates and orders them, as many as the plan may have poses.
+    pub fn new(
+        arm: &Arm,
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+        suits: &(dyn Fn(&[f64]) -> bool + Sync),
+        progress: &dyn Progress,
+    ) -> Result<Self, PlanError> {
+        let drawn = |count, ingredient| {
+            let mut stream = Stream::new(settings.seed, ingredient);
+            placer.random(&settings.region, count, &mut stream, suits)
+        };
+        let candidates = drawn(settings.candidates, Ingredient::Candidates)?;
+        let region = axes_of(arm, &drawn(REGION_POSES, Ingredient::Region)?);
+        let most = settings.poses.iter().copied().max().unwrap_or(0);
+        let model = expected_model(arm, settings, &region, most);
+        let measured = measurements(arm, &candidates, &model, settings);
+        progress.begin("choosing poses", 2 * most as u64);
+        let visit = visit_covariances(&model, &region);
+        let mut design = Design::new(&model, &measured, &region);
+        let (mut by_variance, mut expected) = (Vec::new(), Vec::new());
+        while by_variance.len() < most
+            && let Some(choice) = design.choose()
+        {
+            by_variance.push(choice);
+            expected.push(Expected::of(design.region(), &visit, settings));
+            progress.advance(1);
+        }
+        let geometric = model.geometry_alone();
+        let mut design = Design::new(&geometric, &measured, &[]);
+        let mut by_information = Vec::new();
+        while by_information.len() < most
+            && let Some(choice) = design.choose_informative()
+        {
+            by_information.push(choice.candidate);
+            progress.advance(1);
+        }
+        progress.end();
+        Ok(Self {
+            candidates,
+            by_variance,
+            expected,
+            by_information,
+        })
+    }
+
+    /// The poses of a design, at most `count` of them; the grid has the most nodes that are not more.
+    pub fn poses(
+        &self,
+        kind: Kind,
+        count: usize,
+        placer: &Placer<'_>,
+        settings: &PlanSettings,
+    ) -> Vec<Commanded> {
+        let taken = |order: &mut dyn Iterator<Item = usize>| {
+            let taken = order.take(count);
+            taken.map(|c| self.candidates[c].clone()).collect()
+        };
+        match kind {
+            Kind::UniformGrid => finest_grid(count, placer, settings)
+                .map(|grid| grid.commands)
+                .unwrap_or_default(),
+            Kind::Random => taken(&mut (0..self.candidates.len())),
+            Kind::GreedyVariance => taken(&mut self.by_variance.iter().map(|c| c.candidate)),
+            Kind::DOptimal => taken(&mut self.by_information.iter().copied()),
+        }
+    }
+}
+
+impl Expected {
+    /// From covariances over the region (mm²) and those of single visits: errors are drawn from them, seeded.
+    fn of(region: &[Matrix3<f64>], visit: &[Matrix3<f64>], settings: &PlanSettings) -> Self {
+        let mut stream = Stream::new(settings.seed, Ingredient::Errors);
+        let mut norms = Vec::with_capacity(DRAWS * region.len());
+        for (open, visit) in region.iter().zip(visit) {
+            let eigen = (open + visit).symmetric_eigen();
+            let sizes = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
+            norms.extend((0..DRAWS).map(|_| stream.normal3().component_mul(&sizes).norm()));
+        }
+        norms.sort_by(f64::total_cmp);
+        let place = ((norms.len() as f64 * settings.tolerance.share).ceil().max(1.0)) - 1.0;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a place among the norms"
+        )]
+        let share_mm = norms.get(place as usize).copied().unwrap_or(f64::INFINITY);
+        Self {
+            mean_mm: Figures::of(&norms).map_or(f64::INFINITY, |figures| figures.mean),
+            share_mm,
+        }
+    }
+}
+
+/// The uniform grid with the most nodes in reach that are no more than `count`; `None` if eight are too many.
+fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Option<Grid> {
+    let bounds = &settings.region.bounds;
+    let shortest = (0..3)
+        .map(|axis| bounds.size(axis))
+        .fold(f64::INFINITY, f64::min);
+    let of = |cells: u32| {
+        let step_mm = shortest / f64::from(cells);
+        let lattice = Lattice::new(bounds, [step_mm; 3])?;
+        (lattice.node_count() <= count).then_some((step_mm, lattice))
+    };
+    let (step_mm, lattice) = (1..).map_while(of).last()?;
+    Some(Grid::of(placer, settings, step_mm, lattice))
+}
+
+/// The whole model of a robot of which nothing is known yet, in the plan's cell.
+fn expected_model(
+    arm: &Arm,
+    settings: &PlanSettings,
+    region: &[Vec<f64>],
+    stations: usize,
+) -> FullModel {
+    FullModel::expected(
+        arm,
+        &frames(settings),
+        region,
+        stations,
+        settings.fit.prior(),
+        &settings.full,
+        settings.up,
+    )
+}
+
+/// Where base and target are meant to be.
+fn frames(settings: &PlanSettings) -> Frames {
+    let cell = &settings.population.cell;
+    let tracker_from_base = crate::geometry::isometry_from_rpy(
+        cell.tracker_from_base_mm,
+        cell.tracker_from_base_rpy,
+    );
+    Frames {
+        tracker_from_base: Transform::claim(tracker_from_base),
+        flange_from_target: Transform::claim(settings.flange_from_target),
+    }
+}
+
+fn axes_of(arm: &Arm, poses: &[Commanded]) -> Vec<Vec<f64>> {
+    poses.iter().map(|pose| arm.axes(&pose.joints)).collect()
+}
+
+/// Candidates with the covariance of a measurement at each.
+fn measurements(
+    arm: &Arm,
+    poses: &[Commanded],
+    model: &FullModel,
+    settings: &PlanSettings,
+) -> Vec<Candidate> {
+    let tracker_from_base = frames(settings).tracker_from_base;
+    let of = |pose: &Commanded| {
+        let position = tracker_from_base.isometry()
+            * Point3::from(pose.base_from_target.translation.vector);
+        let instrument = settings.noise.tracker.covariance(&position);
+        let axes = arm.axes(&pose.joints);
+        let observation = Observation {
+            session: 0,
+            station: 0,
+            axes: axes.clone(),
+            position,
+            instrument,
+            position_factor: Matrix3::identity(),
+            orientation: None,
+            shortfall: None,
+        };
+        Candidate {
+            axes,
+            noise: model.noise(&observation),
+        }
+    };
+    poses.iter().map(of).collect()
+}
+
+fn visit_covariances(model: &FullModel, region: &[Vec<f64>]) -> Vec<Matrix3<f64>> {
+    region
+        .iter()
+        .map(|axes| model.visit_covariance(&super::design::query(axes)))
+        .collect()
+}
+
+/// Judges every design at every number of poses of the settings on the plan's robots.
+pub fn judge(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    designs: &Designs,
+    pool: &[Commanded],
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> Vec<DesignRow> {
+    let asked: Vec<(Kind, Vec<Commanded>)> = Kind::ALL
+        .into_iter()
+        .flat_map(|kind| settings.poses.iter().map(move |&count| (kind, count)))
+        .map(|(kind, count)| (kind, designs.poses(kind, count, placer, settings)))
+        .collect();
+    let total = settings.whole_model_robots * asked.len();
+    progress.begin("robots × designs", total as u64);
+    let of_robot = |number: usize| {
+        let mut robot = Robot::draw(arm, settings, number);
+        let tests = test_poses(pool, settings, number);
+        let outcome = |(_, poses): &(Kind, Vec<Commanded>)| {
+            let outcome = on_robot(&mut robot, poses, &tests, placer, settings);
+            progress.advance(1);
+            outcome
+        };
+        asked.iter().map(outcome).collect::<Vec<_>>()
+    };
+    let robots: Vec<Vec<RobotOutcome>> = (0..settings.whole_model_robots)
+        .into_par_iter()
+        .map(of_robot)
+        .collect();
+    progress.end();
+    let row = |(place, (kind, poses)): (usize, &(Kind, Vec<Commanded>))| DesignRow {
+        kind: *kind,
+        poses: poses.len(),
+        expected: (*kind == Kind::GreedyVariance)
+            .then(|| designs.expected.get(poses.len().checked_sub(1)?).copied())
+            .flatten(),
+        outcomes: Outcomes::of(robots.iter().map(|robot| &robot[place]), settings.robots_meet),
+    };
+    asked.iter().enumerate().map(row).collect()
+}
+
+/// What the whole model trained on `poses` leaves at `tests`, each commanded and predicted from its command.
+pub fn on_robot(
+    robot: &mut Robot<'_>,
+    poses: &[Commanded],
+    tests: &[Commanded],
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> RobotOutcome {
+    let fitted = match robot.fitted(poses, settings, &settings.full) {
+        Ok(fitted) => fitted,
+        Err(error) => return RobotOutcome::NoFit(error),
+    };
+    let visits = robot.session(tests);
+    let errors = fitted.true_errors(&visits, settings, placer);
+    let model = ToolErrors::new(
+        Predictor::of(&fitted.models, fitted.gauge.arm(), 0),
+        &fitted.gauge,
+    );
+    let left = |(test, error): (&Commanded, &Vector3<f64>)| {
+        Some(Ok((error - model.error(&test.joints)).norm()))
+    };
+    RobotOutcome::of(tests.iter().zip(&errors).map(left), &settings.tolerance)
+}

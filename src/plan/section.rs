@@ -1,0 +1,186 @@
+//! The `[plan]` section of a pipeline file: what is expected of the robot, and what the plan may ask of the cell.
+
+use serde::{Deserialize, Serialize};
+
+use crate::figures::Coverage;
+use crate::geometry::Placement;
+use crate::simulate::settings::{
+    Cell, GeometryErrors, Gravity, JointErrors, SimulateSettings, TrackerErrors,
+};
+use crate::simulate::Poses;
+
+/// `[plan]`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanSection {
+    /// Reported joint angles of a pose in the arm configuration of the whole plan, degrees. Where `[grid]` states no
+    /// orientation, the target's orientation there is the table's.
+    pub home_deg: Vec<f64>,
+    /// Where the tracker will stand: the arm's base in its frame, to the decimetre.
+    pub tracker_from_base: Placement,
+    /// Key of all random numbers.
+    #[serde(default = "seed")]
+    pub seed: u64,
+    /// Robots that steps are judged on.
+    #[serde(default = "robots")]
+    pub robots: usize,
+    /// Robots that designs are judged on, with the whole error model.
+    #[serde(default = "whole_model_robots")]
+    pub whole_model_robots: usize,
+    /// Fresh poses that judge each robot.
+    #[serde(default = "test_poses")]
+    pub test_poses: usize,
+    /// Share of robots that has to meet the tolerance, and how sure one has to be of that.
+    #[serde(default = "robots_meet")]
+    pub robots_meet: Coverage,
+    /// Random poses that designs choose from.
+    #[serde(default = "candidates")]
+    pub candidates: usize,
+    /// Numbers of poses at which designs are compared; the least that meets the tolerance becomes the plan.
+    #[serde(default = "poses")]
+    pub poses: Vec<usize>,
+    /// Random poses are turned away from the table's orientation by up to this angle, degrees.
+    #[serde(default)]
+    pub cone_deg: f64,
+    /// A few early poses are visited again after so many stations, which shows how the base drifts; 0 for never.
+    #[serde(default = "drift_check_every")]
+    pub drift_check_every: usize,
+    /// Fresh poses that the session measures to verify the promise.
+    #[serde(default = "verify_poses")]
+    pub verify_poses: usize,
+    /// `[plan.expect]`: what is expected of robots.
+    #[serde(default)]
+    pub expect: Expect,
+}
+
+/// What is expected of robots, as standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Expect {
+    /// Link lengths, mm.
+    pub length_sd_mm: f64,
+    /// Link angles and joint zeros, degrees.
+    pub angle_sd_deg: f64,
+    /// Slow part of each joint's error curve, µrad.
+    pub slow_curve_urad: f64,
+    /// Its fast part, µrad.
+    pub fast_curve_urad: f64,
+    /// A gear's sine, µrad.
+    pub gear_line_urad: f64,
+    /// Backlash, µrad.
+    pub backlash_urad: f64,
+    /// How far the controller stops short of its command, µrad.
+    pub stops_short_urad: f64,
+    /// What a visit of a joint does not repeat, µrad.
+    pub repeatability_urad: f64,
+    /// What a typical joint gives way when the whole arm is stretched out level before it, µrad.
+    pub sag_urad: f64,
+    /// Where the target really sits at the flange, against where it is meant to, mm.
+    pub target_sd_mm: f64,
+    /// Drift of the base over a session, mm.
+    pub base_drift_mm: f64,
+    /// Share of stations at which the beam is lost.
+    pub lost_share: f64,
+}
+
+impl Default for Expect {
+    /// METHOD.md 9: lengths 0.3 mm, angles 0.02°, compliance, harmonics; the rest as good industrial arms have it.
+    fn default() -> Self {
+        Self {
+            length_sd_mm: 0.3,
+            angle_sd_deg: 0.02,
+            slow_curve_urad: 100.0,
+            fast_curve_urad: 20.0,
+            gear_line_urad: 10.0,
+            backlash_urad: 20.0,
+            stops_short_urad: 50.0,
+            repeatability_urad: 5.0,
+            sag_urad: 400.0,
+            target_sd_mm: 0.1,
+            base_drift_mm: 0.02,
+            lost_share: 0.005,
+        }
+    }
+}
+
+impl Expect {
+    /// Robots of this kind in a cell, seen by a tracker.
+    pub fn population(&self, cell: Cell, tracker: TrackerErrors, up: [f64; 3]) -> SimulateSettings {
+        let urad = |value: f64| value * 1e-6;
+        let no_poses = Poses::Joints {
+            count: 0,
+            lower: Vec::new(),
+            upper: Vec::new(),
+        };
+        SimulateSettings {
+            geometry: GeometryErrors {
+                length_sd_mm: self.length_sd_mm,
+                angle_sd_rad: self.angle_sd_deg.to_radians(),
+            },
+            joints: JointErrors {
+                slow_curve_rad: urad(self.slow_curve_urad),
+                fast_curve_rad: urad(self.fast_curve_urad),
+                gear_line_rad: urad(self.gear_line_urad),
+                backlash_rad: urad(self.backlash_urad),
+                stops_short_rad: urad(self.stops_short_urad),
+                nearer_command: 0.5,
+                repeatability_rad: urad(self.repeatability_urad),
+            },
+            gravity: Gravity {
+                sag_rad: urad(self.sag_urad),
+                up,
+            },
+            cell: Cell {
+                target_sd_mm: self.target_sd_mm,
+                base_drift_mm: self.base_drift_mm,
+                ..cell
+            },
+            tracker: TrackerErrors {
+                lost_share: self.lost_share,
+                ..tracker
+            },
+            ..SimulateSettings::exact(0, Vec::new(), no_poses)
+        }
+    }
+}
+
+const fn seed() -> u64 {
+    1
+}
+
+const fn robots() -> usize {
+    200
+}
+
+/// One more than the 59 that 95 % of robots with 95 % confidence ask for.
+const fn whole_model_robots() -> usize {
+    60
+}
+
+const fn test_poses() -> usize {
+    200
+}
+
+const fn robots_meet() -> Coverage {
+    Coverage {
+        share: 0.95,
+        confidence: 0.95,
+    }
+}
+
+const fn candidates() -> usize {
+    1000
+}
+
+fn poses() -> Vec<usize> {
+    vec![25, 50, 100]
+}
+
+const fn drift_check_every() -> usize {
+    25
+}
+
+/// 95 % of errors with 95 % confidence ask for 59.
+const fn verify_poses() -> usize {
+    60
+}
