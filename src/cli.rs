@@ -7,6 +7,7 @@ pub mod check;
 pub mod compensate;
 pub mod inspect;
 pub mod messages;
+pub mod plan;
 pub mod progress;
 pub mod run;
 pub mod schema;
@@ -57,6 +58,7 @@ enum Command {
     Check(check::CheckArgs),
     Inspect(inspect::InspectArgs),
     Simulate(simulate::SimulateArgs),
+    Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
     Schema(schema::SchemaArgs),
 }
@@ -71,6 +73,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => shown(check::check(&args)),
         Command::Inspect(args) => inspect::run(&args, &bars.of("inspect")),
         Command::Simulate(args) => shown(simulate::run(&args)),
+        Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
         Command::Compensate(args) => compensate::main(&args),
         Command::Schema(args) => shown(schema::show(&args)),
     }

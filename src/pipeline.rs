@@ -4,6 +4,7 @@ pub mod damage;
 pub mod file;
 pub mod outcome;
 pub mod plan;
+pub mod planning;
 pub mod run;
 pub mod stages;
 mod words;

@@ -1,52 +1,164 @@
 //! Plan: before the tracker is set up, which step, which poses, and what accuracy to expect (METHOD.md 9).
+//!
+//! Inputs: the nominal arm and [`PlanSettings`]: what is expected of robots, the cell, the region, the tolerance. Output: a
+//! [`SamplingPlan`]. Nothing here fits, grids or judges by itself: robots are drawn by [`crate::simulate`] and go through the
+//! code that runs at night.
+//!
+//! 1. Poses of the region are placed ([`place`]) and held against what the cell allows ([`sight`]).
+//! 2. The uniform grid: accuracy over robots for each step ([`steps`]), and what else it depends on ([`influence`]).
+//! 3. Designs by number of poses, with the whole error model ([`design`], [`compare`]).
+//! 4. The smallest design that meets the tolerance becomes a session: identify, verify, visits again for drift, in an order
+//!    of short travel ([`order`], [`session`]).
+//! 5. The whole session is tried on robots that took no part in choosing it: what they leave is the promise.
 
 pub mod compare;
 pub mod design;
+mod error;
 pub mod influence;
+pub mod order;
 pub mod outcomes;
 pub mod place;
 pub mod robots;
 pub mod section;
+pub mod session;
 pub mod settings;
+pub mod sight;
 pub mod steps;
 
-use thiserror::Error;
+use crate::kinematics::Arm;
+use crate::progress::Progress;
+use crate::simulate::{Commanded, Ingredient, Stream};
 
+pub use compare::{DesignRow, Designs, Kind};
+pub use error::PlanError;
+pub use influence::InfluenceRow;
+pub use outcomes::Outcomes;
+pub use place::{Drawn, Placer};
+pub use session::{PlannedVisit, Purpose, Session};
 pub use settings::{PlanSettings, Region};
+pub use steps::StepRow;
 
-/// Why there is no plan.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum PlanError {
-    /// A box without volume.
-    #[error(
-        "the box of {sizes_mm:?} mm has no volume: give [grid] box a low and a high corner that differ along each axis"
-    )]
-    EmptyBox {
-        /// Sizes along the axes, mm.
-        sizes_mm: [f64; 3],
-    },
-    /// A step larger than the box.
-    #[error(
-        "step {step_mm} mm does not fit into the box of {sizes_mm:?} mm: every step has to fit at least once along each \
-         axis; choose smaller steps_mm or a larger box"
-    )]
-    StepTooLarge {
-        /// The step, mm.
-        step_mm: f64,
-        /// Sizes along the axes, mm.
-        sizes_mm: [f64; 3],
-    },
-    /// Too few poses of the region can be used.
-    #[error(
-        "only {found} of {drawn} random poses of the region can be measured, but {wanted} are wanted: move or shrink \
-         [grid] box or [plan] cone_deg, give another home_deg, or loosen the constraints"
-    )]
-    OutOfReach {
-        /// Poses wanted.
-        wanted: usize,
-        /// Poses found.
-        found: usize,
-        /// Poses drawn.
-        drawn: usize,
-    },
+/// Robots that influences are studied on: they show a shape, no verdict follows.
+const INFLUENCE_ROBOTS: usize = 40;
+/// Fresh poses to take each robot's own from.
+const POOL: usize = 2000;
+/// Sizes tried between the largest design that does not hold and the smallest that does.
+const BISECTIONS: usize = 3;
+
+/// Everything a plan says.
+#[derive(Debug, Clone)]
+pub struct SamplingPlan {
+    /// Steps of the uniform grid.
+    pub steps: Vec<StepRow>,
+    /// The largest step that holds, as its place in `steps`.
+    pub step: Option<usize>,
+    /// What else the grid depends on, at that step, or at the smallest.
+    pub influences: Vec<InfluenceRow>,
+    /// Designs by number of poses.
+    pub designs: Vec<DesignRow>,
+    /// Random poses that were drawn to choose from, and why others were not taken.
+    pub candidates: Drawn,
+    /// What to measure, in order.
+    pub session: Session,
+    /// What the session gives on robots that took no part in choosing it.
+    pub promise: Outcomes,
+}
+
+impl SamplingPlan {
+    /// Whether the session is shown to meet the tolerance.
+    pub fn is_met(&self) -> bool {
+        self.promise.holds()
+    }
+}
+
+/// Makes a plan.
+pub fn plan(
+    arm: &Arm,
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> Result<SamplingPlan, PlanError> {
+    let placer = Placer::new(arm, settings)?;
+    let at_table = Region {
+        cone_rad: 0.0,
+        ..settings.region
+    };
+    let pool = fresh_poses(&placer, &at_table, settings)?;
+    let steps = steps::judge(arm, &placer, &pool, settings, progress)?;
+    let step = steps::largest_that_holds(&steps);
+    let least = settings
+        .grid
+        .steps_mm
+        .iter()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
+    let step_mm = step.map_or(least, |row| steps[row].step_mm);
+    let robots = INFLUENCE_ROBOTS;
+    let influences = influence::study(arm, &placer, &pool, step_mm, robots, settings, progress)?;
+    let pool = fresh_poses(&placer, &settings.region, settings)?;
+    let designs = Designs::new(arm, &placer, settings, progress)?;
+    let mut rows = compare::judge(arm, &placer, &designs, &pool, settings, progress);
+    let poses = sized(arm, &placer, &designs, &pool, &mut rows, settings, progress);
+    let session = Session::new(arm, &placer, &designs, poses, settings)?;
+    let promise = session::promise(arm, &placer, &session, &pool, settings, progress);
+    Ok(SamplingPlan {
+        steps,
+        step,
+        influences,
+        designs: rows,
+        candidates: designs.candidates.1,
+        session,
+        promise,
+    })
+}
+
+/// Poses of a region to judge robots by, in random order.
+pub fn fresh_poses(
+    placer: &Placer<'_>,
+    region: &Region,
+    settings: &PlanSettings,
+) -> Result<Vec<Commanded>, PlanError> {
+    let mut stream = Stream::new(settings.seed, Ingredient::TestPoses);
+    let wanted = POOL.max(settings.test_poses);
+    Ok(placer.random(region, wanted, &mut stream, &|_| Ok(()))?.0)
+}
+
+/// The number of poses of the smallest chosen design that holds: those of the table, then sizes halved between the largest
+/// that does not and the smallest that does. The largest of the table where none holds.
+fn sized(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    designs: &Designs,
+    pool: &[Commanded],
+    rows: &mut Vec<DesignRow>,
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> usize {
+    let most = settings.poses.iter().copied().max().unwrap_or(0);
+    for _ in 0..BISECTIONS {
+        let chosen = || rows.iter().filter(|row| row.kind == Kind::GreedyVariance);
+        let Some(holds) = chosen()
+            .filter(|r| r.outcomes.holds())
+            .map(|r| r.poses)
+            .min()
+        else {
+            return most;
+        };
+        let below = chosen()
+            .map(|row| row.poses)
+            .filter(|&poses| poses < holds)
+            .max();
+        let middle = below.unwrap_or(session::LEAST_POSES).midpoint(holds);
+        if middle <= below.unwrap_or(session::LEAST_POSES) || middle >= holds {
+            return holds;
+        }
+        let kinds = [(Kind::GreedyVariance, middle)];
+        let found = compare::judge_sizes(arm, placer, designs, pool, &kinds, settings, progress);
+        rows.extend(found);
+    }
+    let chosen = rows.iter().filter(|row| row.kind == Kind::GreedyVariance);
+    chosen
+        .filter(|row| row.outcomes.holds())
+        .map(|row| row.poses)
+        .min()
+        .unwrap_or(most)
 }

@@ -26,13 +26,13 @@ use crate::ingest::{CommandSamples, JointSamples, Recording};
 use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
+pub use curve::{GearLine, JointCurve};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
-pub use visits::{Visit, visits};
-pub use curve::{GearLine, JointCurve};
 pub use settings::{Poses, SimulateSettings};
 pub use true_arm::ArmErrors;
 pub use truth::{TrueStation, Truth};
+pub use visits::{Visit, visits};
 
 use timeline::Timeline;
 

@@ -49,7 +49,12 @@ fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     for _ in 0..count {
         let c = design.choose().expect("enough");
         if design.chosen().len() % 10 == 0 {
-            println!("{} {:.4} {:?}", design.chosen().len(), c.left_mm2.sqrt(), begin.elapsed());
+            println!(
+                "{} {:.4} {:?}",
+                design.chosen().len(),
+                c.left_mm2.sqrt(),
+                begin.elapsed()
+            );
         }
     }
     design.chosen().to_vec()
@@ -78,13 +83,18 @@ fn chosen_poses_beat_random_ones() {
         for _ in 0..6 {
             let mut places: Vec<usize> = (0..a.len()).collect();
             for i in 0..count {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 let j = i + (state >> 33) as usize % (places.len() - i);
                 places.swap(i, j);
             }
             let f = judged(&arm, &a, &b, &places[..count]);
             all.push((f.mean, f.max));
         }
-        println!("random {count}: {all:.3?} mean {:.4}", all.iter().map(|a| a.0).sum::<f64>() / 6.0);
+        println!(
+            "random {count}: {all:.3?} mean {:.4}",
+            all.iter().map(|a| a.0).sum::<f64>() / 6.0
+        );
     }
 }

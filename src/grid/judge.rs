@@ -184,7 +184,13 @@ pub fn by_table(
             held_out.unlike += 1;
             continue;
         }
-        match by_nodes(grid, &tables[&station.fold], &station.position, interpolation, power) {
+        match by_nodes(
+            grid,
+            &tables[&station.fold],
+            &station.position,
+            interpolation,
+            power,
+        ) {
             None => held_out.outside += 1,
             Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
             Some(Ok(interpolated)) => {

@@ -18,6 +18,7 @@ pub mod logs;
 pub mod parameters;
 pub mod rejects;
 pub mod residuals;
+pub mod sampling_plan;
 pub mod semivariograms;
 pub mod stations;
 #[cfg(test)]

@@ -20,6 +20,7 @@ use crate::ingest::{
 };
 use crate::io::log::Limits;
 use crate::join::JoinSettings;
+use crate::plan::section::PlanSection;
 use crate::similarity::SimilaritySettings;
 
 /// A whole pipeline file.
@@ -55,6 +56,9 @@ pub struct PipelineFile {
     /// `[limits]`: what a log may ask for.
     #[serde(default)]
     pub limits: Limits,
+    /// `[plan]`, for planning alone: no run follows from it.
+    #[serde(skip_serializing)]
+    pub plan: Option<PlanSection>,
     /// `[output]`.
     pub output: OutputSection,
 }

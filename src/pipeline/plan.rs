@@ -9,6 +9,7 @@
 
 mod checks;
 mod error;
+pub mod files;
 mod logs;
 mod sessions;
 
@@ -30,6 +31,7 @@ use crate::manifest;
 use crate::report::evaluate::RefitSettings;
 
 pub use error::PlanError;
+pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, WorkPiece};
 
 /// A checked pipeline: what to do, on which files, with which settings.
@@ -87,11 +89,13 @@ pub struct Overrides {
 impl Plan {
     /// Reads and checks the pipeline file at `path`.
     pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, PlanError> {
-        let file = read(path)?;
-        let base = folder_of(path)?;
-        let robot_file = resolved(&base, &file.robot.file);
-        let arm = read_arm(path, &robot_file)?;
-        checks::check(path, &file, arm.joints().len())?;
+        let Files {
+            file,
+            base,
+            robot_file,
+            arm,
+            lake,
+        } = files::read(path)?;
         let placed = Placed::new(path, &file)?;
         let folder = resolved(&base, &file.input.folder);
         let listed = sessions::list(path, &folder, &file.input, overrides)?;
@@ -116,7 +120,7 @@ impl Plan {
             logs: file.output.logs,
             lake: match &overrides.lake {
                 Some(lake) => lake.clone(),
-                None => resolved(&base, &file.output.lake),
+                None => lake,
             },
         })
     }

@@ -210,7 +210,8 @@ fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
     Ok(inputs)
 }
 
-fn input(path: &Path, name: &str) -> Result<Input, RunError> {
+/// A file as an input of a run.
+pub(super) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
     let wrong = |source| RunError::Input {
         path: path.to_owned(),
         source,

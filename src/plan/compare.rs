@@ -10,13 +10,13 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
-use super::PlanError;
 use super::design::{Candidate, Choice, Design};
 use super::outcomes::{Outcomes, RobotOutcome};
-use super::place::Placer;
-use super::robots::Robot;
-use super::settings::PlanSettings;
+use super::place::{Drawn, Placer};
+use super::robots::{Fitted, Robot};
+use super::settings::{PlanSettings, Region};
 use super::steps::{Grid, test_poses};
+use super::{PlanError, sight};
 use crate::figures::Figures;
 use crate::fit::full::FullModel;
 use crate::fit::{ErrorModel, Frames, Observation, Predictor, ToolErrors};
@@ -89,8 +89,8 @@ pub struct Expected {
 /// Candidates and the orders in which designs take them.
 #[derive(Debug, Clone)]
 pub struct Designs {
-    /// The candidates.
-    pub candidates: Vec<Commanded>,
+    /// The candidates, and what became of the others drawn.
+    pub candidates: (Vec<Commanded>, Drawn),
     /// Candidates in the order the variance design takes them, with what each leaves.
     pub by_variance: Vec<Choice>,
     /// What the model expects after each of them.
@@ -105,18 +105,21 @@ impl Designs {
         arm: &Arm,
         placer: &Placer<'_>,
         settings: &PlanSettings,
-        suits: &(dyn Fn(&[f64]) -> bool + Sync),
         progress: &dyn Progress,
     ) -> Result<Self, PlanError> {
-        let drawn = |count, ingredient| {
-            let mut stream = Stream::new(settings.seed, ingredient);
-            placer.random(&settings.region, count, &mut stream, suits)
-        };
-        let candidates = drawn(settings.candidates, Ingredient::Candidates)?;
-        let region = axes_of(arm, &drawn(REGION_POSES, Ingredient::Region)?);
         let most = settings.poses.iter().copied().max().unwrap_or(0);
+        if settings.candidates < most {
+            return Err(PlanError::FewCandidates {
+                candidates: settings.candidates,
+                poses: most,
+            });
+        }
+        let candidates = candidates(arm, placer, settings)?;
+        let mut stream = Stream::new(settings.seed, Ingredient::Region);
+        let region = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
+        let region = axes_of(arm, &region.0);
         let model = expected_model(arm, settings, &region, most);
-        let measured = measurements(arm, &candidates, &model, settings);
+        let measured = measurements(arm, &candidates.0, &model, settings);
         progress.begin("choosing poses", 2 * most as u64);
         let visit = visit_covariances(&model, &region);
         let mut design = Design::new(&model, &measured, &region);
@@ -156,13 +159,13 @@ impl Designs {
     ) -> Vec<Commanded> {
         let taken = |order: &mut dyn Iterator<Item = usize>| {
             let taken = order.take(count);
-            taken.map(|c| self.candidates[c].clone()).collect()
+            taken.map(|c| self.candidates.0[c].clone()).collect()
         };
         match kind {
             Kind::UniformGrid => finest_grid(count, placer, settings)
                 .map(|grid| grid.commands)
                 .unwrap_or_default(),
-            Kind::Random => taken(&mut (0..self.candidates.len())),
+            Kind::Random => taken(&mut (0..self.candidates.0.len())),
             Kind::GreedyVariance => taken(&mut self.by_variance.iter().map(|c| c.candidate)),
             Kind::DOptimal => taken(&mut self.by_information.iter().copied()),
         }
@@ -180,7 +183,10 @@ impl Expected {
             norms.extend((0..DRAWS).map(|_| stream.normal3().component_mul(&sizes).norm()));
         }
         norms.sort_by(f64::total_cmp);
-        let place = ((norms.len() as f64 * settings.tolerance.share).ceil().max(1.0)) - 1.0;
+        let place = ((norms.len() as f64 * settings.tolerance.share)
+            .ceil()
+            .max(1.0))
+            - 1.0;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -209,6 +215,21 @@ fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Op
     Some(Grid::of(placer, settings, step_mm, lattice))
 }
 
+/// Random poses that may be measured: in the box, turned further than the region asks for, and suiting the constraints.
+fn candidates(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> Result<(Vec<Commanded>, Drawn), PlanError> {
+    let region = Region {
+        cone_rad: settings.candidate_cone_rad,
+        ..settings.region
+    };
+    let mut stream = Stream::new(settings.seed, Ingredient::Candidates);
+    let suits = |joints: &[f64]| sight::verdict(arm, joints, &settings.constraints);
+    placer.random(&region, settings.candidates, &mut stream, &suits)
+}
+
 /// The whole model of a robot of which nothing is known yet, in the plan's cell.
 fn expected_model(
     arm: &Arm,
@@ -230,10 +251,8 @@ fn expected_model(
 /// Where base and target are meant to be.
 fn frames(settings: &PlanSettings) -> Frames {
     let cell = &settings.population.cell;
-    let tracker_from_base = crate::geometry::isometry_from_rpy(
-        cell.tracker_from_base_mm,
-        cell.tracker_from_base_rpy,
-    );
+    let tracker_from_base =
+        crate::geometry::isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     Frames {
         tracker_from_base: Transform::claim(tracker_from_base),
         flange_from_target: Transform::claim(settings.flange_from_target),
@@ -253,8 +272,8 @@ fn measurements(
 ) -> Vec<Candidate> {
     let tracker_from_base = frames(settings).tracker_from_base;
     let of = |pose: &Commanded| {
-        let position = tracker_from_base.isometry()
-            * Point3::from(pose.base_from_target.translation.vector);
+        let position =
+            tracker_from_base.isometry() * Point3::from(pose.base_from_target.translation.vector);
         let instrument = settings.noise.tracker.covariance(&position);
         let axes = arm.axes(&pose.joints);
         let observation = Observation {
@@ -291,11 +310,34 @@ pub fn judge(
     settings: &PlanSettings,
     progress: &dyn Progress,
 ) -> Vec<DesignRow> {
-    let asked: Vec<(Kind, Vec<Commanded>)> = Kind::ALL
+    let sizes: Vec<(Kind, usize)> = Kind::ALL
         .into_iter()
         .flat_map(|kind| settings.poses.iter().map(move |&count| (kind, count)))
-        .map(|(kind, count)| (kind, designs.poses(kind, count, placer, settings)))
         .collect();
+    judge_sizes(arm, placer, designs, pool, &sizes, settings, progress)
+}
+
+/// Judges designs at these numbers of poses on the plan's robots.
+pub fn judge_sizes(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    designs: &Designs,
+    pool: &[Commanded],
+    sizes: &[(Kind, usize)],
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> Vec<DesignRow> {
+    let mut asked: Vec<(Kind, Vec<Commanded>)> = Vec::new();
+    for &(kind, count) in sizes {
+        let poses = designs.poses(kind, count, placer, settings);
+        // Several sizes may ask for the same grid, and none for one of fewer than eight nodes.
+        let is_new = !asked
+            .iter()
+            .any(|(k, p)| (*k, p.len()) == (kind, poses.len()));
+        if is_new && !poses.is_empty() {
+            asked.push((kind, poses));
+        }
+    }
     let total = settings.whole_model_robots * asked.len();
     progress.begin("robots × designs", total as u64);
     let of_robot = |number: usize| {
@@ -319,12 +361,15 @@ pub fn judge(
         expected: (*kind == Kind::GreedyVariance)
             .then(|| designs.expected.get(poses.len().checked_sub(1)?).copied())
             .flatten(),
-        outcomes: Outcomes::of(robots.iter().map(|robot| &robot[place]), settings.robots_meet),
+        outcomes: Outcomes::of(
+            robots.iter().map(|robot| &robot[place]),
+            settings.robots_meet,
+        ),
     };
     asked.iter().enumerate().map(row).collect()
 }
 
-/// What the whole model trained on `poses` leaves at `tests`, each commanded and predicted from its command.
+/// What the whole model trained on `poses` leaves at `tests`.
 pub fn on_robot(
     robot: &mut Robot<'_>,
     poses: &[Commanded],
@@ -332,16 +377,24 @@ pub fn on_robot(
     placer: &Placer<'_>,
     settings: &PlanSettings,
 ) -> RobotOutcome {
-    let fitted = match robot.fitted(poses, settings, &settings.full) {
-        Ok(fitted) => fitted,
-        Err(error) => return RobotOutcome::NoFit(error),
-    };
+    match robot.fitted(poses, settings, &settings.full) {
+        Ok(fitted) => left_at(robot, &fitted, tests, placer, settings),
+        Err(error) => RobotOutcome::NoFit(error),
+    }
+}
+
+/// What a fitted robot is left with at `tests`, each commanded on another day and predicted from its command alone.
+pub fn left_at(
+    robot: &mut Robot<'_>,
+    fitted: &Fitted<'_>,
+    tests: &[Commanded],
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> RobotOutcome {
     let visits = robot.session(tests);
     let errors = fitted.true_errors(&visits, settings, placer);
-    let model = ToolErrors::new(
-        Predictor::of(&fitted.models, fitted.gauge.arm(), 0),
-        &fitted.gauge,
-    );
+    let predictor = Predictor::of(&fitted.models, fitted.gauge.arm(), 0);
+    let model = ToolErrors::new(predictor, &fitted.gauge);
     let left = |(test, error): (&Commanded, &Vector3<f64>)| {
         Some(Ok((error - model.error(&test.joints)).norm()))
     };

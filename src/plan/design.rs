@@ -124,9 +124,7 @@ impl<'c> Design<'c> {
             .cholesky()
             .expect("noise is positive")
             .l();
-        let inverse = factor
-            .try_inverse()
-            .expect("a factor of a positive matrix");
+        let inverse = factor.try_inverse().expect("a factor of a positive matrix");
         let inverse = DMatrix::from_column_slice(3, 3, inverse.as_slice());
         let rows = &inverse * self.with_candidates(candidate);
         let region = self.cross.columns(3 * candidate, 3) * inverse.transpose();
@@ -161,7 +159,10 @@ impl<'c> Design<'c> {
             .with_min_len(AT_ONCE)
             .map(|candidate| is_free[candidate].then(|| gain(candidate)))
             .collect();
-        let free = gains.iter().enumerate().filter_map(|(c, gain)| Some((c, (*gain)?)));
+        let free = gains
+            .iter()
+            .enumerate()
+            .filter_map(|(c, gain)| Some((c, (*gain)?)));
         free.reduce(|best, next| if next.1 > best.1 { next } else { best })
             .map(|(candidate, _)| candidate)
     }

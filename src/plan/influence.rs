@@ -203,7 +203,9 @@ fn shifted(grid: &Grid, share: f64, placer: &Placer<'_>, settings: &PlanSettings
     }
     let lattice = Lattice {
         origin: whole.origin + Vector3::from(whole.step) * share,
-        counts: whole.counts.map(|count| if share > 0.0 { count - 1 } else { count }),
+        counts: whole
+            .counts
+            .map(|count| if share > 0.0 { count - 1 } else { count }),
         ..whole
     };
     Some(Grid::of(placer, settings, grid.step_mm, lattice))
@@ -234,7 +236,13 @@ fn flipped(grid: &Grid, share: f64, placer: &Placer<'_>) -> (Grid, usize) {
 fn least_factor(arm: &Arm, joints: &[f64]) -> Option<f64> {
     let nominal = vec![0.0; arm.chain().parameters().len()];
     let factors = SingularityFactors::of(arm, &nominal, joints)?;
-    Some(factors.shoulder.abs().min(factors.elbow.abs()).min(factors.wrist.abs()))
+    Some(
+        factors
+            .shoulder
+            .abs()
+            .min(factors.elbow.abs())
+            .min(factors.wrist.abs()),
+    )
 }
 
 fn on_robot(

@@ -133,7 +133,10 @@ impl Outcomes {
         let means: Vec<f64> = figures
             .iter()
             .map(|f| f.mean)
-            .chain(std::iter::repeat_n(f64::INFINITY, all.robots - figures.len()))
+            .chain(std::iter::repeat_n(
+                f64::INFINITY,
+                all.robots - figures.len(),
+            ))
             .collect();
         let finite = |bound: &f64| bound.is_finite();
         all.bound_mm = upper_tolerance_bound(&bounds, asked).filter(finite);

@@ -1,5 +1,6 @@
 //! Poses of a region: where the nominal arm stands for each, in the arm configuration of the plan.
 
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -7,6 +8,7 @@ use rayon::prelude::*;
 
 use super::PlanError;
 use super::settings::{PlanSettings, Region};
+use super::sight::Unsuitable;
 use crate::grid::{GridStation, Lattice, PlacedGrid, Reach, Refusal, WorkBox};
 use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Stream};
@@ -72,7 +74,8 @@ impl<'a> Placer<'a> {
         let away = |seed: &GridStation| (seed.position - position).norm();
         let nearest = self.seeds.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
         let nearest = nearest.expect("home is a seed");
-        self.reach.joints(&position, &pose.rotation, &nearest.joints)
+        self.reach
+            .joints(&position, &pose.rotation, &nearest.joints)
     }
 
     /// A pose of the target as a command.
@@ -106,34 +109,55 @@ impl<'a> Placer<'a> {
         PlacedGrid::new(&self.reach, lattice, orientation, &seeds)
     }
 
-    /// `count` random poses of the region that `suits` takes, in a seeded order.
+    /// `count` random poses of the region that `suits`, in a seeded order, and what became of the others drawn.
     pub fn random(
         &self,
         region: &Region,
         count: usize,
         stream: &mut Stream,
-        suits: &(dyn Fn(&[f64]) -> bool + Sync),
-    ) -> Result<Vec<Commanded>, PlanError> {
-        let poses: Vec<Isometry3<f64>> = (0..DRAWS * count)
-            .map(|_| draw(region, stream))
-            .collect();
-        let mut found: Vec<Commanded> = Vec::with_capacity(count);
-        for batch in poses.chunks(count.max(1)) {
-            let placed: Vec<Option<Commanded>> = batch
-                .par_iter()
-                .map(|pose| self.commanded(*pose).ok().filter(|c| suits(&c.joints)))
-                .collect();
-            found.extend(placed.into_iter().flatten().take(count - found.len()));
-            if found.len() == count {
-                return Ok(found);
+        suits: &(dyn Fn(&[f64]) -> Result<(), Unsuitable> + Sync),
+    ) -> Result<(Vec<Commanded>, Drawn), PlanError> {
+        let placed = |pose: &Isometry3<f64>| {
+            let command = self.commanded(*pose).map_err(Refusal::name)?;
+            suits(&command.joints).map_err(|why| why.name())?;
+            Ok(command)
+        };
+        let mut found: Vec<Commanded> = Vec::new();
+        let mut drawn = Drawn::default();
+        for _ in 0..DRAWS {
+            let batch: Vec<Isometry3<f64>> = (0..count).map(|_| draw(region, stream)).collect();
+            let batch: Vec<Result<Commanded, &'static str>> =
+                batch.par_iter().map(placed).collect();
+            for pose in batch {
+                if found.len() == count {
+                    break;
+                }
+                drawn.poses += 1;
+                match pose {
+                    Ok(command) => found.push(command),
+                    Err(reason) => *drawn.refused.entry(reason).or_default() += 1,
+                }
             }
         }
-        Err(PlanError::OutOfReach {
-            wanted: count,
-            found: found.len(),
-            drawn: poses.len(),
-        })
+        if found.len() < count {
+            return Err(PlanError::OutOfReach {
+                wanted: count,
+                found: found.len(),
+                drawn: drawn.poses,
+                refused: drawn.refused,
+            });
+        }
+        Ok((found, drawn))
     }
+}
+
+/// Random poses that were looked at, and why some of them were not taken.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Poses looked at.
+    pub poses: usize,
+    /// Of these, poses not taken, by reason.
+    pub refused: BTreeMap<&'static str, usize>,
 }
 
 /// A pose at a position.

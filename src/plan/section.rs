@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::figures::Coverage;
 use crate::geometry::Placement;
+use crate::simulate::Poses;
 use crate::simulate::settings::{
     Cell, GeometryErrors, Gravity, JointErrors, SimulateSettings, TrackerErrors,
 };
-use crate::simulate::Poses;
 
 /// `[plan]`.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -48,9 +48,71 @@ pub struct PlanSection {
     /// Fresh poses that the session measures to verify the promise.
     #[serde(default = "verify_poses")]
     pub verify_poses: usize,
+    /// Measured poses may be turned away from the table's orientation by up to this angle, degrees: the more they are, the
+    /// more they say. Never less than `cone_deg`.
+    #[serde(default = "candidate_cone_deg")]
+    pub candidate_cone_deg: f64,
+    /// `[plan.constraints]`: what measured poses have to suit.
+    #[serde(default)]
+    pub constraints: ConstraintsSection,
     /// `[plan.expect]`: what is expected of robots.
     #[serde(default)]
     pub expect: Expect,
+}
+
+/// What measured poses have to suit, besides the arm configuration of `home_deg`.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConstraintsSection {
+    /// How near a joint may come to its limits, degrees.
+    pub limit_margin_deg: f64,
+    /// Least distance to a singularity, as the smallest of the three factors (0 at it, about 1 far from it).
+    pub least_singularity_factor: f64,
+    /// Boxes in the base frame that the arm may not enter.
+    pub keep_out: Vec<KeepOutSection>,
+    /// Distance that the lines between joint origins keep from these boxes, mm: half of the arm's thickness and more.
+    pub keep_out_margin_mm: f64,
+    /// What the tracker needs to see the target. Absent: it sees it from everywhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sight: Option<SightSection>,
+}
+
+/// A box along the base frame's axes.
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeepOutSection {
+    /// What stands there.
+    pub name: String,
+    /// Its least coordinates, mm.
+    pub low_mm: [f64; 3],
+    /// Its largest coordinates, mm.
+    pub high_mm: [f64; 3],
+}
+
+/// What a tracker needs to see the target.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SightSection {
+    /// Which way the target looks, along the tool's axes.
+    pub facing: [f64; 3],
+    /// Largest angle between that and the way to the tracker, degrees.
+    pub acceptance_deg: f64,
+    /// Least and largest distance, mm.
+    pub range_mm: [f64; 2],
+    /// Distance that the beam keeps from the lines between joint origins, mm: half of the arm's thickness.
+    pub link_radius_mm: f64,
+}
+
+impl Default for ConstraintsSection {
+    fn default() -> Self {
+        Self {
+            limit_margin_deg: 1.0,
+            least_singularity_factor: 0.05,
+            keep_out: Vec::new(),
+            keep_out_margin_mm: 100.0,
+            sight: None,
+        }
+    }
 }
 
 /// What is expected of robots, as standard deviations.
@@ -174,6 +236,11 @@ const fn candidates() -> usize {
 
 fn poses() -> Vec<usize> {
     vec![25, 50, 100]
+}
+
+/// Most reflectors accept that much from a tracker.
+const fn candidate_cone_deg() -> f64 {
+    30.0
 }
 
 const fn drift_check_every() -> usize {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
 
+use super::sight::Constraints;
 use crate::figures::Coverage;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Noise};
@@ -19,6 +20,10 @@ pub struct PlanSettings {
     pub flange_from_target: Isometry3<f64>,
     /// Where the plan has to hold.
     pub region: Region,
+    /// Largest turn of measured poses away from the table's orientation, rad: the more, the more they say.
+    pub candidate_cone_rad: f64,
+    /// What is asked of measured poses.
+    pub constraints: Constraints,
     /// Steps, node sources and interpolations.
     pub grid: GridSettings,
     /// What has to be met.
@@ -45,6 +50,10 @@ pub struct PlanSettings {
     pub candidates: usize,
     /// Numbers of poses at which designs are compared; the last is the most a session may have.
     pub poses: Vec<usize>,
+    /// Early poses are visited again after so many stations; 0 for never.
+    pub drift_check_every: usize,
+    /// Fresh poses that the session measures to verify the promise.
+    pub verify_poses: usize,
 }
 
 /// Where a plan has to hold, in the base frame.

@@ -64,10 +64,11 @@ impl Grid {
         step_mm: f64,
     ) -> Result<Self, PlanError> {
         let bounds = &settings.region.bounds;
-        let lattice = Lattice::new(bounds, [step_mm; 3]).ok_or_else(|| PlanError::StepTooLarge {
-            step_mm,
-            sizes_mm: std::array::from_fn(|axis| bounds.size(axis)),
-        })?;
+        let lattice =
+            Lattice::new(bounds, [step_mm; 3]).ok_or_else(|| PlanError::StepTooLarge {
+                step_mm,
+                sizes_mm: std::array::from_fn(|axis| bounds.size(axis)),
+            })?;
         Ok(Self::of(placer, settings, step_mm, lattice))
     }
 
@@ -257,22 +258,24 @@ fn rows(
     rows
 }
 
-/// The largest step of any source and interpolation that holds with all smaller ones of its own.
-pub fn largest_that_holds(rows: &[StepRow]) -> Option<&StepRow> {
-    let mut families: Vec<(Source, Interpolation)> =
-        rows.iter().map(|row| (row.source, row.interpolation)).collect();
+/// The row of the largest step of any source and interpolation that holds with all smaller ones of its own.
+pub fn largest_that_holds(rows: &[StepRow]) -> Option<usize> {
+    let mut families: Vec<(Source, Interpolation)> = rows
+        .iter()
+        .map(|row| (row.source, row.interpolation))
+        .collect();
     families.sort_unstable();
     families.dedup();
+    let step = |row: &usize| rows[*row].step_mm;
     let largest = |family: &(Source, Interpolation)| {
-        let mut own: Vec<&StepRow> = rows
-            .iter()
-            .filter(|row| (row.source, row.interpolation) == *family)
-            .collect();
-        own.sort_by(|a, b| a.step_mm.total_cmp(&b.step_mm));
-        own.into_iter().take_while(|row| row.outcomes.holds()).last()
+        let is_own = |row: &usize| (rows[*row].source, rows[*row].interpolation) == *family;
+        let mut own: Vec<usize> = (0..rows.len()).filter(is_own).collect();
+        own.sort_by(|a, b| step(a).total_cmp(&step(b)));
+        let holding = own
+            .into_iter()
+            .take_while(|&row| rows[row].outcomes.holds());
+        holding.last()
     };
-    families
-        .iter()
-        .filter_map(largest)
-        .max_by(|a, b| a.step_mm.total_cmp(&b.step_mm))
+    let largest = families.iter().filter_map(largest);
+    largest.max_by(|a, b| step(a).total_cmp(&step(b)))
 }

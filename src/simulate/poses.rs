@@ -9,7 +9,7 @@ use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
 
 /// A commanded pose of the target in the base frame, and the nominal arm's angles for it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Commanded {
     /// The target in the base frame of the nominal arm.
     pub base_from_target: Isometry3<f64>,

@@ -51,6 +51,8 @@ pub enum Ingredient {
     Robots = 19,
     /// What a covariance would make of errors.
     Errors = 20,
+    /// Poses that verify a promise.
+    Verify = 21,
 }
 
 /// One stream of random numbers.

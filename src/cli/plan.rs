@@ -1,0 +1,231 @@
+//! `posegrid plan`: before measuring, which step, which poses, and what accuracy to expect.
+//!
+//! Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 there is no plan, or it
+//! cannot be written; 2 the pipeline file is bad.
+
+use std::fmt::Write as _;
+use std::io;
+use std::path::PathBuf;
+
+use clap::Args;
+use thiserror::Error;
+
+use super::messages::{self, Printable};
+use super::progress::Bars;
+use super::run::near;
+use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
+use crate::ingest::AngleUnit;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::targets::write_csv;
+use crate::io::whole_file::write_whole;
+use crate::pipeline::planning::{Planned, Planning, PlanningError};
+use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
+
+/// Plan a session before measuring: which step, which poses, in which order, and what accuracy to expect.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+The section [plan] of the pipeline file says what robot to expect and where the tracker will stand. Robots are drawn from
+that, measured, fitted and compensated by the code that runs at night, on every step of [grid] and on poses chosen by the
+error model. The plan goes into the lake as the tables sampling_plan and plan_figures.
+
+Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
+  posegrid plan pipelines/plan-kr210.toml --csv poses.csv
+
+Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be
+written; 2 bad usage or bad pipeline file.")]
+pub struct PlanArgs {
+    /// The pipeline file
+    pub pipeline: PathBuf,
+    /// The folder of the published tables, instead of the pipeline file's
+    #[arg(long, value_name = "DIR")]
+    pub lake: Option<PathBuf>,
+    /// Write the poses as CSV too, joint angles in degrees: a new file
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
+/// Why a plan was not made or written.
+#[derive(Debug, Error)]
+enum PlanCommandError {
+    #[error(transparent)]
+    Planning(#[from] PlanningError),
+    #[error("{} exists already; choose another --csv, or remove it first", .0.display())]
+    Exists(PathBuf),
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    #[error("{}: {source}; check the space and the permissions of the folder", path.display())]
+    Write { path: PathBuf, source: CsvCause },
+}
+
+#[derive(Debug, Error)]
+enum CsvCause {
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+}
+
+impl PlanCommandError {
+    const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Exists(_) => BAD_USAGE,
+            Self::Planning(error) if error.is_usage() => BAD_USAGE,
+            Self::Planning(_) | Self::Lake(_) | Self::Write { .. } => NO_RESULT,
+        }
+    }
+}
+
+/// Makes a plan; gives the exit code.
+pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
+    match made(args, bars) {
+        Ok((planned, words)) => {
+            messages::result(words);
+            if planned.plan.is_met() { DONE } else { NOT_MET }
+        }
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            error.exit_code()
+        }
+    }
+}
+
+fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandError> {
+    if let Some(csv) = args.csv.as_ref().filter(|csv| csv.exists()) {
+        return Err(PlanCommandError::Exists(csv.clone()));
+    }
+    let planning = Planning::load(&args.pipeline, args.lake.as_deref())?;
+    let planned = planning.make(&bars.of("plan"))?;
+    if let Some(path) = &args.csv {
+        let table = Lake::new(&planning.lake).read("sampling_plan", &planned.key)?;
+        let write = |sink: &mut io::BufWriter<std::fs::File>| -> Result<(), CsvCause> {
+            Ok(write_csv(&table, AngleUnit::Deg, sink)?)
+        };
+        write_whole(path, write).map_err(|source| PlanCommandError::Write {
+            path: path.clone(),
+            source,
+        })?;
+    }
+    let words = words(&planned, &planning, args);
+    Ok((planned, words))
+}
+
+fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
+    let plan = &planned.plan;
+    let settings = &planning.settings;
+    let mut text = String::new();
+    steps(&mut text, plan, settings);
+    designs(&mut text, plan);
+    session(&mut text, plan, settings);
+    let known = if planned.already_there {
+        ", made before"
+    } else {
+        ""
+    };
+    let mut line = |words: String| {
+        text += &words;
+        text.push('\n');
+    };
+    line(format!("plan {}{known}", planned.key.run));
+    line(format!("tables: {}", near(&planning.lake).display()));
+    if let Some(csv) = &args.csv {
+        line(format!("poses: {}", csv.display()));
+    }
+    text
+}
+
+const HEADER: &str = "mean mm   p95 mm   bound mm   robots that meet it";
+
+fn figures(outcomes: &Outcomes) -> String {
+    let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3}"));
+    format!(
+        "{:>7}  {:>7}  {:>9}   {} of {}, at least {:.1} %",
+        mm(outcomes.mean.map(|figures| figures.mean)),
+        mm(outcomes.mean.map(|figures| figures.p95)),
+        mm(outcomes.bound_mm),
+        outcomes.meet,
+        outcomes.robots,
+        100.0 * outcomes.share_at_least
+    )
+}
+
+fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
+    writeln!(text, "uniform grid        poses  {HEADER}").expect("a string");
+    for &step_mm in &settings.grid.steps_mm {
+        let own = |row: &&StepRow| row.step_mm.total_cmp(&step_mm).is_eq();
+        // The best way to use the nodes; all of them stand in plan_figures.
+        let best = plan.steps.iter().filter(own).min_by(|a, b| {
+            let p95 = |row: &StepRow| row.outcomes.mean.map_or(f64::INFINITY, |f| f.p95);
+            p95(a).total_cmp(&p95(b))
+        });
+        if let Some(row) = best {
+            let name = format!("{} mm, {}", row.step_mm, row.source.name());
+            writeln!(
+                text,
+                "  {name:<17} {:>5}  {}",
+                row.poses,
+                figures(&row.outcomes)
+            )
+            .expect("a string");
+        }
+    }
+    let largest = match plan.step.map(|row| &plan.steps[row]) {
+        Some(row) => format!(
+            "largest step that holds: {} mm, nodes {}, {}: {} poses",
+            row.step_mm,
+            row.source.name(),
+            row.interpolation.name(),
+            row.poses
+        ),
+        None => "no step holds for the asked share of robots".to_owned(),
+    };
+    writeln!(text, "{largest}\n").expect("a string");
+}
+
+fn designs(text: &mut String, plan: &SamplingPlan) {
+    writeln!(text, "identified arm      poses  {HEADER}").expect("a string");
+    let mut rows: Vec<_> = plan.designs.iter().collect();
+    rows.sort_by_key(|row| (row.kind, row.poses));
+    for row in rows {
+        let name = row.kind.name().replace('_', " ");
+        writeln!(
+            text,
+            "  {name:<17} {:>5}  {}",
+            row.poses,
+            figures(&row.outcomes)
+        )
+        .expect("a string");
+    }
+    text.push('\n');
+}
+
+fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
+    let count = |purpose| plan.session.count(|own| own == purpose);
+    let (identify, verify) = (count(Purpose::Identify), count(Purpose::Verify));
+    let checks = plan.session.visits.len() - identify - verify;
+    writeln!(
+        text,
+        "session: {identify} poses to identify, {verify} to verify, {checks} visits again for drift"
+    )
+    .expect("a string");
+    let promise = &plan.promise;
+    let asked = 100.0 * settings.robots_meet.share;
+    let confidence = 100.0 * settings.robots_meet.confidence;
+    let words = match (promise.mean_bound_mm, promise.bound_mm) {
+        (Some(mean), Some(bound)) => format!(
+            "promise: mean error below {mean:.3} mm and bound below {bound:.3} mm for {asked} % of robots, with {confidence} % \
+             confidence ({} robots that took no part in choosing poses)",
+            promise.robots
+        ),
+        _ => format!(
+            "promise: none: {} robots are too few for {asked} % with {confidence} % confidence; raise whole_model_robots",
+            promise.robots
+        ),
+    };
+    writeln!(text, "{words}").expect("a string");
+    let verdict = if plan.is_met() {
+        "shown to be met"
+    } else {
+        "not shown to be met"
+    };
+    writeln!(text, "tolerance {} mm: {verdict}", settings.tolerance.mm).expect("a string");
+}

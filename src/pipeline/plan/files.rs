@@ -1,0 +1,38 @@
+//! A pipeline file and the robot file it names, read and checked, with the paths in it resolved.
+
+use std::path::{Path, PathBuf};
+
+use super::{PlanError, checks, folder_of, read_arm, resolved};
+use crate::kinematics::Arm;
+use crate::pipeline::file::PipelineFile;
+
+/// What the files say.
+#[derive(Debug)]
+pub struct Files {
+    /// The pipeline file.
+    pub file: PipelineFile,
+    /// The folder that paths in it are relative to.
+    pub base: PathBuf,
+    /// The robot file.
+    pub robot_file: PathBuf,
+    /// The nominal arm.
+    pub arm: Arm,
+    /// The folder of published tables.
+    pub lake: PathBuf,
+}
+
+/// Reads the pipeline file at `path`.
+pub fn read(path: &Path) -> Result<Files, PlanError> {
+    let file = super::read(path)?;
+    let base = folder_of(path)?;
+    let robot_file = resolved(&base, &file.robot.file);
+    let arm = read_arm(path, &robot_file)?;
+    checks::check(path, &file, arm.joints().len())?;
+    Ok(Files {
+        lake: resolved(&base, &file.output.lake),
+        file,
+        base,
+        robot_file,
+        arm,
+    })
+}

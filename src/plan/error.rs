@@ -1,0 +1,65 @@
+//! Why there is no plan.
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+/// Why there is no plan.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PlanError {
+    /// A box without volume.
+    #[error(
+        "the box of {sizes_mm:?} mm has no volume: give [grid] box a low and a high corner that differ along each axis"
+    )]
+    EmptyBox {
+        /// Sizes along the axes, mm.
+        sizes_mm: [f64; 3],
+    },
+    /// A step larger than the box.
+    #[error(
+        "step {step_mm} mm does not fit into the box of {sizes_mm:?} mm: every step has to fit at least once along each \
+         axis; choose smaller steps_mm or a larger box"
+    )]
+    StepTooLarge {
+        /// The step, mm.
+        step_mm: f64,
+        /// Sizes along the axes, mm.
+        sizes_mm: [f64; 3],
+    },
+    /// Too few poses of the region can be used.
+    #[error(
+        "only {found} of {drawn} random poses of the region can be measured, but {wanted} are wanted ({}): move or shrink \
+         [grid] box or [plan] cone_deg, give another home_deg, or loosen [plan.constraints]",
+        reasons(refused)
+    )]
+    OutOfReach {
+        /// Poses wanted.
+        wanted: usize,
+        /// Poses found.
+        found: usize,
+        /// Poses drawn.
+        drawn: usize,
+        /// Why the others cannot, by reason.
+        refused: BTreeMap<&'static str, usize>,
+    },
+    /// Fewer candidates than poses.
+    #[error(
+        "{candidates} candidate poses are fewer than the {poses} a design may have: raise [plan] candidates, best to several \
+         times as many, or lower [plan] poses"
+    )]
+    FewCandidates {
+        /// Candidates asked for.
+        candidates: usize,
+        /// The most poses of a design.
+        poses: usize,
+    },
+}
+
+/// Counts in words.
+fn reasons(refused: &BTreeMap<&'static str, usize>) -> String {
+    let words: Vec<String> = refused
+        .iter()
+        .map(|(reason, count)| format!("{count} {}", reason.replace('_', " ")))
+        .collect();
+    words.join(", ")
+}

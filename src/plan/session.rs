@@ -1,0 +1,185 @@
+//! The planned session: what to measure, what for, in which order, and what it promises.
+
+use std::num::NonZeroUsize;
+
+use rayon::prelude::*;
+
+use super::compare::{Designs, Kind, left_at};
+use super::order::{Revisits, Visit, visiting_order, with_repeats};
+use super::outcomes::{Outcomes, RobotOutcome};
+use super::place::Placer;
+use super::robots::{Robot, stations};
+use super::settings::PlanSettings;
+use super::steps::test_poses;
+use super::{PlanError, sight};
+use crate::kinematics::Arm;
+use crate::progress::Progress;
+use crate::simulate::{Commanded, Ingredient, Stream};
+
+/// Fewer poses than this determine no arm.
+pub const LEAST_POSES: usize = 10;
+/// Early poses that a drift check visits again.
+const DRIFT_POSES: usize = 2;
+
+/// What a visit is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// The arm is identified on it.
+    Identify,
+    /// It takes no part in the fit and verifies the promise.
+    Verify,
+    /// The pose of an earlier visit again, for the drift of the base; the arm is identified on it too.
+    DriftCheck {
+        /// Which visit.
+        of: usize,
+    },
+}
+
+impl Purpose {
+    /// The name in tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Identify => "identify",
+            Self::Verify => "verify",
+            Self::DriftCheck { .. } => "drift_check",
+        }
+    }
+}
+
+/// One visit of the session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedVisit {
+    /// What it is for.
+    pub purpose: Purpose,
+    /// The target's pose in the base frame and the nominal arm's angles there.
+    pub command: Commanded,
+    /// Place in the order in which the design chose it, and what the model then left over the region, mm²; `None` for
+    /// visits that the design did not choose.
+    pub choice: Option<(usize, f64)>,
+}
+
+/// A planned session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Session {
+    /// Its visits, in order.
+    pub visits: Vec<PlannedVisit>,
+}
+
+impl Session {
+    /// The first `poses` choices of the variance design, fresh poses that verify, and drift checks, in an order of short
+    /// travel.
+    pub fn new(
+        arm: &Arm,
+        placer: &Placer<'_>,
+        designs: &Designs,
+        poses: usize,
+        settings: &PlanSettings,
+    ) -> Result<Self, PlanError> {
+        let choices = designs.by_variance.iter().take(poses).enumerate();
+        let mut visits: Vec<PlannedVisit> = choices
+            .map(|(place, choice)| PlannedVisit {
+                purpose: Purpose::Identify,
+                command: designs.candidates.0[choice.candidate].clone(),
+                choice: Some((place, choice.left_mm2)),
+            })
+            .collect();
+        let mut stream = Stream::new(settings.seed, Ingredient::Verify);
+        let suits = |joints: &[f64]| sight::verdict(arm, joints, &settings.constraints);
+        let count = settings.verify_poses;
+        let (fresh, _) = placer.random(&settings.region, count, &mut stream, &suits)?;
+        visits.extend(fresh.into_iter().map(|command| PlannedVisit {
+            purpose: Purpose::Verify,
+            command,
+            choice: None,
+        }));
+        Ok(Self::ordered(&visits, settings))
+    }
+
+    fn ordered(visits: &[PlannedVisit], settings: &PlanSettings) -> Self {
+        let joints: Vec<Vec<f64>> = visits.iter().map(|v| v.command.joints.clone()).collect();
+        let speeds = vec![settings.population.motion.speed_rad_s; settings.home.len()];
+        let order = visiting_order(&joints, &settings.home, &speeds);
+        // Drift is checked on poses that identify: what verifies is measured once.
+        let (early, rest): (Vec<usize>, Vec<usize>) = {
+            let identify = |&place: &usize| visits[place].purpose == Purpose::Identify;
+            let early: Vec<usize> = order
+                .iter()
+                .copied()
+                .filter(identify)
+                .take(DRIFT_POSES)
+                .collect();
+            let rest = order
+                .into_iter()
+                .filter(|place| !early.contains(place))
+                .collect();
+            (early, rest)
+        };
+        let order = [early, rest].concat();
+        let revisits = Revisits {
+            repeat_every: None,
+            drift_every: NonZeroUsize::new(settings.drift_check_every),
+            drift_poses: DRIFT_POSES,
+        };
+        let all = with_repeats(&order, &revisits);
+        let first = |pose: usize| all.iter().position(|visit| *visit == Visit::Pose(pose));
+        let planned = |visit: &Visit| match *visit {
+            Visit::Pose(pose) => visits[pose].clone(),
+            Visit::Repeat { of } | Visit::DriftCheck { of } => PlannedVisit {
+                purpose: Purpose::DriftCheck {
+                    of: first(of).expect("a pose is visited before it is visited again"),
+                },
+                choice: None,
+                ..visits[of].clone()
+            },
+        };
+        Self {
+            visits: all.iter().map(planned).collect(),
+        }
+    }
+
+    /// How many visits are for what `is` picks.
+    pub fn count(&self, is: impl Fn(Purpose) -> bool) -> usize {
+        self.visits.iter().filter(|visit| is(visit.purpose)).count()
+    }
+}
+
+/// What the session gives on robots that took no part in choosing it: each measures all of it, is identified on all but what
+/// verifies, and is judged at fresh poses on another day.
+pub fn promise(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    session: &Session,
+    pool: &[Commanded],
+    settings: &PlanSettings,
+    progress: &dyn Progress,
+) -> Outcomes {
+    let first = settings.robots.max(settings.whole_model_robots);
+    let commands: Vec<Commanded> = session.visits.iter().map(|v| v.command.clone()).collect();
+    progress.begin("robots for the promise", settings.whole_model_robots as u64);
+    let of_robot = |number: usize| {
+        let mut robot = Robot::draw(arm, settings, number);
+        let measured = stations(robot.session(&commands));
+        let training: Vec<_> = measured
+            .into_iter()
+            .zip(&session.visits)
+            .filter(|(_, visit)| visit.purpose != Purpose::Verify)
+            .map(|(station, _)| station)
+            .collect();
+        let tests = test_poses(pool, settings, number);
+        let outcome = match robot.fit(&training, settings, &settings.full) {
+            Ok(fitted) => left_at(&mut robot, &fitted, &tests, placer, settings),
+            Err(error) => RobotOutcome::NoFit(error),
+        };
+        progress.advance(1);
+        outcome
+    };
+    let robots: Vec<RobotOutcome> = (first..first + settings.whole_model_robots)
+        .into_par_iter()
+        .map(of_robot)
+        .collect();
+    progress.end();
+    Outcomes::of(robots.iter(), settings.robots_meet)
+}
+
+/// The design of the session's own poses.
+pub const KIND: Kind = Kind::GreedyVariance;
