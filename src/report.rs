@@ -5,6 +5,7 @@
 
 pub mod accuracy;
 pub mod evaluate;
+pub mod promise;
 pub mod refit;
 
 use nalgebra::{Matrix3, Point3, Vector3};

@@ -9,6 +9,7 @@ use assert_cmd::Command;
 use posegrid::kinematics::RobotFile;
 use posegrid::pipeline::file::PipelineFile;
 use posegrid::pipeline::plan::{Overrides, Plan, PlanError};
+use posegrid::pipeline::planning::Planning;
 
 /// TOML files of a folder, by name.
 fn files(folder: &str) -> Vec<PathBuf> {
@@ -41,6 +42,12 @@ fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
         toml::from_str::<PipelineFile>(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         if !recordings && text.contains("shared/recordings") {
             eprintln!("SKIPPED: the sessions of {} are absent", path.display());
+            continue;
+        }
+        if text.contains("\n[plan]") {
+            // Its sessions are still to be measured.
+            let planning = Planning::load(&path, None).unwrap_or_else(|e| panic!("{e}"));
+            assert!(planning.settings.grid.steps_mm.len() >= 6);
             continue;
         }
         let plan = Plan::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));

@@ -61,7 +61,7 @@ pub enum PlanningError {
     Manifest(#[from] ManifestError),
     /// An input cannot be read.
     #[error(transparent)]
-    Input(#[from] RunError),
+    Input(#[from] Box<RunError>),
     /// The plan itself.
     #[error("plan: {0}")]
     Plan(#[from] plan::PlanError),
@@ -103,7 +103,7 @@ impl Planning {
             pipeline: stem.into_owned(),
             sessions: Vec::new(),
             test_sessions: Vec::new(),
-            inputs: vec![input(&read.robot_file, "robot")?],
+            inputs: vec![input(&read.robot_file, "robot").map_err(Box::new)?],
             settings: manifest::canonical(&(file, section))?,
         };
         let base_from_command = match &file.commanded {

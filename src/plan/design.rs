@@ -256,3 +256,157 @@ fn downdate(cross: &mut DMatrix<f64>, region: &DMatrix<f64>, rows: &DMatrix<f64>
             }
         });
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, UnitVector3};
+
+    use super::*;
+    use crate::fit::full::FullSettings;
+    use crate::fit::{FitSettings, Frames};
+    use crate::geometry::{Transform, isometry_from_rpy};
+    use crate::kinematics::{Arm, RobotFile};
+
+    fn ur10() -> Arm {
+        let text = include_str!("../../pipelines/robots/ur10.toml");
+        let file: RobotFile = toml::from_str(text).expect("a robot file");
+        file.arm().expect("a valid arm")
+    }
+
+    /// Poses without a pattern: an irrational rotation per joint, within ±1 rad of an ordinary pose.
+    fn poses(count: usize, first: usize) -> Vec<Vec<f64>> {
+        let middle = [0.3, -1.4, 1.7, -1.2, -1.1, 0.4];
+        let angle = |i: usize, joint: usize| {
+            let turn = (first + i) as f64 * ((joint + 2) as f64).sqrt();
+            middle[joint] + 2.0 * turn.fract() - 1.0
+        };
+        (0..count)
+            .map(|i| (0..6).map(|joint| angle(i, joint)).collect())
+            .collect()
+    }
+
+    /// A model with few columns, in which nothing is known.
+    fn model(region: &[Vec<f64>]) -> FullModel {
+        let settings = FullSettings {
+            harmonics: 4,
+            ..FullSettings::default()
+        };
+        let frames = Frames {
+            tracker_from_base: Transform::claim(isometry_from_rpy([2500.0, 0.0, 0.0], [0.0; 3])),
+            flange_from_target: Transform::claim(Isometry3::translation(10.0, 0.0, 90.0)),
+        };
+        let up = UnitVector3::new_normalize(Vector3::z());
+        let prior = FitSettings::default().prior();
+        FullModel::expected(&ur10(), &frames, region, 50, prior, &settings, Some(up))
+    }
+
+    fn candidates(count: usize) -> Vec<Candidate> {
+        let noise = |place: usize| Matrix3::identity() * (1e-3 * (1.0 + place as f64 / 10.0));
+        let poses = poses(count, 100).into_iter().enumerate();
+        poses
+            .map(|(place, axes)| Candidate {
+                axes,
+                noise: noise(place),
+            })
+            .collect()
+    }
+
+    /// Covariance of the region given measurements at `chosen`, by one dense conditioning: `K_rr − K_rc (K_cc + N)⁻¹ K_cr`.
+    fn dense(
+        model: &FullModel,
+        candidates: &[Candidate],
+        region: &[Vec<f64>],
+        chosen: &[usize],
+    ) -> DMatrix<f64> {
+        let axes: Vec<&[f64]> = chosen
+            .iter()
+            .map(|&c| candidates[c].axes.as_slice())
+            .collect();
+        let measured = half(model, &axes);
+        let region: Vec<&[f64]> = region.iter().map(Vec::as_slice).collect();
+        let region = half(model, &region);
+        let mut between = measured.tr_mul(&measured);
+        for (place, &candidate) in chosen.iter().enumerate() {
+            let mut own = between.fixed_view_mut::<3, 3>(3 * place, 3 * place);
+            own += candidates[candidate].noise;
+        }
+        let cross = region.tr_mul(&measured);
+        let solved = between
+            .cholesky()
+            .expect("positive")
+            .solve(&cross.transpose());
+        region.tr_mul(&region) - cross * solved
+    }
+
+    #[test]
+    fn what_is_left_is_what_one_dense_conditioning_leaves() {
+        let region = poses(5, 0);
+        let (model, candidates) = (model(&region), candidates(12));
+        let mut design = Design::new(&model, &candidates, &region);
+        for _ in 0..7 {
+            design.choose();
+        }
+        let direct = dense(&model, &candidates, &region, design.chosen());
+        for (place, own) in design.region().iter().enumerate() {
+            let direct = direct.fixed_view::<3, 3>(3 * place, 3 * place);
+            // The base alone may be off by 300 mm before: 1e5 mm² to 1e-2 mm², so eight digits are lost.
+            assert!((own - direct).abs().max() < 1e-5, "{own} {direct}");
+        }
+    }
+
+    #[test]
+    fn each_choice_is_the_best_of_all_that_are_left() {
+        let region = poses(5, 0);
+        let (model, candidates) = (model(&region), candidates(10));
+        let mut design = Design::new(&model, &candidates, &region);
+        for _ in 0..6 {
+            let before = design.chosen().to_vec();
+            let chosen = design.choose().expect("candidates are left").candidate;
+            let left = |candidate: usize| {
+                let with = [before.clone(), vec![candidate]].concat();
+                dense(&model, &candidates, &region, &with).trace()
+            };
+            let free = (0..candidates.len()).filter(|c| !before.contains(c));
+            let best = free.map(left).fold(f64::INFINITY, f64::min);
+            assert!(
+                left(chosen) <= best * (1.0 + 1e-6),
+                "{chosen} after {before:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_informative_choice_adds_most_to_the_determinant() {
+        // ln |I + H Hᵀ| over the chosen measurements is the information gained; a greedy step takes the largest share.
+        let region = poses(5, 0);
+        let model = model(&region).geometry_alone();
+        let candidates = candidates(8);
+        let gain = |chosen: &[usize]| {
+            let axes: Vec<&[f64]> = chosen
+                .iter()
+                .map(|&c| candidates[c].axes.as_slice())
+                .collect();
+            let measured = half(&model, &axes);
+            let mut noise = DMatrix::zeros(3 * chosen.len(), 3 * chosen.len());
+            for (place, &candidate) in chosen.iter().enumerate() {
+                let mut own = noise.fixed_view_mut::<3, 3>(3 * place, 3 * place);
+                own.copy_from(&candidates[candidate].noise);
+            }
+            let whole = measured.tr_mul(&measured) + &noise;
+            whole.determinant().ln() - noise.determinant().ln()
+        };
+        let mut design = Design::new(&model, &candidates, &[]);
+        for _ in 0..3 {
+            let before = design.chosen().to_vec();
+            let chosen = design
+                .choose_informative()
+                .expect("candidates are left")
+                .candidate;
+            let with = |candidate: usize| gain(&[before.clone(), vec![candidate]].concat());
+            let free = (0..candidates.len()).filter(|c| !before.contains(c));
+            let best = free.map(with).fold(f64::NEG_INFINITY, f64::max);
+            assert!(with(chosen) >= best - 1e-6, "{chosen} after {before:?}");
+        }
+        assert!(design.choose_informative().is_some() && design.left_mm2().abs() < 1e-15);
+    }
+}

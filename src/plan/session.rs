@@ -1,6 +1,7 @@
 //! The planned session: what to measure, what for, in which order, and what it promises.
 
 use std::num::NonZeroUsize;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -143,8 +144,7 @@ impl Session {
     }
 }
 
-/// What the session gives on robots that took no part in choosing it: each measures all of it, is identified on all but what
-/// verifies, and is judged at fresh poses on another day.
+/// What the session gives on robots that took no part in choosing it.
 pub fn promise(
     arm: &Arm,
     placer: &Placer<'_>,
@@ -154,8 +154,24 @@ pub fn promise(
     progress: &dyn Progress,
 ) -> Outcomes {
     let first = settings.robots.max(settings.whole_model_robots);
+    let fresh = first..first + settings.whole_model_robots;
+    let robots = tried(arm, placer, session, pool, settings, fresh, progress);
+    Outcomes::of(robots.iter(), settings.robots_meet)
+}
+
+/// The session on these robots of the plan's population: each measures all of it, is identified on all but what verifies,
+/// and is judged at fresh poses on another day.
+pub fn tried(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    session: &Session,
+    pool: &[Commanded],
+    settings: &PlanSettings,
+    robots: Range<usize>,
+    progress: &dyn Progress,
+) -> Vec<RobotOutcome> {
     let commands: Vec<Commanded> = session.visits.iter().map(|v| v.command.clone()).collect();
-    progress.begin("robots for the promise", settings.whole_model_robots as u64);
+    progress.begin("robots for the promise", robots.len() as u64);
     let of_robot = |number: usize| {
         let mut robot = Robot::draw(arm, settings, number);
         let measured = stations(robot.session(&commands));
@@ -173,12 +189,9 @@ pub fn promise(
         progress.advance(1);
         outcome
     };
-    let robots: Vec<RobotOutcome> = (first..first + settings.whole_model_robots)
-        .into_par_iter()
-        .map(of_robot)
-        .collect();
+    let outcomes = robots.into_par_iter().map(of_robot).collect();
     progress.end();
-    Outcomes::of(robots.iter(), settings.robots_meet)
+    outcomes
 }
 
 /// The design of the session's own poses.

@@ -162,7 +162,7 @@ pub struct Measured<'a> {
     fitted: Fitted<'a>,
     /// Errors at the nodes, by source; zero at nodes that were refused, which no usable cell touches.
     by_model: Vec<Vector3<f64>>,
-    as_measured: Vec<Vector3<f64>>,
+    at_stations: Vec<Vector3<f64>>,
 }
 
 impl<'a> Measured<'a> {
@@ -184,14 +184,14 @@ impl<'a> Measured<'a> {
             let model = ToolErrors::new(predictor, &fitted.gauge);
             node_errors(&grid.placed, &model)
         };
-        let mut as_measured = vec![Vector3::zeros(); grid.placed.nodes.len()];
+        let mut at_stations = vec![Vector3::zeros(); grid.placed.nodes.len()];
         for station in fitted.grid_stations(&stations, placer) {
-            as_measured[grid.visited[station.number]] = station.error;
+            at_stations[grid.visited[station.number]] = station.error;
         }
         Ok(Self {
             fitted,
             by_model,
-            as_measured,
+            at_stations,
         })
     }
 
@@ -207,7 +207,7 @@ impl<'a> Measured<'a> {
         let left = |(source, interpolation): (Source, Interpolation)| {
             let values = match source {
                 Source::Model => &self.by_model,
-                Source::Measured => &self.as_measured,
+                Source::Measured => &self.at_stations,
             };
             let left = tests.iter().zip(&errors).map(|(visit, error)| {
                 let command = Point3::from(visit.truth.command.translation.vector);

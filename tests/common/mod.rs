@@ -2,7 +2,6 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
-pub mod planned;
 pub mod trained;
 
 use std::path::PathBuf;

@@ -59,13 +59,8 @@ impl FullModel {
         }
     }
 
-    /// The same model with its sizes, but nothing learned: what a session of another arm of its kind may expect.
-    pub fn forgetting(mut self) -> Self {
-        self.posterior = Posterior::before(self.posterior.scale);
-        self
-    }
-
     /// The same model where geometry and frames are all that may be wrong, with nothing learned.
+    #[must_use]
     pub fn geometry_alone(mut self) -> Self {
         let unknowns = self.layout.columns(Block::Unknowns).unwrap_or(0..0);
         let mut scale = self.posterior.scale;

@@ -1,5 +1,7 @@
 //! `sampling_plan`: what to measure, in order, and what it promises; and `plan_figures`: what the plan follows from.
 
+use arrow::array::AsArray;
+use arrow::datatypes::Float64Type;
 use nalgebra::Isometry3;
 
 use super::PublishError;
@@ -10,6 +12,7 @@ use crate::manifest::RunKey;
 use crate::plan::outcomes::RobotFigures;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, Outcomes, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
+use crate::report::promise::Promise;
 
 /// The table of planned visits; positions are given in the frame of commands.
 pub fn sampling_plan(
@@ -82,6 +85,27 @@ fn promised(table: Columns, plan: &SamplingPlan, settings: &PlanSettings) -> Col
         .same("tolerance_mm", settings.tolerance.mm)
         .same("bound_share", settings.tolerance.share)
         .same("bound_confidence", settings.tolerance.confidence)
+}
+
+/// What a published plan promised.
+pub fn promise(table: &Table) -> Promise {
+    let number = |column: &str| table.f64(column).iter().next().flatten();
+    let purposes = table.text("purpose").iter();
+    let joints = table.list("joints_rad").iter();
+    let verify = purposes.zip(joints).filter_map(|(purpose, joints)| {
+        let is_verify = purpose == Some(Purpose::Verify.name());
+        let joints = joints.filter(|_| is_verify)?;
+        Some(joints.as_primitive::<Float64Type>().values().to_vec())
+    });
+    let plan = table.key().map_or_else(String::new, |key| key.run.clone());
+    Promise {
+        plan,
+        verify: verify.collect(),
+        mean_mm: number("promised_mean_mm"),
+        bound_mm: number("promised_bound_mm"),
+        share: number("bound_share").unwrap_or(0.0),
+        confidence: number("bound_confidence").unwrap_or(0.0),
+    }
 }
 
 fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {

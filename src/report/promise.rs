@@ -1,0 +1,202 @@
+//! What a plan promised, held against the session that was measured by it.
+//!
+//! Inputs: a [`Promise`], the session's stations, and what a model that did not see them leaves on each. Output: a
+//! [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
+
+use statrs::distribution::{Beta, ContinuousCDF};
+
+use crate::figures::Figures;
+
+/// A planned pose and a station are one where no joint differs by more than this, rad (half a degree).
+const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
+
+/// What a plan promised.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Promise {
+    /// The plan's id.
+    pub plan: String,
+    /// Joint angles of the poses that verify, rad.
+    pub verify: Vec<Vec<f64>>,
+    /// Mean error, mm.
+    pub mean_mm: Option<f64>,
+    /// What `share` of errors stays below, mm.
+    pub bound_mm: Option<f64>,
+    /// The share of errors that the bound is of.
+    pub share: f64,
+    /// How sure the promise is.
+    pub confidence: f64,
+}
+
+/// A station with the error that a model which did not see it leaves there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Verified {
+    /// Reported joint angles, rad.
+    pub joints: Vec<f64>,
+    /// Norm of the error left, mm.
+    pub left_mm: f64,
+}
+
+/// What became of a promise.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PromiseKept {
+    /// What was promised.
+    pub promise: Promise,
+    /// Poses that were to verify and were measured.
+    pub measured: usize,
+    /// Figures of what is left at them; `None` without any.
+    pub figures: Option<Figures>,
+    /// Of these, how many are within the promised bound.
+    pub within: usize,
+    /// The share of all errors within the bound that this leaves possible, two-sided at the promise's confidence.
+    pub interval: (f64, f64),
+}
+
+/// Holds a promise against stations.
+pub fn held_against(promise: &Promise, stations: &[Verified]) -> PromiseKept {
+    let norms: Vec<f64> = promise
+        .verify
+        .iter()
+        .filter_map(|pose| at(pose, stations))
+        .collect();
+    let bound = promise.bound_mm.unwrap_or(0.0);
+    let within = norms.iter().filter(|&&norm| norm <= bound).count();
+    PromiseKept {
+        promise: promise.clone(),
+        measured: norms.len(),
+        figures: Figures::of(&norms),
+        within,
+        interval: share_interval(within, norms.len(), promise.confidence),
+    }
+}
+
+/// What is left at the station nearest to a planned pose, if one stands there.
+fn at(pose: &[f64], stations: &[Verified]) -> Option<f64> {
+    let away = |station: &Verified| {
+        let joints = station.joints.iter().zip(pose);
+        joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
+    (away(nearest) <= SAME_POSE_RAD).then_some(nearest.left_mm)
+}
+
+/// The interval of a share of which `k` of `n` were found (Clopper and Pearson 1934); everything without any.
+pub fn share_interval(k: usize, n: usize, confidence: f64) -> (f64, f64) {
+    let tail = 0.5 * (1.0 - confidence);
+    let beta =
+        |a: usize, b: usize| Beta::new(a as f64, b as f64).expect("both shapes are positive");
+    let low = if k == 0 {
+        0.0
+    } else {
+        beta(k, n - k + 1).inverse_cdf(tail)
+    };
+    let high = if k == n {
+        1.0
+    } else {
+        beta(k + 1, n - k).inverse_cdf(1.0 - tail)
+    };
+    (low, high)
+}
+
+impl PromiseKept {
+    /// Whether the measured errors contradict the promise.
+    pub fn is_broken(&self) -> bool {
+        self.interval.1 < self.promise.share
+    }
+
+    /// The comparison in a line that a person reads.
+    pub fn words(&self) -> String {
+        let promise = &self.promise;
+        let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
+        let head = format!(
+            "plan {}: promised mean below {}, {} % of errors below {}",
+            promise.plan,
+            mm(promise.mean_mm),
+            100.0 * promise.share,
+            mm(promise.bound_mm)
+        );
+        let Some(figures) = self.figures else {
+            return format!(
+                "{head}; none of its {} poses that verify was measured: nothing to hold it against",
+                promise.verify.len()
+            );
+        };
+        let verdict = if self.is_broken() {
+            "not kept"
+        } else {
+            "not contradicted"
+        };
+        format!(
+            "{head}; found, with measurement noise, on {} of {} poses that verify: mean {:.3} mm, largest {:.3} mm, {} within \
+             the bound ({:.1} to {:.1} % of all with {} % confidence): {verdict}",
+            self.measured,
+            promise.verify.len(),
+            figures.mean,
+            figures.max,
+            self.within,
+            100.0 * self.interval.0,
+            100.0 * self.interval.1,
+            100.0 * promise.confidence
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn promise() -> Promise {
+        Promise {
+            plan: "00ff".to_owned(),
+            verify: (0..20).map(|i| vec![f64::from(i) * 0.1, 0.5]).collect(),
+            mean_mm: Some(0.1),
+            bound_mm: Some(0.2),
+            share: 0.95,
+            confidence: 0.95,
+        }
+    }
+
+    /// A station a quarter of a degree beside each planned pose but the last two.
+    fn stations(left_mm: f64) -> Vec<Verified> {
+        let beside = |i: i32| Verified {
+            joints: vec![f64::from(i) * 0.1 + 0.004, 0.496],
+            left_mm,
+        };
+        (0..18).map(beside).collect()
+    }
+
+    #[test]
+    fn a_promise_is_held_against_the_poses_that_verify() {
+        let kept = held_against(&promise(), &stations(0.1));
+        assert_eq!((kept.measured, kept.within), (18, 18));
+        // 18 of 18: the lower limit solves p^18 = 0.025, 0.8147.
+        assert!(
+            (kept.interval.0 - 0.025f64.powf(1.0 / 18.0)).abs() < 1e-6,
+            "{kept:?}"
+        );
+        assert!(
+            !kept.is_broken() && kept.words().contains("18 of 20 poses"),
+            "{}",
+            kept.words()
+        );
+        let broken = held_against(&promise(), &stations(0.3));
+        assert!(
+            broken.is_broken() && broken.words().ends_with("not kept"),
+            "{}",
+            broken.words()
+        );
+    }
+
+    #[test]
+    fn a_session_that_left_its_plan_shows_nothing() {
+        let elsewhere: Vec<Verified> = stations(0.1)
+            .into_iter()
+            .map(|station| Verified {
+                joints: vec![station.joints[0], 2.0],
+                ..station
+            })
+            .collect();
+        let kept = held_against(&promise(), &elsewhere);
+        assert_eq!((kept.measured, kept.interval), (0, (0.0, 1.0)));
+        assert!(!kept.is_broken() && kept.words().contains("nothing to hold it against"));
+    }
+}
