@@ -35,11 +35,13 @@ impl Kernel {
         let values: Vec<f64> = (0..SAMPLES)
             .map(|i| self.at(2.0 * (0.5 * step * f64::from(i)).sin().abs()))
             .collect();
+        // The k-th cosine at the i-th angle is the first one at the (i k)-th.
+        let cosines: Vec<f64> = (0..SAMPLES).map(|i| (step * f64::from(i)).cos()).collect();
         let coefficient = |k: usize| {
             let sum: f64 = values
                 .iter()
                 .enumerate()
-                .map(|(i, value)| value * (step * (i * k) as f64).cos())
+                .map(|(i, value)| value * cosines[i * k % cosines.len()])
                 .sum();
             let mean = sum / f64::from(SAMPLES);
             (if k == 0 { mean } else { 2.0 * mean }).max(0.0)
