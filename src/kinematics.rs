@@ -9,16 +9,20 @@
 //! - [`arm`]: a robot file made into a chain; joint names, limits, coupling.
 //! - [`configuration`]: arm configurations and how near a singularity is.
 //! - [`held`]: the same chain for many poses at the same offsets.
+//! - [`batch`]: the same for columns of poses, by blocks.
 //! - [`inverse`](mod@inverse): joint angles that reach a pose.
 
 pub mod arm;
+pub mod batch;
 pub mod chain;
 pub mod configuration;
 pub mod held;
 pub mod inverse;
 pub mod parameter;
+mod sin_cos;
 
 pub use arm::{Arm, ArmError, Joint, RobotFile};
+pub use batch::{BatchChain, BatchColumns, Poses};
 pub use chain::{Axis, Chain, Differential, Element, Motion, Twist};
 pub use configuration::{Configuration, Side, SingularityFactors};
 pub use held::{ChainView, HeldChain};

@@ -1,0 +1,270 @@
+//! Forward kinematics of many poses at once: the chain of [`HeldChain`](super::HeldChain), block by block.
+//!
+//! Inputs: a chain at given offsets and its axis variables as columns, `axes[j][i]` that of axis j at pose i. Outputs:
+//! columns of positions or of whole poses of the chain's end.
+//!
+//! 1. What is constant between two joints becomes one transform; each joint is turned so that it acts about or along z.
+//! 2. Between two turning joints that transform's rotation is `Rot(z,φ) Rot(x,α) Rot(z,ψ)`: φ and ψ join the two angles,
+//!    and only a turn about x is left (what makes four numbers a link in Denavit and Hartenberg 1955).
+//! 3. From the end back to the root, the end's point and two of its axes pass joint after joint, for a block of poses at
+//!    a time; the third axis is their cross product.
+//!
+//! Sums are in a fixed order and free of fused multiply-adds: a pose gives the same bytes wherever it stands.
+
+mod columns;
+mod dh;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::arm::Arm;
+use super::chain::Chain;
+use super::sin_cos::sin_cos;
+
+pub use super::sin_cos::{BLOCK, Block};
+pub use columns::{BatchColumns, Column};
+use dh::{Joint, Link};
+
+/// A chain at given offsets, ready for many poses.
+#[derive(Debug, Clone)]
+pub struct BatchChain {
+    /// From the root to the end, each joint with the link before it.
+    joints: Vec<(Link, Joint)>,
+    /// From the last joint to the end.
+    end: Isometry3<f64>,
+    axes: usize,
+}
+
+/// Whole poses as columns.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Poses {
+    /// `position[row][i]`, mm.
+    pub position: [Vec<f64>; 3],
+    /// `rotation[column][row][i]`: the end's x, y and z axes.
+    pub rotation: [[Vec<f64>; 3]; 3],
+}
+
+/// Up to three vectors of the end on their way to the root: its origin, x axis and y axis.
+type Vectors<const N: usize> = [[Block; 3]; N];
+
+impl BatchChain {
+    /// `chain` with `offsets` added to its free parameters.
+    ///
+    /// # Panics
+    /// When there are fewer offsets than parameters.
+    pub fn new(chain: &Chain, offsets: &[f64]) -> Self {
+        let (joints, end) = dh::links(chain, offsets);
+        Self {
+            joints,
+            end,
+            axes: chain.joint_count(),
+        }
+    }
+
+    /// Positions of the end in the root frame, `[row][i]` in mm.
+    ///
+    /// # Panics
+    /// When `axes` has fewer columns than the chain has axis variables, or columns of different lengths.
+    pub fn positions<C: AsRef<[f64]>>(&self, axes: &[C]) -> [Vec<f64>; 3] {
+        let mut positions = <[Vec<f64>; 3]>::default();
+        self.positions_into(axes, &mut positions);
+        positions
+    }
+
+    /// The same into columns that are there already.
+    pub fn positions_into<C: AsRef<[f64]>>(&self, axes: &[C], positions: &mut [Vec<f64>; 3]) {
+        let count = self.pose_count(axes);
+        for column in positions.iter_mut() {
+            column.resize(count, 0.0);
+        }
+        for first in (0..count).step_by(BLOCK) {
+            let [origin] = self.block::<1, _>(axes, first);
+            write(positions, first, &origin);
+        }
+    }
+
+    /// Poses of the end in the root frame.
+    ///
+    /// # Panics
+    /// When `axes` has fewer columns than the chain has axis variables, or columns of different lengths.
+    pub fn poses<C: AsRef<[f64]>>(&self, axes: &[C]) -> Poses {
+        let mut poses = Poses::default();
+        self.poses_into(axes, &mut poses);
+        poses
+    }
+
+    /// The same into columns that are there already.
+    pub fn poses_into<C: AsRef<[f64]>>(&self, axes: &[C], poses: &mut Poses) {
+        let count = self.pose_count(axes);
+        let columns = poses.rotation.iter_mut().flatten();
+        for column in columns.chain(&mut poses.position) {
+            column.resize(count, 0.0);
+        }
+        for first in (0..count).step_by(BLOCK) {
+            let [origin, x, y] = self.block::<3, _>(axes, first);
+            write(&mut poses.position, first, &origin);
+            write(&mut poses.rotation[0], first, &x);
+            write(&mut poses.rotation[1], first, &y);
+            write(&mut poses.rotation[2], first, &cross(&x, &y));
+        }
+    }
+
+    /// Checked number of poses in `axes`.
+    fn pose_count<C: AsRef<[f64]>>(&self, axes: &[C]) -> usize {
+        assert!(axes.len() >= self.axes, "one column for each axis variable");
+        let count = axes.first().map_or(0, |column| column.as_ref().len());
+        assert!(
+            axes.iter().all(|column| column.as_ref().len() == count),
+            "columns of one length"
+        );
+        count
+    }
+
+    /// The first N vectors of the end in the root frame, for the block of poses that begins at `first`.
+    fn block<const N: usize, C: AsRef<[f64]>>(&self, axes: &[C], first: usize) -> Vectors<N> {
+        let mut vectors = self.at_end();
+        for (link, joint) in self.joints.iter().rev() {
+            let variable = read(axes[joint.axis].as_ref(), first);
+            joint.pass(&variable, &mut vectors);
+            link.pass(&mut vectors);
+        }
+        vectors
+    }
+
+    /// Origin, x axis and y axis of the end, as the last joint's frame sees them.
+    fn at_end<const N: usize>(&self) -> Vectors<N> {
+        let rotation = self.end.rotation.to_rotation_matrix();
+        let vector = |place: usize| -> Vector3<f64> {
+            match place {
+                0 => self.end.translation.vector,
+                axis => rotation.matrix().column(axis - 1).into_owned(),
+            }
+        };
+        std::array::from_fn(|place| std::array::from_fn(|row| [vector(place)[row]; BLOCK]))
+    }
+}
+
+impl Poses {
+    /// How many poses there are.
+    pub fn len(&self) -> usize {
+        self.position[0].len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.position[0].is_empty()
+    }
+
+    /// Pose i.
+    ///
+    /// # Panics
+    /// When there are not so many.
+    pub fn isometry(&self, i: usize) -> Isometry3<f64> {
+        let rotation = Matrix3::from_fn(|row, column| self.rotation[column][row][i]);
+        Isometry3::from_parts(
+            Translation3::from(Vector3::from_fn(|row, _| self.position[row][i])),
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)),
+        )
+    }
+}
+
+impl Arm {
+    /// The axis variables that follow from columns of reported joint angles, `joints[j][i]`: [`Arm::axes`] for many poses.
+    ///
+    /// # Panics
+    /// When the number of columns is not the number of joints.
+    pub fn axis_columns(&self, joints: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let count = joints.first().map_or(0, Vec::len);
+        let mut columns = vec![Vec::with_capacity(count); joints.len()];
+        for i in 0..count {
+            let pose: Vec<f64> = joints.iter().map(|column| column[i]).collect();
+            for (column, axis) in columns.iter_mut().zip(self.axes(&pose)) {
+                column.push(axis);
+            }
+        }
+        columns
+    }
+}
+
+impl Joint {
+    /// Carries vectors from behind the joint to before it.
+    fn pass<const N: usize>(&self, variable: &Block, vectors: &mut Vectors<N>) {
+        let amount: Block = std::array::from_fn(|i| self.sign * variable[i] + self.shift);
+        if self.slides {
+            for (z, amount) in vectors[0][2].iter_mut().zip(&amount) {
+                *z += amount;
+            }
+            return;
+        }
+        let (mut sin, mut cos) = ([0.0; BLOCK], [0.0; BLOCK]);
+        sin_cos(&amount, &mut sin, &mut cos);
+        for [x, y, _] in vectors {
+            for i in 0..BLOCK {
+                let (a, b) = (x[i], y[i]);
+                x[i] = cos[i] * a - sin[i] * b;
+                y[i] = sin[i] * a + cos[i] * b;
+            }
+        }
+    }
+}
+
+impl Link {
+    /// Carries vectors from behind the link to before it; only the first is a point and moves with the link's origin.
+    fn pass<const N: usize>(&self, vectors: &mut Vectors<N>) {
+        for (place, vector) in vectors.iter_mut().enumerate() {
+            let shift = if place == 0 { self.origin() } else { [0.0; 3] };
+            match self {
+                Self::AboutX { sin, cos, .. } => turn_about_x(vector, *sin, *cos, shift),
+                Self::Any { rotation, .. } => turn(vector, rotation, shift),
+            }
+        }
+    }
+}
+
+fn turn_about_x([x, y, z]: &mut [Block; 3], sin: f64, cos: f64, shift: [f64; 3]) {
+    for i in 0..BLOCK {
+        let (b, c) = (y[i], z[i]);
+        x[i] += shift[0];
+        y[i] = (cos * b - sin * c) + shift[1];
+        z[i] = (sin * b + cos * c) + shift[2];
+    }
+}
+
+fn turn([x, y, z]: &mut [Block; 3], r: &[[f64; 3]; 3], shift: [f64; 3]) {
+    for i in 0..BLOCK {
+        let (a, b, c) = (x[i], y[i], z[i]);
+        x[i] = (r[0][0] * a + r[0][1] * b) + r[0][2] * c + shift[0];
+        y[i] = (r[1][0] * a + r[1][1] * b) + r[1][2] * c + shift[1];
+        z[i] = (r[2][0] * a + r[2][1] * b) + r[2][2] * c + shift[2];
+    }
+}
+
+fn cross([a, b, c]: &[Block; 3], [d, e, f]: &[Block; 3]) -> [Block; 3] {
+    [
+        std::array::from_fn(|i| b[i] * f[i] - c[i] * e[i]),
+        std::array::from_fn(|i| c[i] * d[i] - a[i] * f[i]),
+        std::array::from_fn(|i| a[i] * e[i] - b[i] * d[i]),
+    ]
+}
+
+/// The block of `column` that begins at `first`; zeros behind the column's end.
+fn read(column: &[f64], first: usize) -> Block {
+    let rest = &column[first..];
+    if let Some(block) = rest.first_chunk() {
+        return *block;
+    }
+    let mut block = [0.0; BLOCK];
+    block[..rest.len()].copy_from_slice(rest);
+    block
+}
+
+/// Writes a block from `first` on, as far as the columns go.
+fn write(columns: &mut [Vec<f64>; 3], first: usize, block: &[Block; 3]) {
+    for (column, block) in columns.iter_mut().zip(block) {
+        let rest = &mut column[first..];
+        let count = rest.len().min(BLOCK);
+        rest[..count].copy_from_slice(&block[..count]);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,224 @@
+//! How the end moves with every free parameter, for a block of poses at a time.
+//!
+//! The chain is walked element by element from the root, as [`Chain::differential`](super::super::Chain::differential)
+//! does for one pose: where a parameter stands, its axis is a column of the frame there, and once the end is known that
+//! axis carried to it is the parameter's column.
+
+use super::super::chain::{Axis, Chain, Element, Motion};
+use super::super::sin_cos::{BLOCK, Block, sin_cos};
+use super::{cross, read};
+
+/// A chain at given offsets whose free parameters are unknowns.
+#[derive(Debug, Clone)]
+pub struct BatchColumns {
+    steps: Vec<Step>,
+    unknowns: Vec<usize>,
+}
+
+/// The motion of the end per unit of one unknown, in the root frame, for a block of poses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Of its origin, mm per unit; by row.
+    pub linear: [Block; 3],
+    /// Of its orientation, rad per unit; by row. `None` for a length, which turns nothing.
+    pub angular: Option<[Block; 3]>,
+}
+
+/// One step of the walk.
+#[derive(Debug, Clone)]
+enum Step {
+    /// An unknown's axis is met.
+    Unknown(Motion),
+    /// Along an own axis, mm.
+    Shift(Axis, f64),
+    /// About an own axis by a constant: sine and cosine.
+    Turn(Axis, f64, f64),
+    /// Along or about an own axis by `sign · variable`.
+    Joint(Motion, usize, f64),
+}
+
+/// A frame on the way from the root to the end: its axes and its origin.
+#[derive(Debug, Clone)]
+struct Walk {
+    axes: [[Block; 3]; 3],
+    origin: [Block; 3],
+}
+
+impl BatchColumns {
+    /// `chain` with `offsets` added to its free parameters; `unknowns` says which unknown moves each of them, if any.
+    ///
+    /// # Panics
+    /// When there are fewer offsets or unknowns than parameters.
+    pub fn new(chain: &Chain, offsets: &[f64], unknowns: &[Option<usize>]) -> Self {
+        let mut steps = Vec::new();
+        let mut parameter = 0;
+        for element in chain.elements() {
+            match element {
+                Element::Fixed(transform) => {
+                    let [x, y, z] = transform.translation.vector.into();
+                    let (roll, pitch, yaw) = transform.rotation.euler_angles();
+                    let shifts = [(Axis::X, x), (Axis::Y, y), (Axis::Z, z)];
+                    let turns = [(Axis::Z, yaw), (Axis::Y, pitch), (Axis::X, roll)];
+                    steps.extend(shifts.map(|(axis, by)| Step::of(Motion::Translation(axis), by)));
+                    steps.extend(turns.map(|(axis, by)| Step::of(Motion::Rotation(axis), by)));
+                }
+                Element::Free {
+                    motion, nominal, ..
+                } => {
+                    if unknowns[parameter].is_some() {
+                        steps.push(Step::Unknown(*motion));
+                    }
+                    steps.push(Step::of(*motion, nominal + offsets[parameter]));
+                    parameter += 1;
+                }
+                Element::Joint {
+                    motion,
+                    joint,
+                    sign,
+                } => steps.push(Step::Joint(*motion, *joint, *sign)),
+            }
+        }
+        steps.retain(Step::moves);
+        Self {
+            steps,
+            unknowns: unknowns[..parameter].iter().flatten().copied().collect(),
+        }
+    }
+
+    /// Which unknown each column is of.
+    pub fn unknowns(&self) -> &[usize] {
+        &self.unknowns
+    }
+
+    /// The end's axes, its origin and one column for each of [`Self::unknowns`], for the poses from `first` on;
+    /// `columns` is reused.
+    ///
+    /// # Panics
+    /// When `axes` has fewer columns than the chain has axis variables.
+    pub fn block<C: AsRef<[f64]>>(
+        &self,
+        axes: &[C],
+        first: usize,
+        columns: &mut Vec<Column>,
+    ) -> ([[Block; 3]; 3], [Block; 3]) {
+        columns.clear();
+        let mut walk = Walk::root();
+        for step in &self.steps {
+            match step {
+                Step::Unknown(motion) => columns.push(walk.met(*motion)),
+                Step::Shift(axis, by) => walk.shift(*axis, &[*by; BLOCK]),
+                Step::Turn(axis, sin, cos) => walk.turn(*axis, &[*sin; BLOCK], &[*cos; BLOCK]),
+                Step::Joint(motion, joint, sign) => {
+                    let amount = read(axes[*joint].as_ref(), first).map(|q| sign * q);
+                    walk.joint(*motion, &amount);
+                }
+            }
+        }
+        for column in columns {
+            column.carry_to(&walk.origin);
+        }
+        (walk.axes, walk.origin)
+    }
+}
+
+impl Step {
+    fn of(motion: Motion, by: f64) -> Self {
+        match motion {
+            Motion::Translation(axis) => Self::Shift(axis, by),
+            Motion::Rotation(axis) => {
+                let (sin, cos) = by.sin_cos();
+                Self::Turn(axis, sin, cos)
+            }
+        }
+    }
+
+    /// Whether the step does anything.
+    fn moves(&self) -> bool {
+        match self {
+            Self::Shift(_, by) => *by != 0.0,
+            Self::Turn(_, sin, cos) => (*sin, *cos) != (0.0, 1.0),
+            Self::Unknown(_) | Self::Joint(..) => true,
+        }
+    }
+}
+
+impl Column {
+    /// From where the unknown stands (in `linear`) to the end: the axis crossed with the way there.
+    fn carry_to(&mut self, end: &[Block; 3]) {
+        if let Some(axis) = &self.angular {
+            let through = &self.linear;
+            let way =
+                std::array::from_fn(|row| std::array::from_fn(|i| end[row][i] - through[row][i]));
+            self.linear = cross(axis, &way);
+        }
+    }
+}
+
+impl Walk {
+    fn root() -> Self {
+        let unit =
+            |axis: usize| std::array::from_fn(|row| [f64::from(u8::from(row == axis)); BLOCK]);
+        Self {
+            axes: std::array::from_fn(unit),
+            origin: [[0.0; BLOCK]; 3],
+        }
+    }
+
+    /// A length's column is its axis; an angle's waits, with the place it turns about, for the end.
+    fn met(&self, motion: Motion) -> Column {
+        match motion {
+            Motion::Translation(axis) => Column {
+                linear: self.axes[place(axis)],
+                angular: None,
+            },
+            Motion::Rotation(axis) => Column {
+                linear: self.origin,
+                angular: Some(self.axes[place(axis)]),
+            },
+        }
+    }
+
+    fn joint(&mut self, motion: Motion, amount: &Block) {
+        match motion {
+            Motion::Translation(axis) => self.shift(axis, amount),
+            Motion::Rotation(axis) => {
+                let (mut sin, mut cos) = ([0.0; BLOCK], [0.0; BLOCK]);
+                sin_cos(amount, &mut sin, &mut cos);
+                self.turn(axis, &sin, &cos);
+            }
+        }
+    }
+
+    fn shift(&mut self, axis: Axis, by: &Block) {
+        for (origin, along) in self.origin.iter_mut().zip(&self.axes[place(axis)]) {
+            for i in 0..BLOCK {
+                origin[i] += along[i] * by[i];
+            }
+        }
+    }
+
+    /// Only the two other axes turn.
+    fn turn(&mut self, axis: Axis, sin: &Block, cos: &Block) {
+        let [x, y, z] = &mut self.axes;
+        let (first, second) = match axis {
+            Axis::X => (y, z),
+            Axis::Y => (z, x),
+            Axis::Z => (x, y),
+        };
+        for (first, second) in first.iter_mut().zip(second) {
+            for i in 0..BLOCK {
+                let (a, b) = (first[i], second[i]);
+                first[i] = cos[i] * a + sin[i] * b;
+                second[i] = cos[i] * b - sin[i] * a;
+            }
+        }
+    }
+}
+
+const fn place(axis: Axis) -> usize {
+    match axis {
+        Axis::X => 0,
+        Axis::Y => 1,
+        Axis::Z => 2,
+    }
+}
