@@ -34,6 +34,7 @@ pub mod compensation;
 pub mod report;
 
 // Before measuring.
+pub mod plan;
 pub mod simulate;
 
 // Everything that reads and writes.

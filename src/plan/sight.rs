@@ -1,0 +1,313 @@
+//! Whether a pose may be measured: the arm's own limits, keep-out boxes, and the tracker's line of sight to the target.
+//!
+//! Inputs: an arm, reported joint angles, what is asked of a pose. Output: nothing, or the first reason against it, in this
+//! order:
+//! 1. joint limits, arm configuration, distance to singularities;
+//! 2. keep-out boxes, for the straight lines between consecutive joint origins, the flange and the target;
+//! 3. range, the angle at which the tracker's beam meets the target, and whether a link stands in the beam.
+//!
+//! A link is a straight line with a radius (a capsule): coarse, and on the safe side where the radius is that of the
+//! link's widest part. Everything is in the base frame, mm and rad, of the nominal arm: plans are made before an arm is known better.
+
+use nalgebra::{Isometry3, Point3, UnitVector3};
+use thiserror::Error;
+
+use crate::kinematics::{Arm, Configuration, SingularityFactors};
+
+mod segment;
+
+use segment::Segment;
+
+/// What is asked of a pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraints {
+    /// The arm configuration, where only one is wanted; needs a six-axis arm.
+    pub configuration: Option<Configuration>,
+    /// Smallest [`SingularityFactors::smallest`] allowed; 0 asks for nothing. Needs a six-axis arm.
+    pub least_singularity_factor: f64,
+    /// How near a joint may come to its limits, rad.
+    pub limit_margin_rad: f64,
+    /// Where the target sits at the flange.
+    pub flange_from_target: Isometry3<f64>,
+    /// Boxes that no part of the arm may enter.
+    pub keep_out: Vec<KeepOut>,
+    /// How far outside a box the lines between joint origins have to stay, mm: half of the arm's thickness, and what is wanted
+    /// beyond.
+    pub keep_out_margin_mm: f64,
+    /// The tracker, where the target has to be seen.
+    pub tracker: Option<Sight>,
+}
+
+/// A box along the base frame's axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeepOut {
+    /// What stands there.
+    pub name: String,
+    /// Its lowest corner, mm.
+    pub least_mm: [f64; 3],
+    /// Its highest corner, mm.
+    pub most_mm: [f64; 3],
+}
+
+/// What a tracker needs to see the target.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sight {
+    /// Where the tracker stands in the base frame, mm.
+    pub tracker: Point3<f64>,
+    /// Which way the target looks, in its own frame.
+    pub facing: UnitVector3<f64>,
+    /// Largest angle between that direction and the way to the tracker, rad.
+    pub acceptance_rad: f64,
+    /// Least and most distance between tracker and target, mm.
+    pub range_mm: [f64; 2],
+    /// Distance that the beam keeps from the lines between joint origins, mm: half of the arm's thickness.
+    pub link_radius_mm: f64,
+}
+
+/// A part of the arm, by the joints it lies between.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// From this joint's origin (counted from 1) to the next one's.
+    Link(usize),
+    /// From the last joint's origin to the flange.
+    Flange,
+    /// From the flange to the target.
+    Target,
+}
+
+/// Why a pose is not measured.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Unsuitable {
+    /// A joint would be beyond a limit, or too near.
+    #[error(
+        "joint {joint:?} stands at {angle_deg:.3}°, allowed are {lower_deg:.3}° to {upper_deg:.3}°"
+    )]
+    BeyondLimit {
+        /// The joint's name.
+        joint: String,
+        /// The angle asked for, degrees.
+        angle_deg: f64,
+        /// The lowest angle allowed, margin taken off, degrees.
+        lower_deg: f64,
+        /// The highest angle allowed, margin taken off, degrees.
+        upper_deg: f64,
+    },
+    /// The arm has no configurations, and one was asked for.
+    #[error(
+        "arm configuration and distance to singularities are known for arms of six axes with upper arm and forearm, this one \
+         has {axes}: leave both out"
+    )]
+    NoConfiguration {
+        /// How many axes it has.
+        axes: usize,
+    },
+    /// Another arm configuration than the one wanted.
+    #[error("the arm stands as {found}, wanted is {wanted}")]
+    OtherConfiguration {
+        /// Configuration of the pose.
+        found: Configuration,
+        /// Configuration asked for.
+        wanted: Configuration,
+    },
+    /// Too near a singularity.
+    #[error("the pose is {factor:.4} from a singularity, allowed is {least:.4} or more")]
+    NearSingularity {
+        /// The smallest singularity factor there.
+        factor: f64,
+        /// What is asked for.
+        least: f64,
+    },
+    /// A part of the arm comes into a box.
+    #[error("{part} comes nearer than {margin_mm} mm to keep-out box {keep_out:?}")]
+    InKeepOut {
+        /// The box's name.
+        keep_out: String,
+        /// The part nearest to the base that does.
+        part: Part,
+        /// The distance to be kept, mm.
+        margin_mm: f64,
+    },
+    /// The target is too near to the tracker or too far from it.
+    #[error(
+        "the target is {range_mm:.0} mm from the tracker, allowed are {least_mm:.0} to {most_mm:.0} mm"
+    )]
+    OutOfRange {
+        /// Distance between tracker and target, mm.
+        range_mm: f64,
+        /// Least allowed, mm.
+        least_mm: f64,
+        /// Most allowed, mm.
+        most_mm: f64,
+    },
+    /// The target looks away from the tracker.
+    #[error(
+        "the beam meets the target {angle_deg:.1}° off its axis, accepted are {acceptance_deg:.1}°"
+    )]
+    TurnedAway {
+        /// Angle between the target's axis and the way to the tracker, degrees.
+        angle_deg: f64,
+        /// What the target accepts, degrees.
+        acceptance_deg: f64,
+    },
+    /// A part of the arm stands in the beam.
+    #[error(
+        "{part} stands in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed"
+    )]
+    BeamBlocked {
+        /// The part nearest to the base that does.
+        part: Part,
+        /// Distance between the beam and the part's middle line, mm.
+        distance_mm: f64,
+        /// The link's radius, mm.
+        clearance_mm: f64,
+    },
+}
+
+/// Whether the pose at these reported joint angles may be measured.
+///
+/// # Panics
+/// When the number of angles is not the number of joints.
+pub fn verdict(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Result<(), Unsuitable> {
+    within_limits(arm, joints, constraints.limit_margin_rad)?;
+    in_configuration(arm, joints, constraints)?;
+    let parts = parts(arm, joints, constraints);
+    outside_boxes(&parts, constraints)?;
+    if let Some(sight) = &constraints.tracker {
+        let base_from_target = *arm.flange(joints).isometry() * constraints.flange_from_target;
+        seen(&base_from_target, sight)?;
+        beam_is_free(&parts, &base_from_target, sight)?;
+    }
+    Ok(())
+}
+
+fn within_limits(arm: &Arm, joints: &[f64], margin_rad: f64) -> Result<(), Unsuitable> {
+    for (joint, &angle) in arm.joints().iter().zip(joints) {
+        let (lower, upper) = (joint.lower + margin_rad, joint.upper - margin_rad);
+        // Written so that what is not a number is beyond them too.
+        if !(lower <= angle && angle <= upper) {
+            return Err(Unsuitable::BeyondLimit {
+                joint: joint.name.clone(),
+                angle_deg: angle.to_degrees(),
+                lower_deg: lower.to_degrees(),
+                upper_deg: upper.to_degrees(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn in_configuration(arm: &Arm, joints: &[f64], asked: &Constraints) -> Result<(), Unsuitable> {
+    let least = asked.least_singularity_factor;
+    if asked.configuration.is_none() && least <= 0.0 {
+        return Ok(());
+    }
+    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let axes = arm.joints().len();
+    let factors = SingularityFactors::of(arm, &nominal, joints)
+        .ok_or(Unsuitable::NoConfiguration { axes })?;
+    let found = factors.configuration();
+    if let Some(wanted) = asked.configuration.filter(|wanted| *wanted != found) {
+        return Err(Unsuitable::OtherConfiguration { found, wanted });
+    }
+    let factor = factors.smallest();
+    if factor < least {
+        return Err(Unsuitable::NearSingularity { factor, least });
+    }
+    Ok(())
+}
+
+/// The parts of the arm that its joints move, from base to target.
+fn parts(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Vec<(Part, Segment)> {
+    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let axes = arm.chain().joint_axes(&arm.axes(joints), &nominal);
+    let flange = *arm.flange(joints).isometry();
+    let target = flange * constraints.flange_from_target;
+    let mut points: Vec<Point3<f64>> = axes.iter().map(|(origin, _)| *origin).collect();
+    points.extend([flange, target].map(|end| Point3::from(end.translation.vector)));
+    let name = |place: usize| match place {
+        flange if flange + 1 == axes.len() => Part::Flange,
+        target if target == axes.len() => Part::Target,
+        link => Part::Link(link + 1),
+    };
+    let (first, along) = axes[0];
+    // What lies along the first axis no joint moves: a box under the base may reach up to it.
+    let is_moved = |point: &Point3<f64>| along.cross(&(point - first)).norm() > 1e-6;
+    let pairs = points.windows(2).enumerate();
+    pairs
+        .map(|(place, ends)| (name(place), Segment::new(ends[0], ends[1])))
+        .filter(|(_, segment)| is_moved(&segment.from) || is_moved(&segment.to))
+        .collect()
+}
+
+fn outside_boxes(parts: &[(Part, Segment)], asked: &Constraints) -> Result<(), Unsuitable> {
+    let margin_mm = asked.keep_out_margin_mm;
+    for keep_out in &asked.keep_out {
+        let least = keep_out.least_mm.map(|x| x - margin_mm);
+        let most = keep_out.most_mm.map(|x| x + margin_mm);
+        if let Some((part, _)) = parts.iter().find(|(_, s)| s.meets_box(least, most)) {
+            return Err(Unsuitable::InKeepOut {
+                keep_out: keep_out.name.clone(),
+                part: *part,
+                margin_mm,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn seen(base_from_target: &Isometry3<f64>, sight: &Sight) -> Result<(), Unsuitable> {
+    let way = sight.tracker.coords - base_from_target.translation.vector;
+    let (range_mm, [least_mm, most_mm]) = (way.norm(), sight.range_mm);
+    if !(least_mm <= range_mm && range_mm <= most_mm) {
+        return Err(Unsuitable::OutOfRange {
+            range_mm,
+            least_mm,
+            most_mm,
+        });
+    }
+    let facing = base_from_target.rotation * sight.facing.into_inner();
+    let angle = facing.angle(&way);
+    if angle > sight.acceptance_rad {
+        return Err(Unsuitable::TurnedAway {
+            angle_deg: angle.to_degrees(),
+            acceptance_deg: sight.acceptance_rad.to_degrees(),
+        });
+    }
+    Ok(())
+}
+
+/// Parts that the target sits on, nearer than their radius, are left to the acceptance angle.
+fn beam_is_free(
+    parts: &[(Part, Segment)],
+    base_from_target: &Isometry3<f64>,
+    sight: &Sight,
+) -> Result<(), Unsuitable> {
+    let target = Point3::from(base_from_target.translation.vector);
+    let beam = Segment::new(sight.tracker, target);
+    let clearance_mm = sight.link_radius_mm;
+    for (part, segment) in parts {
+        let carries = *part == Part::Target || segment.distance_to(&target) < clearance_mm;
+        let distance_mm = segment.distance(&beam);
+        if !carries && distance_mm < clearance_mm {
+            return Err(Unsuitable::BeamBlocked {
+                part: *part,
+                distance_mm,
+                clearance_mm,
+            });
+        }
+    }
+    Ok(())
+}
+
+impl std::fmt::Display for Part {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Link(joint) => write!(f, "the link from joint {joint} to joint {}", joint + 1),
+            Self::Flange => f.write_str("the flange"),
+            Self::Target => f.write_str("the target"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
