@@ -16,8 +16,8 @@ use crate::kinematics::{
     Axis, BatchChain, BatchColumns, Chain, Element, HeldChain, Motion, Parameter,
 };
 
-pub use rows::BlockRows;
 use rows::Stations;
+pub use rows::{BlockRows, dot};
 
 /// The two frames of one session that the fit finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,6 +122,8 @@ pub struct Normal {
     pub information: DMatrix<f64>,
     /// `Jᵀ W r`.
     pub gradient: DVector<f64>,
+    /// `rᵀ W r`.
+    pub cost: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -332,8 +334,10 @@ impl<'a> Problem<'a> {
         let size = self.unknowns.len();
         let mut information = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
+        let mut cost = 0.0;
         for (unknowns, gram) in grams {
             let last = unknowns.len();
+            cost += gram[(last, last)];
             for (column, &unknown) in unknowns.iter().enumerate() {
                 gradient[unknown] += gram[(last, column)];
                 for (row, &other) in unknowns.iter().enumerate().skip(column) {
@@ -346,6 +350,7 @@ impl<'a> Problem<'a> {
         Normal {
             information,
             gradient,
+            cost,
         }
     }
 

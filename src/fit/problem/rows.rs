@@ -5,7 +5,9 @@
 //! 3. Residual and columns are whitened, times the root of the station's weight; a block's end is filled with zero rows,
 //!    which say nothing.
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    DMatrix, DMatrixView, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3,
+};
 
 use super::{Observation, residual};
 use crate::kinematics::BatchColumns;
@@ -163,45 +165,31 @@ impl BlockRows {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }
 
-    /// `Aᵀ A` of all columns A, the residual's last; only on and below the diagonal.
+    /// `Aᵀ A` of all columns A, the residual's last.
     pub fn gram(&self) -> DMatrix<f64> {
         let size = self.unknowns.len() + 1;
+        let columns = DMatrixView::from_slice(&self.values, self.rows, size);
+        let transposed =
+            DMatrixView::from_slice_with_strides(&self.values, size, self.rows, self.rows, 1);
         let mut gram = DMatrix::zeros(size, size);
-        for left in (0..size).step_by(2) {
-            // An odd number of columns: the last stands for its own neighbour.
-            let beside = (left + 1).min(size - 1);
-            let pair = [self.column(left), self.column(beside)];
-            for right in (left..size).step_by(2) {
-                let next = (right + 1).min(size - 1);
-                let dots = dots(pair, [self.column(right), self.column(next)]);
-                gram[(right, left)] = dots[0][0];
-                gram[(next, left)] = dots[0][1];
-                gram[(right, beside)] = dots[1][0];
-                gram[(next, beside)] = dots[1][1];
-            }
-        }
+        gram.gemm(1.0, &transposed, &columns, 0.0);
         gram
     }
 }
 
-/// Four products of columns at once, each summed in four strands: what the vector units take in one pass.
-fn dots(left: [&[f64]; 2], right: [&[f64]; 2]) -> [[f64; 2]; 2] {
-    const STRANDS: usize = 4;
-    let mut sums = [[[0.0; STRANDS]; 2]; 2];
-    let (a, b) = (left[0].chunks_exact(STRANDS), left[1].chunks_exact(STRANDS));
-    let (c, d) = (
-        right[0].chunks_exact(STRANDS),
-        right[1].chunks_exact(STRANDS),
-    );
-    for ((a, b), (c, d)) in a.zip(b).zip(c.zip(d)) {
+/// Product of two columns, summed in eight strands, which the vector units take side by side.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const STRANDS: usize = 8;
+    let mut sums = [0.0; STRANDS];
+    let (left, right) = (a.chunks_exact(STRANDS), b.chunks_exact(STRANDS));
+    let rest = left.remainder().iter().zip(right.remainder());
+    let rest: f64 = rest.map(|(x, y)| x * y).sum();
+    for (x, y) in left.zip(right) {
         for i in 0..STRANDS {
-            sums[0][0][i] += a[i] * c[i];
-            sums[0][1][i] += a[i] * d[i];
-            sums[1][0][i] += b[i] * c[i];
-            sums[1][1][i] += b[i] * d[i];
+            sums[i] += x[i] * y[i];
         }
     }
-    sums.map(|pair| pair.map(|strands| (strands[0] + strands[1]) + (strands[2] + strands[3])))
+    rest + sums.iter().sum::<f64>()
 }
 
 /// The end at pose i of a block as far as its orientation goes.

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::fit::problem::BlockRows;
+use crate::fit::problem::{BlockRows, dot};
 
 /// R of the rows taken so far.
 #[derive(Debug, Clone)]
@@ -67,21 +67,6 @@ impl Triangle {
     pub fn matrix(&self) -> DMatrix<f64> {
         DMatrix::from_row_slice(self.size, self.size, &self.entries)
     }
-}
-
-/// Summed in eight strands, which the vector units take side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const STRANDS: usize = 8;
-    let mut sums = [0.0; STRANDS];
-    let (left, right) = (a.chunks_exact(STRANDS), b.chunks_exact(STRANDS));
-    let rest = left.remainder().iter().zip(right.remainder());
-    let rest: f64 = rest.map(|(x, y)| x * y).sum();
-    for (x, y) in left.zip(right) {
-        for i in 0..STRANDS {
-            sums[i] += x[i] * y[i];
-        }
-    }
-    rest + sums.iter().sum::<f64>()
 }
 
 #[cfg(test)]
