@@ -41,8 +41,10 @@ pub struct Solution {
 
 const ROUNDS: usize = 12;
 const STEPS_PER_ROUND: usize = 30;
-/// A step below this many standard errors of every unknown changes nothing.
+/// A step below this many standard errors, of whatever combination of unknowns, changes nothing.
 const STEP_TOLERANCE: f64 = 1e-6;
+/// A cost is a sum of thousands of squares: below this share of it a difference is rounding.
+const ROUNDING: f64 = 1e-12;
 const LEAST_DAMPING: f64 = 1e-12;
 /// A share of an unknown's column, squared, that the others leave to it: with more the normal equations have digits to spare.
 const DETERMINED: f64 = 1e-9;
@@ -123,8 +125,9 @@ fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) ->
             let normal = problem.normal(&offsets, weights);
             let tried = Point { offsets, normal };
             let tried_cost = cost_at(&tried);
-            let size = change.component_div(&scales).amax();
-            if tried_cost <= cost {
+            // What the step is in standard errors, along the direction in which it is largest (Newton's decrement).
+            let size = gradient.dot(&change).max(0.0).sqrt();
+            if tried_cost <= cost * (1.0 + ROUNDING) {
                 (point, cost) = (tried, tried_cost);
                 damping = Some((here * 0.1).max(LEAST_DAMPING));
                 // Steps fall by a steady share or faster, so the next would be smaller than this one by as much again.

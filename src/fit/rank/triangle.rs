@@ -13,6 +13,8 @@ pub struct Triangle {
     size: usize,
     /// Row by row, zeros below the diagonal.
     entries: Vec<f64>,
+    /// The block being taken in, kept to be filled again.
+    block: Vec<Vec<f64>>,
 }
 
 impl Triangle {
@@ -21,20 +23,25 @@ impl Triangle {
         Self {
             size,
             entries: vec![0.0; size * size],
+            block: vec![Vec::new(); size],
         }
     }
 
     /// Takes a block of whitened rows in; the residual takes no part.
     pub fn take(&mut self, rows: &BlockRows) {
-        let mut block = vec![Vec::new(); self.size];
-        let length = rows.column(0).len();
-        for (place, &unknown) in rows.unknowns().iter().enumerate() {
-            block[unknown] = rows.column(place).to_vec();
+        let mut block = std::mem::take(&mut self.block);
+        for column in &mut block {
+            column.clear();
         }
+        for (place, &unknown) in rows.unknowns().iter().enumerate() {
+            block[unknown].extend_from_slice(rows.column(place));
+        }
+        let length = rows.column(0).len();
         for column in &mut block {
             column.resize(length, 0.0);
         }
         self.take_columns(&mut block);
+        self.block = block;
     }
 
     /// Takes rows in that stand as columns of one length, one for each unknown; what they hold afterwards means nothing.
