@@ -5,7 +5,7 @@
 
 mod rows;
 
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -363,6 +363,31 @@ impl<'a> Problem<'a> {
             self.fill(&mut rows, *block, &chains, &weights);
             take(&rows);
         }
+    }
+
+    /// Whitened position residuals of other measurements at the same poses, in the blocks and rows of
+    /// [`Self::each_block`].
+    pub fn residual_blocks(
+        &self,
+        offsets: &DVector<f64>,
+        measured: &[Point3<f64>],
+    ) -> Vec<[f64; 3 * BLOCK]> {
+        let mut blocks = Vec::with_capacity(self.blocks.len());
+        for (session, stations) in self.stations.iter().enumerate() {
+            let [x, y, z] = self.batch(session, offsets).positions(&stations.axes);
+            for first in (0..stations.places.len()).step_by(BLOCK) {
+                let mut block = [0.0; 3 * BLOCK];
+                for i in first..stations.places.len().min(first + BLOCK) {
+                    let end = Vector3::new(x[i], y[i], z[i]);
+                    let away = stations.whiten(i, measured[stations.places[i]].coords - end);
+                    for row in 0..3 {
+                        block[row * BLOCK + i - first] = away[row];
+                    }
+                }
+                blocks.push(block);
+            }
+        }
+        blocks
     }
 
     fn fill(

@@ -9,6 +9,10 @@ use nalgebra::{DMatrix, DVector};
 use super::loss::Loss;
 use super::problem::{Normal, Problem};
 
+pub mod frozen;
+
+pub use frozen::{Frozen, FrozenSolution};
+
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convergence {
@@ -220,11 +224,13 @@ fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: 
         .map(|(norm, weight)| weight * norm * norm)
         .sum();
     let mean_weight = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
-    let freedom = mean_weight
-        .mul_add(problem.row_count() as f64, -(rank as f64))
-        .max(1.0);
+    factor_of(misfit, mean_weight * problem.row_count() as f64, rank)
+}
+
+/// `misfit / (rows − rank)`.
+fn factor_of(misfit: f64, rows: f64, rank: usize) -> f64 {
     // Exact synthetic data fits to rounding; a floor keeps the prior from being weighed against nothing.
-    (misfit / freedom).max(1e-12)
+    (misfit / (rows - rank as f64).max(1.0)).max(1e-12)
 }
 
 fn squares(norms: &[f64]) -> f64 {

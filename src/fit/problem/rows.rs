@@ -28,7 +28,7 @@ pub struct Stations {
 }
 
 /// Whitened rows of a block: one column for each unknown of its session, and the residual behind them.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct BlockRows {
     unknowns: Vec<usize>,
     /// Length of a column.
@@ -61,12 +61,16 @@ impl Stations {
 
     /// Whitened position residual of station i of these, predicted at `end`.
     pub fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
-        let away = Vector3::from_fn(|row, _| self.measured[row][i]) - end;
+        self.whiten(i, Vector3::from_fn(|row, _| self.measured[row][i]) - end)
+    }
+
+    /// `L⁻¹` of station i times a vector.
+    pub fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
         let w = |entry: usize| self.whitening[entry][i];
         Vector3::new(
-            w(0) * away.x,
-            w(1) * away.x + w(2) * away.y,
-            w(3) * away.x + w(4) * away.y + w(5) * away.z,
+            w(0) * vector.x,
+            w(1) * vector.x + w(2) * vector.y,
+            w(3) * vector.x + w(4) * vector.y + w(5) * vector.z,
         )
     }
 }
@@ -143,7 +147,7 @@ impl BlockRows {
         }
         let columns = self.values.chunks_exact_mut(self.rows);
         for (column, out) in self.columns.iter().zip(columns) {
-            let Some(angular) = &column.angular else {
+            let Some(angular) = column.angular() else {
                 continue;
             };
             for (row, angular) in angular.iter().enumerate() {
