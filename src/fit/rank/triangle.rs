@@ -7,6 +7,9 @@ use nalgebra::DMatrix;
 
 use crate::fit::problem::{BlockRows, dot};
 
+/// Rows taken in together: some thirty columns of them stay in the fastest cache.
+const AT_ONCE: usize = 96;
+
 /// R of the rows taken so far.
 #[derive(Debug, Clone)]
 pub struct Triangle {
@@ -29,18 +32,19 @@ impl Triangle {
 
     /// Takes a block of whitened rows in; the residual takes no part.
     pub fn take(&mut self, rows: &BlockRows) {
-        let mut block = std::mem::take(&mut self.block);
-        for column in &mut block {
-            column.clear();
-        }
-        for (place, &unknown) in rows.unknowns().iter().enumerate() {
-            block[unknown].extend_from_slice(rows.column(place));
-        }
         let length = rows.column(0).len();
-        for column in &mut block {
-            column.resize(length, 0.0);
+        let mut block = std::mem::take(&mut self.block);
+        for first in (0..length).step_by(AT_ONCE) {
+            let part = first..length.min(first + AT_ONCE);
+            for column in &mut block {
+                column.clear();
+                column.resize(part.len(), 0.0);
+            }
+            for (place, &unknown) in rows.unknowns().iter().enumerate() {
+                block[unknown].copy_from_slice(&rows.column(place)[part.clone()]);
+            }
+            self.take_columns(&mut block);
         }
-        self.take_columns(&mut block);
         self.block = block;
     }
 
