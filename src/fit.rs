@@ -233,20 +233,9 @@ pub fn identify_from(
         nominal_structure,
         structure,
         poses: observations.len(),
-        misfit_mm: misfit_mm(&problem, &solution.offsets),
+        misfit_mm: problem.misfit_mm(&solution.offsets),
         solution,
     }
-}
-
-/// Root mean square of measured minus predicted position over all observations, per axis, mm.
-fn misfit_mm(problem: &Problem<'_>, offsets: &DVector<f64>) -> f64 {
-    let observations = problem.observations();
-    let chains = problem.held(offsets);
-    let square = |o: &Observation| {
-        let predicted = chains[o.session].end(&o.axes).translation.vector;
-        (o.position.coords - predicted).norm_squared()
-    };
-    (observations.iter().map(square).sum::<f64>() / (3 * observations.len().max(1)) as f64).sqrt()
 }
 
 /// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse, `rank` directions deep.

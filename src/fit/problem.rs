@@ -3,13 +3,21 @@
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` (METHOD.md 2). Geometry is shared by all
 //! sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
 
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+mod rows;
+
+use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::observation::Observation;
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
-use crate::kinematics::{Axis, Chain, Element, HeldChain, Motion, Parameter, Twist};
+use crate::kinematics::batch::BLOCK;
+use crate::kinematics::{
+    Axis, BatchChain, BatchColumns, Chain, Element, HeldChain, Motion, Parameter,
+};
+
+use rows::Stations;
+pub use rows::{BlockRows, dot};
 
 /// The two frames of one session that the fit finds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,18 +106,13 @@ pub struct Problem<'a> {
     /// For each session, where each free parameter of its chain stands in the vector of unknowns.
     columns: Vec<Vec<Option<usize>>>,
     starts: Vec<Frames>,
+    /// The observations of each session as columns.
+    stations: Vec<Stations>,
+    /// Session and first station of each block; fixed, so that sums do not depend on the number of threads.
+    blocks: Vec<(usize, usize)>,
     /// Offsets that the prior expects, and its precision: `Σ precision (x − expected)²` is added to the cost.
     expected: DVector<f64>,
     precision: DVector<f64>,
-}
-
-/// Whitened residuals and Jacobian of one observation: three rows for a position, six with an orientation.
-#[derive(Debug, Clone)]
-pub struct Rows {
-    /// Measured minus predicted, whitened.
-    pub residual: DVector<f64>,
-    /// Derivative of the prediction with respect to all unknowns, whitened.
-    pub jacobian: DMatrix<f64>,
 }
 
 /// The weighted normal equations at a point.
@@ -119,10 +122,9 @@ pub struct Normal {
     pub information: DMatrix<f64>,
     /// `Jᵀ W r`.
     pub gradient: DVector<f64>,
+    /// `rᵀ W r`.
+    pub cost: f64,
 }
-
-/// Observations a worker sums at once; fixed, so that sums do not depend on the number of threads.
-const CHUNK: usize = 32;
 
 impl<'a> Problem<'a> {
     /// A problem on `observations` of `starts.len()` sessions, around `arm` and the starting frames.
@@ -195,11 +197,21 @@ impl<'a> Problem<'a> {
             DVector::from_iterator(priors.len(), priors.iter().map(pick))
         };
         let (expected, precision) = (column(|prior| prior.0), column(|prior| prior.1));
+        let stations: Vec<_> = (0..starts.len())
+            .map(|session| Stations::of(session, observations, arm.joint_count()))
+            .collect();
+        let blocks = stations.iter().enumerate().flat_map(|(session, own)| {
+            let firsts = (0..own.places.len()).step_by(BLOCK);
+            firsts.map(move |first| (session, first))
+        });
+        let blocks = blocks.collect();
         Self {
             observations,
             chains,
             columns,
             starts: starts.to_vec(),
+            stations,
+            blocks,
             expected,
             precision,
             unknowns,
@@ -261,80 +273,150 @@ impl<'a> Problem<'a> {
 
     /// Whitened residual norm of each observation.
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
-        let chains = self.held(offsets);
-        let norm = |observation: &Observation| {
-            let predicted = chains[observation.session].end(&observation.axes);
-            let residual = residual(observation, &predicted);
-            let whitened = whitened_position(observation, &residual.position);
-            let turned = residual.rotation.zip(observation.orientation);
-            let rotation = turned.map_or(0.0, |(rotation, (_, sd))| (rotation / sd).norm_squared());
-            (whitened.norm_squared() + rotation).sqrt()
-        };
-        self.observations
-            .par_iter()
-            .with_min_len(CHUNK)
-            .map(norm)
-            .collect()
+        let mut norms = vec![0.0; self.observations.len()];
+        for (session, stations) in self.stations.iter().enumerate() {
+            let chain = self.batch(session, offsets);
+            let squared = self.squared_norms(&chain, stations);
+            for (&place, squared) in stations.places.iter().zip(squared) {
+                norms[place] = squared.sqrt();
+            }
+        }
+        norms
     }
 
-    /// Whitened residual and Jacobian rows of one observation, at the offsets that its session's chain is held at.
-    pub fn rows(&self, observation: &Observation, chain: &HeldChain) -> Rows {
-        let view = chain.view(&observation.axes);
-        let residual = residual(observation, &view.end);
-        let count = if observation.orientation.is_some() {
-            6
-        } else {
-            3
-        };
-        let mut rows = Rows {
-            residual: DVector::zeros(count),
-            jacobian: DMatrix::zeros(count, self.unknowns.len()),
-        };
-        rows.residual
-            .fixed_rows_mut::<3>(0)
-            .copy_from(&whitened_position(observation, &residual.position));
-        if let (Some(rotation), Some((_, sd))) = (residual.rotation, observation.orientation) {
-            rows.residual
-                .fixed_rows_mut::<3>(3)
-                .copy_from(&(rotation / sd));
+    fn squared_norms(&self, chain: &BatchChain, stations: &Stations) -> Vec<f64> {
+        let count = stations.places.len();
+        if !stations.turned {
+            let [x, y, z] = chain.positions(&stations.axes);
+            let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
+            let squared = |i: usize| stations.whitened(i, end(i)).norm_squared();
+            return (0..count).map(squared).collect();
         }
-        for (column, twist) in &view.unknowns {
-            fill(&mut rows.jacobian, *column, observation, twist);
+        let poses = chain.poses(&stations.axes);
+        let squared = |i: usize| {
+            let observation = &self.observations[stations.places[i]];
+            let end = poses.isometry(i);
+            let position = stations.whitened(i, end.translation.vector);
+            let turn = residual(observation, &end)
+                .rotation
+                .zip(observation.orientation);
+            let turn = turn.map_or(0.0, |(turn, (_, sd))| (turn / sd).norm_squared());
+            position.norm_squared() + turn
+        };
+        (0..count).map(squared).collect()
+    }
+
+    /// Root mean square of measured minus predicted position over all observations, per axis, mm.
+    pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
+        let mut sum = 0.0;
+        for (session, stations) in self.stations.iter().enumerate() {
+            let [x, y, z] = self.batch(session, offsets).positions(&stations.axes);
+            for (i, &place) in stations.places.iter().enumerate() {
+                let predicted = Vector3::new(x[i], y[i], z[i]);
+                sum += (self.observations[place].position.coords - predicted).norm_squared();
+            }
         }
-        rows
+        (sum / (3 * self.observations.len().max(1)) as f64).sqrt()
     }
 
     /// The weighted normal equations at `offsets`, one weight per observation.
     pub fn normal(&self, offsets: &DVector<f64>, weights: &[f64]) -> Normal {
-        let size = self.unknowns.len();
-        let chains = self.held(offsets);
-        let part = |(observations, weights): (&[Observation], &[f64])| {
-            let mut sum = Normal {
-                information: DMatrix::zeros(size, size),
-                gradient: DVector::zeros(size),
-            };
-            for (observation, &weight) in observations.iter().zip(weights) {
-                let Rows { residual, jacobian } =
-                    self.rows(observation, &chains[observation.session]);
-                sum.information.gemm_tr(weight, &jacobian, &jacobian, 1.0);
-                sum.gradient.gemv_tr(weight, &jacobian, &residual, 1.0);
-            }
-            sum
+        let chains = self.with_columns(offsets);
+        let gram = |rows: &mut BlockRows, block: &(usize, usize)| {
+            self.fill(rows, *block, &chains, weights);
+            (rows.unknowns().to_vec(), rows.gram())
         };
-        let parts: Vec<_> = self
-            .observations
-            .par_chunks(CHUNK)
-            .zip(weights.par_chunks(CHUNK))
-            .map(part)
+        let grams: Vec<_> = self
+            .blocks
+            .par_iter()
+            .map_init(BlockRows::default, gram)
             .collect();
-        let zero = Normal {
-            information: DMatrix::zeros(size, size),
-            gradient: DVector::zeros(size),
+        let size = self.unknowns.len();
+        let mut information = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        let mut cost = 0.0;
+        for (unknowns, gram) in grams {
+            let last = unknowns.len();
+            cost += gram[(last, last)];
+            for (column, &unknown) in unknowns.iter().enumerate() {
+                gradient[unknown] += gram[(last, column)];
+                for (row, &other) in unknowns.iter().enumerate().skip(column) {
+                    let lower = (unknown.max(other), unknown.min(other));
+                    information[lower] += gram[(row, column)];
+                }
+            }
+        }
+        information.fill_upper_triangle_with_lower_triangle();
+        Normal {
+            information,
+            gradient,
+            cost,
+        }
+    }
+
+    /// Gives the whitened rows at `offsets` to `take`, block by block in a fixed order, no station weighted down.
+    pub fn each_block(&self, offsets: &DVector<f64>, mut take: impl FnMut(&BlockRows)) {
+        let chains = self.with_columns(offsets);
+        let weights = vec![1.0; self.observations.len()];
+        let mut rows = BlockRows::default();
+        for block in &self.blocks {
+            self.fill(&mut rows, *block, &chains, &weights);
+            take(&rows);
+        }
+    }
+
+    /// Whitened position residuals of other measurements at the same poses, in the blocks and rows of
+    /// [`Self::each_block`].
+    pub fn residual_blocks(
+        &self,
+        offsets: &DVector<f64>,
+        measured: &[Point3<f64>],
+    ) -> Vec<[f64; 3 * BLOCK]> {
+        let mut blocks = Vec::with_capacity(self.blocks.len());
+        for (session, stations) in self.stations.iter().enumerate() {
+            let [x, y, z] = self.batch(session, offsets).positions(&stations.axes);
+            for first in (0..stations.places.len()).step_by(BLOCK) {
+                let mut block = [0.0; 3 * BLOCK];
+                for i in first..stations.places.len().min(first + BLOCK) {
+                    let end = Vector3::new(x[i], y[i], z[i]);
+                    let away = stations.whiten(i, measured[stations.places[i]].coords - end);
+                    for row in 0..3 {
+                        block[row * BLOCK + i - first] = away[row];
+                    }
+                }
+                blocks.push(block);
+            }
+        }
+        blocks
+    }
+
+    fn fill(
+        &self,
+        rows: &mut BlockRows,
+        (session, first): (usize, usize),
+        chains: &[BatchColumns],
+        weights: &[f64],
+    ) {
+        let stations = &self.stations[session];
+        rows.fill(
+            &chains[session],
+            self.observations,
+            weights,
+            stations,
+            first,
+        );
+    }
+
+    fn with_columns(&self, offsets: &DVector<f64>) -> Vec<BatchColumns> {
+        let at = |session: usize| {
+            let local = self.local_offsets(session, offsets);
+            BatchColumns::new(&self.chains[session], &local, &self.columns[session])
         };
-        parts.into_iter().fold(zero, |sum, part| Normal {
-            information: sum.information + part.information,
-            gradient: sum.gradient + part.gradient,
-        })
+        (0..self.chains.len()).map(at).collect()
+    }
+
+    fn batch(&self, session: usize, offsets: &DVector<f64>) -> BatchChain {
+        BatchChain::new(&self.chains[session], &self.local_offsets(session, offsets))
     }
 
     /// The frames of each session once `offsets` are taken into them.
@@ -427,22 +509,5 @@ pub fn residual(observation: &Observation, predicted: &Isometry3<f64>) -> Residu
     Residual {
         position: observation.position.coords - predicted.translation.vector,
         rotation: observation.orientation.map(|(measured, _)| turn(measured)),
-    }
-}
-
-fn whitened_position(observation: &Observation, vector: &Vector3<f64>) -> Vector3<f64> {
-    let solved = observation.position_factor.solve_lower_triangular(vector);
-    solved.expect("a Cholesky factor has a positive diagonal")
-}
-
-fn fill(jacobian: &mut DMatrix<f64>, column: usize, observation: &Observation, twist: &Twist) {
-    let linear = whitened_position(observation, &twist.linear);
-    jacobian
-        .fixed_view_mut::<3, 1>(0, column)
-        .copy_from(&linear);
-    if let Some((_, sd)) = observation.orientation {
-        jacobian
-            .fixed_view_mut::<3, 1>(3, column)
-            .copy_from(&(twist.angular / sd));
     }
 }

@@ -8,6 +8,10 @@ use nalgebra::{DMatrix, DVector};
 
 use super::problem::Problem;
 
+mod triangle;
+
+use triangle::Triangle;
+
 /// A singular value below this share of the largest is a structural zero. Exact geometry leaves 1e-15; a target 0.3 mm
 /// off the last axis leaves 2e-5.
 const STRUCTURAL_ZERO: f64 = 1e-10;
@@ -51,7 +55,9 @@ impl Structure {
     /// The structure of `problem`'s Jacobian at `offsets`.
     pub fn of(problem: &Problem<'_>, offsets: &DVector<f64>) -> Self {
         let size = problem.unknowns().len();
-        let stacked = triangle(problem, offsets);
+        let mut triangle = Triangle::new(size);
+        problem.each_block(offsets, |rows| triangle.take(rows));
+        let stacked = triangle.matrix();
         let norms: Vec<f64> = stacked.column_iter().map(|column| column.norm()).collect();
         let largest = norms.iter().copied().fold(0.0, f64::max);
         let (kept, zero_columns): (Vec<usize>, Vec<usize>) =
@@ -114,26 +120,6 @@ impl Structure {
             *self.singular_values.first()?,
             *self.singular_values.get(self.rank.checked_sub(1)?)?,
         ))
-    }
-}
-
-/// The triangular factor R of the stacked Jacobian, so that singular values keep their digits (`JᵀJ` would square them).
-fn triangle(problem: &Problem<'_>, offsets: &DVector<f64>) -> DMatrix<f64> {
-    let size = problem.unknowns().len();
-    let mut stacked = DMatrix::zeros(problem.row_count(), size);
-    let mut first = 0;
-    let chains = problem.held(offsets);
-    for observation in problem.observations() {
-        let rows = problem
-            .rows(observation, &chains[observation.session])
-            .jacobian;
-        stacked.rows_mut(first, rows.nrows()).copy_from(&rows);
-        first += rows.nrows();
-    }
-    if stacked.nrows() > size {
-        stacked.qr().r()
-    } else {
-        stacked
     }
 }
 

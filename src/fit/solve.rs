@@ -9,6 +9,10 @@ use nalgebra::{DMatrix, DVector};
 use super::loss::Loss;
 use super::problem::{Normal, Problem};
 
+pub mod frozen;
+
+pub use frozen::{Frozen, FrozenSolution};
+
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convergence {
@@ -41,108 +45,133 @@ pub struct Solution {
 
 const ROUNDS: usize = 12;
 const STEPS_PER_ROUND: usize = 30;
-/// A step below this many standard errors of every unknown changes nothing.
+/// A step below this many standard errors, of whatever combination of unknowns, changes nothing.
 const STEP_TOLERANCE: f64 = 1e-6;
+/// A cost is a sum of thousands of squares: below this share of it a difference is rounding.
+const ROUNDING: f64 = 1e-12;
+const LEAST_DAMPING: f64 = 1e-12;
+/// A share of an unknown's column, squared, that the others leave to it: with more the normal equations have digits to spare.
+const DETERMINED: f64 = 1e-9;
 
 /// Solves `problem` from its start; `rank` is the number of unknowns the poses can tell apart.
 pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
-    let size = problem.unknowns().len();
-    let mut offsets = DVector::zeros(size);
+    let offsets = DVector::zeros(problem.unknowns().len());
     let mut norms = problem.norms(&offsets);
     let start_cost = squares(&norms);
     let (mut weights, mut factor) = (vec![1.0; norms.len()], 1.0);
+    let normal = problem.normal(&offsets, &weights);
+    let mut point = Point { offsets, normal };
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
+    // Neither weights nor the variance factor change what a problem without both is solved by.
+    let one_round = loss == Loss::Squares && problem.prior_precision().amax() == 0.0;
     for _ in 0..ROUNDS {
-        let before = offsets.clone();
-        let descent = descend(problem, offsets, &weights, factor);
+        let before = point.offsets.clone();
+        let descent = descend(problem, point, &weights, factor);
         iterations += descent.steps;
         convergence = descent.convergence;
-        offsets = descent.offsets;
-        norms = problem.norms(&offsets);
-        weights = loss.weights(&norms);
-        factor = variance_factor(problem, &norms, &weights, rank);
-        let scales = step_scales(&problem.normal(&offsets, &weights), problem, factor);
-        if (&offsets - before).component_div(&scales).amax() < 1e-3 {
+        point = descent.point;
+        norms = problem.norms(&point.offsets);
+        let renewed = loss.weights(&norms);
+        factor = variance_factor(problem, &norms, &renewed, rank);
+        if renewed != weights {
+            weights = renewed;
+            point.normal = problem.normal(&point.offsets, &weights);
+        }
+        let scales = step_scales(&point.normal, problem, factor);
+        if one_round || (&point.offsets - before).component_div(&scales).amax() < 1e-3 {
             break;
         }
     }
-    let information = problem.normal(&offsets, &weights).information;
     let cost = [start_cost, squares(&norms)];
     Solution {
-        offsets,
+        offsets: point.offsets,
         convergence,
         iterations,
         cost,
         variance_factor: factor,
         weights,
-        information,
+        information: point.normal.information,
     }
 }
 
-struct Descent {
+/// Offsets and the normal equations there.
+struct Point {
     offsets: DVector<f64>,
+    normal: Normal,
+}
+
+struct Descent {
+    point: Point,
     steps: usize,
     convergence: Convergence,
 }
 
 /// One round: the weights and the variance factor stay as they are.
-fn descend(problem: &Problem<'_>, start: DVector<f64>, weights: &[f64], factor: f64) -> Descent {
-    let cost_at = |offsets: &DVector<f64>| {
-        let norms = problem.norms(offsets);
-        let misfit: f64 = norms
-            .iter()
-            .zip(weights)
-            .map(|(norm, weight)| weight * norm * norm)
-            .sum();
-        misfit / factor + problem.prior_cost(offsets)
+fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) -> Descent {
+    let cost_at = |point: &Point| point.normal.cost / factor + problem.prior_cost(&point.offsets);
+    let mut point = start;
+    let mut cost = cost_at(&point);
+    let (mut damping, mut last_size) = (None, 0.0);
+    let ended = |point, steps, convergence| Descent {
+        point,
+        steps,
+        convergence,
     };
-    let mut offsets = start;
-    let mut cost = cost_at(&offsets);
-    let mut damping = 1e-6;
     for step in 1..=STEPS_PER_ROUND {
-        let normal = problem.normal(&offsets, weights);
-        let scales = step_scales(&normal, problem, factor);
-        let gradient = &normal.gradient / factor + problem.prior_pull(&offsets);
-        let matrix = posterior_information(&normal.information, problem.prior_precision(), factor);
+        let scales = step_scales(&point.normal, problem, factor);
+        let gradient = &point.normal.gradient / factor + problem.prior_pull(&point.offsets);
+        let precision = problem.prior_precision();
+        let matrix = posterior_information(&point.normal.information, precision, factor);
+        let mut here = damping.unwrap_or_else(|| first_damping(&matrix, &scales));
         loop {
-            let change = damped_step(&matrix, &gradient, &scales, damping);
-            let tried = &offsets + &change;
+            let change = damped_step(&matrix, &gradient, &scales, here);
+            let offsets = &point.offsets + &change;
+            let normal = problem.normal(&offsets, weights);
+            let tried = Point { offsets, normal };
             let tried_cost = cost_at(&tried);
-            let small = change.component_div(&scales).amax() < STEP_TOLERANCE;
-            if tried_cost <= cost {
-                (offsets, cost) = (tried, tried_cost);
-                damping = (damping * 0.1).max(1e-12);
-                if small {
-                    return Descent {
-                        offsets,
-                        steps: step,
-                        convergence: Convergence::Converged,
-                    };
+            // What the step is in standard errors, along the direction in which it is largest (Newton's decrement).
+            let size = gradient.dot(&change).max(0.0).sqrt();
+            if tried_cost <= cost * (1.0 + ROUNDING) {
+                (point, cost) = (tried, tried_cost);
+                damping = Some((here * 0.1).max(LEAST_DAMPING));
+                // Steps fall by a steady share or faster, so the next would be smaller than this one by as much again.
+                if size * (size / last_size).min(1.0) < STEP_TOLERANCE {
+                    return ended(point, step, Convergence::Converged);
                 }
+                last_size = size;
                 break;
             }
-            if small {
-                return Descent {
-                    offsets,
-                    steps: step,
-                    convergence: Convergence::Converged,
-                };
+            if size < STEP_TOLERANCE {
+                return ended(point, step, Convergence::Converged);
             }
-            damping = (damping * 10.0).max(1e-9);
-            if damping > 1e9 {
-                return Descent {
-                    offsets,
-                    steps: step,
-                    convergence: Convergence::Stalled,
-                };
+            here = (here * 10.0).max(1e-9);
+            if here > 1e9 {
+                return ended(point, step, Convergence::Stalled);
             }
         }
     }
-    Descent {
-        offsets,
-        steps: STEPS_PER_ROUND,
-        convergence: Convergence::IterationLimit,
+    ended(point, STEPS_PER_ROUND, Convergence::IterationLimit)
+}
+
+/// Hardly any where every unknown is determined by poses or prior, for Newton's step is best there. Otherwise enough to
+/// keep what is not determined from following rounding errors.
+fn first_damping(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> f64 {
+    let scaled = scaled(matrix, scales);
+    let pivots = scaled.cholesky().map(|factor| factor.l_dirty().diagonal());
+    let least = pivots.map_or(0.0, |pivots| {
+        pivots.iter().fold(1.0, |a: f64, b| a.min(b * b))
+    });
+    if least > DETERMINED {
+        LEAST_DAMPING
+    } else {
+        1e-6
     }
+}
+
+/// `D A D`.
+fn scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
+    let size = scales.len();
+    DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j])
 }
 
 /// `s⁻² Jᵀ W J + P`.
@@ -177,9 +206,8 @@ fn damped_step(
     scales: &DVector<f64>,
     damping: f64,
 ) -> DVector<f64> {
-    let size = gradient.len();
-    let mut scaled = DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j]);
-    for i in 0..size {
+    let mut scaled = scaled(matrix, scales);
+    for i in 0..gradient.len() {
         scaled[(i, i)] += damping;
     }
     let right = gradient.component_mul(scales);
@@ -196,11 +224,13 @@ fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: 
         .map(|(norm, weight)| weight * norm * norm)
         .sum();
     let mean_weight = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
-    let freedom = mean_weight
-        .mul_add(problem.row_count() as f64, -(rank as f64))
-        .max(1.0);
+    factor_of(misfit, mean_weight * problem.row_count() as f64, rank)
+}
+
+/// `misfit / (rows − rank)`.
+fn factor_of(misfit: f64, rows: f64, rank: usize) -> f64 {
     // Exact synthetic data fits to rounding; a floor keeps the prior from being weighed against nothing.
-    (misfit / freedom).max(1e-12)
+    (misfit / (rows - rank as f64).max(1.0)).max(1e-12)
 }
 
 fn squares(norms: &[f64]) -> f64 {

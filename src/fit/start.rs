@@ -6,7 +6,7 @@ use super::observation::Observation;
 use super::problem::{Frames, Freedom, Problem};
 use super::{FitError, FitSettings, solve};
 use crate::geometry::{Transform, align};
-use crate::kinematics::Arm;
+use crate::kinematics::{Arm, BatchChain};
 
 /// Nine numbers of base and target ask for three positions; one more leaves something to judge by.
 const LEAST_STATIONS: usize = 4;
@@ -59,7 +59,7 @@ fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Fr
         });
     }
     let measured: Vec<Point3<f64>> = own.iter().map(|o| o.position).collect();
-    let flanges: Vec<Isometry3<f64>> = own.iter().map(|o| arm.chain().nominal(&o.axes)).collect();
+    let flanges = flanges(arm, &own);
     let origins: Vec<Point3<f64>> = flanges
         .iter()
         .map(|f| Point3::from(f.translation.vector))
@@ -81,6 +81,16 @@ fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Fr
         tracker_from_base: Transform::claim(base),
         flange_from_target: Transform::claim(Isometry3::from_parts(Translation3::identity(), turn)),
     })
+}
+
+/// The nominal flange at each observation.
+fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {
+    let chain = arm.chain();
+    let axis = |axis: usize| observations.iter().map(|o| o.axes[axis]).collect();
+    let axes: Vec<Vec<f64>> = (0..chain.joint_count()).map(axis).collect();
+    let nominal = vec![0.0; chain.parameters().len()];
+    let poses = BatchChain::new(chain, &nominal).poses(&axes);
+    (0..poses.len()).map(|i| poses.isometry(i)).collect()
 }
 
 /// Root mean square distance from the line through the points' barycentre along their longest direction, mm.

@@ -52,8 +52,7 @@ pub fn sin_cos(angles: &Block, sin: &mut Block, cos: &mut Block) {
     let mut beyond = false;
     for place in 0..BLOCK {
         (sin[place], cos[place]) = by_polynomials(angles[place]);
-        // Written so that what is not a number is beyond too.
-        beyond |= !(angles[place].abs() <= LARGEST);
+        beyond |= is_beyond(angles[place]);
     }
     if beyond {
         one_by_one(angles, sin, cos);
@@ -63,10 +62,16 @@ pub fn sin_cos(angles: &Block, sin: &mut Block, cos: &mut Block) {
 #[cold]
 fn one_by_one(angles: &Block, sin: &mut Block, cos: &mut Block) {
     for place in 0..BLOCK {
-        if !(angles[place].abs() <= LARGEST) {
+        if is_beyond(angles[place]) {
             (sin[place], cos[place]) = angles[place].sin_cos();
         }
     }
+}
+
+/// Too large, or not a number.
+#[inline]
+fn is_beyond(angle: f64) -> bool {
+    angle.abs() > LARGEST || angle.is_nan()
 }
 
 #[inline]

@@ -199,8 +199,7 @@ pub fn verdict(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Result<(
 fn within_limits(arm: &Arm, joints: &[f64], margin_rad: f64) -> Result<(), Unsuitable> {
     for (joint, &angle) in arm.joints().iter().zip(joints) {
         let (lower, upper) = (joint.lower + margin_rad, joint.upper - margin_rad);
-        // Written so that what is not a number is beyond them too.
-        if !(lower <= angle && angle <= upper) {
+        if !(lower..=upper).contains(&angle) {
             return Err(Unsuitable::BeyondLimit {
                 joint: joint.name.clone(),
                 angle_deg: angle.to_degrees(),
@@ -274,7 +273,7 @@ fn outside_boxes(parts: &[(Part, Segment)], asked: &Constraints) -> Result<(), U
 fn seen(base_from_target: &Isometry3<f64>, sight: &Sight) -> Result<(), Unsuitable> {
     let way = sight.tracker.coords - base_from_target.translation.vector;
     let (range_mm, [least_mm, most_mm]) = (way.norm(), sight.range_mm);
-    if !(least_mm <= range_mm && range_mm <= most_mm) {
+    if !(least_mm..=most_mm).contains(&range_mm) {
         return Err(Unsuitable::OutOfRange {
             range_mm,
             least_mm,

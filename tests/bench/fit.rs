@@ -1,18 +1,19 @@
 //! What the fits cost: geometry alone, the whole error model, its predictions, beside a dense Gaussian process.
 //!
 //! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
-//! the identification of 1000 stations, the training of the whole model on 800, on 200 and on 5000, one evaluation of the
-//! evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of the same short and long kernels on
-//! 200, of which a search of hyper-parameters needs tens, and predictions a second. Without `--bench` (as `cargo test`
-//! calls it) small sessions show that it works.
+//! the identification of 1000 stations, one more fit at the same poses, the training of the whole model on 800, on 200
+//! and on 5000, one evaluation of the evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of
+//! the same short and long kernels on 200, of which a search of hyper-parameters needs tens, and predictions a second.
+//! Without `--bench` (as `cargo test` calls it) small sessions show that it works.
 
 use std::time::Instant;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Query};
+use posegrid::fit::solve::Frozen;
 use posegrid::fit::{
-    self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
+    self, Calibration, FitSettings, Freedom, Noise, Observation, Problem, TrackerUncertainty,
 };
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::{JoinSettings, join};
@@ -41,6 +42,8 @@ fn main() {
     let base = median_ms(repeats, || identified(&arm, stations).frames.len());
     let what = format!("identify: {} stations, {unknowns} unknowns", stations.len());
     row(&what, base, base);
+    let again = frozen_ms(&arm, stations, &calibration, repeats);
+    row("the same poses measured again, Jacobian held", again, base);
 
     let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
     row(&format!("whole model: {most} stations"), large, base);
@@ -145,6 +148,21 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
 fn identified(arm: &Arm, stations: &[Observation]) -> Calibration {
     let settings = FitSettings::default();
     fit::identify(arm, stations, 1, Freedom::Geometry, &settings).expect("a fit")
+}
+
+/// One more fit at the poses of `stations`, the Jacobian of the nominal arm held.
+fn frozen_ms(arm: &Arm, stations: &[Observation], found: &Calibration, repeats: usize) -> f64 {
+    let prior = FitSettings::default().prior();
+    let problem = Problem::new(
+        stations,
+        arm.chain(),
+        &found.frames,
+        Freedom::Geometry,
+        prior,
+    );
+    let frozen = Frozen::new(&problem, found.nominal_structure.rank);
+    let measured: Vec<_> = stations.iter().map(|o| o.position).collect();
+    median_ms(repeats, || frozen.solve(&measured).offsets.len())
 }
 
 fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullModel {

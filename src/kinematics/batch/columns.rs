@@ -6,7 +6,7 @@
 
 use super::super::chain::{Axis, Chain, Element, Motion};
 use super::super::sin_cos::{BLOCK, Block, sin_cos};
-use super::{cross, read};
+use super::read;
 
 /// A chain at given offsets whose free parameters are unknowns.
 #[derive(Debug, Clone)]
@@ -20,8 +20,9 @@ pub struct BatchColumns {
 pub struct Column {
     /// Of its origin, mm per unit; by row.
     pub linear: [Block; 3],
-    /// Of its orientation, rad per unit; by row. `None` for a length, which turns nothing.
-    pub angular: Option<[Block; 3]>,
+    /// Of its orientation, rad per unit; by row. Means nothing for a length.
+    angular: [Block; 3],
+    turns: bool,
 }
 
 /// One step of the walk.
@@ -101,11 +102,14 @@ impl BatchColumns {
         first: usize,
         columns: &mut Vec<Column>,
     ) -> ([[Block; 3]; 3], [Block; 3]) {
-        columns.clear();
+        columns.resize(self.unknowns.len(), Column::EMPTY);
+        let mut met = columns.iter_mut();
         let mut walk = Walk::root();
         for step in &self.steps {
             match step {
-                Step::Unknown(motion) => columns.push(walk.met(*motion)),
+                Step::Unknown(motion) => {
+                    walk.meet(*motion, met.next().expect("a column for each unknown"));
+                }
                 Step::Shift(axis, by) => walk.shift(*axis, &[*by; BLOCK]),
                 Step::Turn(axis, sin, cos) => walk.turn(*axis, &[*sin; BLOCK], &[*cos; BLOCK]),
                 Step::Joint(motion, joint, sign) => {
@@ -143,13 +147,28 @@ impl Step {
 }
 
 impl Column {
+    const EMPTY: Self = Self {
+        linear: [[0.0; BLOCK]; 3],
+        angular: [[0.0; BLOCK]; 3],
+        turns: false,
+    };
+
+    /// Motion of the end's orientation, rad per unit, by row; `None` for a length, which turns nothing.
+    pub fn angular(&self) -> Option<&[Block; 3]> {
+        self.turns.then_some(&self.angular)
+    }
+
     /// From where the unknown stands (in `linear`) to the end: the axis crossed with the way there.
     fn carry_to(&mut self, end: &[Block; 3]) {
-        if let Some(axis) = &self.angular {
-            let through = &self.linear;
-            let way =
-                std::array::from_fn(|row| std::array::from_fn(|i| end[row][i] - through[row][i]));
-            self.linear = cross(axis, &way);
+        if !self.turns {
+            return;
+        }
+        let ([a, b, c], [x, y, z]) = (&self.angular, &mut self.linear);
+        for i in 0..BLOCK {
+            let (u, v, w) = (end[0][i] - x[i], end[1][i] - y[i], end[2][i] - z[i]);
+            x[i] = b[i] * w - c[i] * v;
+            y[i] = c[i] * u - a[i] * w;
+            z[i] = a[i] * v - b[i] * u;
         }
     }
 }
@@ -165,16 +184,17 @@ impl Walk {
     }
 
     /// A length's column is its axis; an angle's waits, with the place it turns about, for the end.
-    fn met(&self, motion: Motion) -> Column {
+    fn meet(&self, motion: Motion, column: &mut Column) {
         match motion {
-            Motion::Translation(axis) => Column {
-                linear: self.axes[place(axis)],
-                angular: None,
-            },
-            Motion::Rotation(axis) => Column {
-                linear: self.origin,
-                angular: Some(self.axes[place(axis)]),
-            },
+            Motion::Translation(axis) => {
+                column.linear = self.axes[place(axis)];
+                column.turns = false;
+            }
+            Motion::Rotation(axis) => {
+                column.linear = self.origin;
+                column.angular = self.axes[place(axis)];
+                column.turns = true;
+            }
         }
     }
 

@@ -124,7 +124,7 @@ fn columns_are_the_chains_own_differential() {
                     found.iter().zip(batch.unknowns()).zip(&view.unknowns)
                 {
                     assert_eq!(unknown, of);
-                    let angular = |row: usize| column.angular.as_ref().map_or(0.0, |a| a[row][i]);
+                    let angular = |row: usize| column.angular().map_or(0.0, |a| a[row][i]);
                     for row in 0..3 {
                         assert!((column.linear[row][i] - twist.linear[row]).abs() < 1e-9);
                         assert!((angular(row) - twist.angular[row]).abs() < 1e-12);

@@ -67,8 +67,8 @@ impl Path {
         let mut tour = Tour::new(self, order);
         loop {
             let mut better = false;
-            for point in 0..self.points.len() {
-                while tour.improve(point, &near[point]) {
+            for (point, near) in near.iter().enumerate() {
+                while tour.improve(point, near) {
                     better = true;
                 }
             }

@@ -1,0 +1,227 @@
+//! Whitened residuals and Jacobian rows of a block of stations at a time, column by column.
+//!
+//! 1. The stations of a session stand as columns: axis variables, measured positions, whitening `L⁻¹` of `L Lᵀ`.
+//! 2. A block of them passes the batched chain, which gives the predicted target and its motion per unknown.
+//! 3. Residual and columns are whitened, times the root of the station's weight; a block's end is filled with zero rows,
+//!    which say nothing.
+
+use nalgebra::{
+    DMatrix, DMatrixView, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3,
+};
+
+use super::{Observation, residual};
+use crate::kinematics::BatchColumns;
+use crate::kinematics::batch::{BLOCK, Block, Column};
+
+/// The stations of one session as columns.
+#[derive(Debug)]
+pub struct Stations {
+    /// Where each station stands among the problem's observations.
+    pub places: Vec<usize>,
+    /// Axis variables, `axes[j][i]`.
+    pub axes: Vec<Vec<f64>>,
+    measured: [Vec<f64>; 3],
+    /// The lower triangle of `L⁻¹`, row by row.
+    whitening: [Vec<f64>; 6],
+    /// Whether any orientation was measured.
+    pub turned: bool,
+}
+
+/// Whitened rows of a block: one column for each unknown of its session, and the residual behind them.
+#[derive(Debug, Clone, Default)]
+pub struct BlockRows {
+    unknowns: Vec<usize>,
+    /// Length of a column.
+    rows: usize,
+    values: Vec<f64>,
+    /// The chain's columns before whitening, kept to be filled again.
+    columns: Vec<Column>,
+}
+
+impl Stations {
+    /// Those of `observations` that belong to `session`.
+    pub fn of(session: usize, observations: &[Observation], axes: usize) -> Self {
+        let own = |(_, o): &(usize, &Observation)| o.session == session;
+        let own: Vec<_> = observations.iter().enumerate().filter(own).collect();
+        let column = |pick: &dyn Fn(&Observation) -> f64| -> Vec<f64> {
+            own.iter()
+                .map(|(_, observation)| pick(observation))
+                .collect()
+        };
+        let whitening: Vec<Matrix3<f64>> = own.iter().map(|(_, o)| whitening(o)).collect();
+        let entry = |(row, column)| whitening.iter().map(|w| w[(row, column)]).collect();
+        Self {
+            places: own.iter().map(|(place, _)| *place).collect(),
+            axes: (0..axes).map(|axis| column(&|o| o.axes[axis])).collect(),
+            measured: [0, 1, 2].map(|row| column(&|o| o.position[row])),
+            whitening: [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)].map(entry),
+            turned: own.iter().any(|(_, o)| o.orientation.is_some()),
+        }
+    }
+
+    /// Whitened position residual of station i of these, predicted at `end`.
+    pub fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
+        self.whiten(i, Vector3::from_fn(|row, _| self.measured[row][i]) - end)
+    }
+
+    /// `L⁻¹` of station i times a vector.
+    pub fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
+        let w = |entry: usize| self.whitening[entry][i];
+        Vector3::new(
+            w(0) * vector.x,
+            w(1) * vector.x + w(2) * vector.y,
+            w(3) * vector.x + w(4) * vector.y + w(5) * vector.z,
+        )
+    }
+}
+
+fn whitening(observation: &Observation) -> Matrix3<f64> {
+    observation
+        .position_factor
+        .solve_lower_triangular(&Matrix3::identity())
+        .expect("a Cholesky factor has a positive diagonal")
+}
+
+impl BlockRows {
+    /// The rows of the block of `stations` that begins at `first`, predicted by `chain`.
+    pub fn fill(
+        &mut self,
+        chain: &BatchColumns,
+        observations: &[Observation],
+        weights: &[f64],
+        stations: &Stations,
+        first: usize,
+    ) {
+        let (axes, end) = chain.block(&stations.axes, first, &mut self.columns);
+        self.unknowns.clear();
+        self.unknowns.extend_from_slice(chain.unknowns());
+        self.rows = if stations.turned { 6 } else { 3 } * BLOCK;
+        self.values.clear();
+        self.values
+            .resize(self.rows * (self.unknowns.len() + 1), 0.0);
+
+        let places = &stations.places[first..stations.places.len().min(first + BLOCK)];
+        let roots = filled(places.iter().map(|&place| weights[place].sqrt()));
+        let scaled = |entry: &Vec<f64>| {
+            let entries = entry[first..].iter().zip(&roots);
+            filled(entries.map(|(entry, root)| entry * root))
+        };
+        let whitening: [Block; 6] = std::array::from_fn(|entry| scaled(&stations.whitening[entry]));
+        let away = std::array::from_fn(|row| {
+            let measured = filled(stations.measured[row][first..].iter().copied());
+            std::array::from_fn(|i| measured[i] - end[row][i])
+        });
+        let mut columns = self.values.chunks_exact_mut(self.rows);
+        for (column, out) in self.columns.iter().zip(&mut columns) {
+            whiten(&whitening, &column.linear, out);
+        }
+        let out = columns
+            .next()
+            .expect("the residual stands behind the unknowns");
+        whiten(&whitening, &away, out);
+        if stations.turned {
+            let stations = places.iter().map(|&place| &observations[place]);
+            self.fill_turns(stations, &axes, &roots);
+        }
+    }
+
+    /// The rows of orientations, behind those of positions; zeros where none was measured.
+    fn fill_turns<'a>(
+        &mut self,
+        observations: impl Iterator<Item = &'a Observation>,
+        axes: &[[Block; 3]; 3],
+        roots: &Block,
+    ) {
+        let residual_column = self.rows * self.unknowns.len();
+        let mut precision = [0.0; BLOCK];
+        for (i, observation) in observations.enumerate() {
+            let Some((_, sd)) = observation.orientation else {
+                continue;
+            };
+            precision[i] = roots[i] / sd;
+            let turned = residual(observation, &turned_only(axes, i)).rotation;
+            let turn = turned.expect("an orientation was measured") * precision[i];
+            for row in 0..3 {
+                self.values[residual_column + (3 + row) * BLOCK + i] = turn[row];
+            }
+        }
+        let columns = self.values.chunks_exact_mut(self.rows);
+        for (column, out) in self.columns.iter().zip(columns) {
+            let Some(angular) = column.angular() else {
+                continue;
+            };
+            for (row, angular) in angular.iter().enumerate() {
+                let out = &mut out[(3 + row) * BLOCK..(4 + row) * BLOCK];
+                for i in 0..BLOCK {
+                    out[i] = angular[i] * precision[i];
+                }
+            }
+        }
+    }
+
+    /// Which unknown each column is of; the residual's stands behind them.
+    pub fn unknowns(&self) -> &[usize] {
+        &self.unknowns
+    }
+
+    /// Column k.
+    pub fn column(&self, k: usize) -> &[f64] {
+        &self.values[k * self.rows..(k + 1) * self.rows]
+    }
+
+    /// `Aᵀ A` of all columns A, the residual's last.
+    pub fn gram(&self) -> DMatrix<f64> {
+        let size = self.unknowns.len() + 1;
+        let columns = DMatrixView::from_slice(&self.values, self.rows, size);
+        let transposed =
+            DMatrixView::from_slice_with_strides(&self.values, size, self.rows, self.rows, 1);
+        let mut gram = DMatrix::zeros(size, size);
+        gram.gemm(1.0, &transposed, &columns, 0.0);
+        gram
+    }
+}
+
+/// Product of two columns, summed in eight strands, which the vector units take side by side.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const STRANDS: usize = 8;
+    let mut sums = [0.0; STRANDS];
+    let (left, right) = (a.chunks_exact(STRANDS), b.chunks_exact(STRANDS));
+    let rest = left.remainder().iter().zip(right.remainder());
+    let rest: f64 = rest.map(|(x, y)| x * y).sum();
+    for (x, y) in left.zip(right) {
+        for i in 0..STRANDS {
+            sums[i] += x[i] * y[i];
+        }
+    }
+    rest + sums.iter().sum::<f64>()
+}
+
+/// The end at pose i of a block as far as its orientation goes.
+fn turned_only(axes: &[[Block; 3]; 3], i: usize) -> Isometry3<f64> {
+    let rotation = Matrix3::from_fn(|row, column| axes[column][row][i]);
+    let rotation = Rotation3::from_matrix_unchecked(rotation);
+    Isometry3::from_parts(
+        Translation3::identity(),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    )
+}
+
+fn whiten(w: &[Block; 6], [x, y, z]: &[Block; 3], out: &mut [f64]) {
+    let (first, rest) = out.split_at_mut(BLOCK);
+    let (second, rest) = rest.split_at_mut(BLOCK);
+    let third = &mut rest[..BLOCK];
+    for i in 0..BLOCK {
+        first[i] = w[0][i] * x[i];
+        second[i] = w[1][i] * x[i] + w[2][i] * y[i];
+        third[i] = w[3][i] * x[i] + w[4][i] * y[i] + w[5][i] * z[i];
+    }
+}
+
+/// A block of these numbers, zeros behind their end.
+fn filled(numbers: impl Iterator<Item = f64>) -> Block {
+    let mut block = [0.0; BLOCK];
+    for (place, number) in block.iter_mut().zip(numbers) {
+        *place = number;
+    }
+    block
+}
