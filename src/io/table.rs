@@ -12,6 +12,7 @@ mod check;
 mod columns;
 mod error;
 mod read;
+mod same;
 mod write;
 
 use arrow::array::{

@@ -79,10 +79,9 @@ fn command_rows(
 }
 
 fn joint_rows(joints: &JointSamples, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
-    let angles =
-        |row: usize| -> Vec<f64> { joints.angles.iter().map(|joint| joint[row]).collect() };
+    let columns = joints.angles.iter().map(|joint| &joint[rows.clone()]);
     let table = part(key, "joints", &rows, &joints.stamps)?
-        .column("joints_rad", rows.map(angles))
+        .across("joints_rad", &columns.collect::<Vec<_>>())
         .absent(POSITION)
         .absent(ORIENTATION)
         .absent(COVARIANCE)
