@@ -24,7 +24,7 @@ pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
 pub use read::{name, read};
-pub use write::{ROW_GROUP_ROWS, write, writer};
+pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;
 use crate::manifest::RunKey;
