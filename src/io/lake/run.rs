@@ -76,12 +76,21 @@ impl<'a> OpenRun<'a> {
         let mut ready = vec![encode(&first)?];
         while !ready.is_empty() {
             let next: Vec<P> = parts.by_ref().take(at_once()).collect();
-            let append = || ready.iter().try_for_each(|part| file.append(part)).map_err(wrong);
+            let append = || {
+                ready
+                    .iter()
+                    .try_for_each(|part| file.append(part))
+                    .map_err(wrong)
+            };
             let make = |part| -> Result<_, E> {
                 let part = table(part)?;
                 Ok((part.rows() as u64, encode(&part)?))
             };
-            let make_all = || next.into_par_iter().map(make).collect::<Result<Vec<_>, E>>();
+            let make_all = || {
+                next.into_par_iter()
+                    .map(make)
+                    .collect::<Result<Vec<_>, E>>()
+            };
             let (written, made) = rayon::join(append, make_all);
             written?;
             let (more, encoded): (Vec<u64>, Vec<_>) = made?.into_iter().unzip();

@@ -149,5 +149,10 @@ pub(super) fn across(columns: &[&[f64]], rows: usize) -> ArrayRef {
     }
     let offsets = OffsetBuffer::from_repeated_length(columns.len(), rows);
     let values = Arc::new(Float64Array::from(values));
-    Arc::new(ListArray::new(element(DataType::Float64), offsets, values, None))
+    Arc::new(ListArray::new(
+        element(DataType::Float64),
+        offsets,
+        values,
+        None,
+    ))
 }

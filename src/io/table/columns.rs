@@ -1,6 +1,6 @@
 //! Whole columns by name → a checked table.
 
-use arrow::array::{ArrayRef, new_null_array};
+use arrow::array::{Array, ArrayRef, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
 use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
@@ -175,7 +175,14 @@ impl Columns {
 
     fn fill(&mut self, place: usize) {
         let kind = self.schema.columns[place].kind.arrow();
-        self.arrays[place] = Some(new_null_array(&kind, self.rows));
+        let alike = |array: &&ArrayRef| {
+            *array.data_type() == kind
+                && array.len() == self.rows
+                && array.null_count() == self.rows
+        };
+        // Nothing is the same nothing in every column.
+        let shared = self.arrays.iter().flatten().find(alike).cloned();
+        self.arrays[place] = Some(shared.unwrap_or_else(|| new_null_array(&kind, self.rows)));
     }
 
     fn too_large(&self, column: &ColumnSchema, row: usize, value: &str) -> TableError {
@@ -192,7 +199,6 @@ impl Columns {
 mod tests {
     use super::*;
     use crate::io::schema;
-    use arrow::array::Array;
 
     /// Two parameters, without the columns that a test gives itself.
     fn parameters() -> Columns {

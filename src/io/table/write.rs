@@ -22,7 +22,7 @@ use super::Table;
 pub use encoder::{Encoder, RowGroups};
 
 /// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
-pub const ROW_GROUP_ROWS: usize = 131_072;
+pub const ROW_GROUP_ROWS: usize = 65_536;
 
 /// Writes a table as a Parquet file into `sink` and gives `sink` back.
 pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
@@ -57,5 +57,75 @@ impl<W: Write + Send> PartsFile<W> {
     /// Ends the file and gives its sink back.
     pub fn finish(self) -> Result<W, ParquetError> {
         self.0.into_inner()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::file::metadata::RowGroupMetaData;
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+
+    use super::*;
+    use crate::io::schema;
+    use crate::io::table::{Columns, read};
+    use crate::manifest::RunKey;
+
+    /// More rows than a row group has; lists that are absent, empty, of one and of several, and no two alike in a row.
+    fn samples(rows: usize) -> Table {
+        let angles = |row: usize| match row % 4 {
+            0 => None,
+            n => Some(
+                (1..n)
+                    .map(|joint| (row * joint) as f64 / 7.0)
+                    .collect::<Vec<_>>(),
+            ),
+        };
+        let names = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
+        let poses = (0..rows).map(|row| (row % 3 > 0).then_some([row as f64; 7]));
+        let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
+        let columns = Columns::new(schema::find("logs").unwrap(), rows)
+            .key(&RunKey::new("ur10", "grid", "00ff"))
+            .same("source", "joints")
+            .column("sample", 0..rows)
+            .column("stamp_ns", (0..rows).map(|row| row * row))
+            .column("joints_rad", (0..rows).map(angles))
+            .group(names, poses)
+            .absent(["temperature_c"]);
+        let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
+        let columns = covariances
+            .iter()
+            .fold(columns, |columns, name| columns.absent([name]));
+        columns.finish().unwrap()
+    }
+
+    #[test]
+    fn every_kind_of_absence_comes_back_from_several_row_groups() {
+        let rows = ROW_GROUP_ROWS + 1000;
+        let table = samples(rows);
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&write(&table, Vec::new()).unwrap()).unwrap();
+        assert_eq!(read(file.path(), table.schema()).unwrap(), table);
+        let reader = SerializedFileReader::new(file.reopen().unwrap()).unwrap();
+        let groups = reader.metadata().row_groups().iter();
+        let found: Vec<_> = groups.map(RowGroupMetaData::num_rows).collect();
+        assert_eq!(found, [65_536, 1000]);
+    }
+
+    #[test]
+    fn what_was_encoded_before_leaves_no_trace_in_the_bytes() {
+        let (short, long) = (samples(10), samples(20));
+        let encoder = Encoder::of(&short).unwrap();
+        let bytes = |parts: [&RowGroups; 2]| {
+            let mut file = PartsFile::new(&encoder, Vec::new()).unwrap();
+            for part in parts {
+                file.append(part).unwrap();
+            }
+            file.finish().unwrap()
+        };
+        let [first, second, again] =
+            [&short, &long, &short].map(|part| encoder.encode(part).unwrap());
+        assert_eq!(bytes([&first, &second]), bytes([&again, &second]));
+        let fresh = Encoder::of(&short).unwrap().encode(&long).unwrap();
+        assert_eq!(bytes([&first, &second]), bytes([&first, &fresh]));
     }
 }

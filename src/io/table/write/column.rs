@@ -30,7 +30,8 @@ pub(super) fn encode(
 ) -> Result<EncodedColumn, ParquetError> {
     let levels = Levels::of(&column, array);
     let values = present(array)?;
-    let mut pages = TrackedWrite::new(Vec::new());
+    let plain = values.to_data().get_slice_memory_size()?;
+    let mut pages = TrackedWrite::new(Vec::with_capacity(plain));
     let sink = Box::new(SerializedPageWriter::new(&mut pages));
     let close = write(
         get_column_writer(column, properties, sink),
@@ -73,8 +74,12 @@ fn write(
         }};
     }
     match writer {
-        ColumnWriter::DoubleColumnWriter(w) => write!(w, values.as_primitive::<Float64Type>().values()),
-        ColumnWriter::Int64ColumnWriter(w) => write!(w, values.as_primitive::<Int64Type>().values()),
+        ColumnWriter::DoubleColumnWriter(w) => {
+            write!(w, values.as_primitive::<Float64Type>().values())
+        }
+        ColumnWriter::Int64ColumnWriter(w) => {
+            write!(w, values.as_primitive::<Int64Type>().values())
+        }
         ColumnWriter::BoolColumnWriter(w) => {
             write!(w, &values.as_boolean().values().iter().collect::<Vec<_>>())
         }

@@ -24,8 +24,19 @@ pub struct Encoder {
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
 }
 
-/// Column, rows, and the text of all rows; `None` for null in all rows.
-type Uniform = (usize, usize, Option<String>);
+/// A column that says the same in all rows.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Uniform {
+    column: usize,
+    rows: usize,
+    says: Says,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Says {
+    Nothing,
+    Text(String),
+}
 
 /// The row groups of a table, or of a part of one.
 pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
@@ -60,25 +71,34 @@ impl Encoder {
         let rows = part.rows();
         let firsts = (0..rows).step_by(ROW_GROUP_ROWS);
         let group = |first| part.batch.slice(first, ROW_GROUP_ROWS.min(rows - first));
-        firsts.map(|first| self.row_group(&group(first))).collect::<Result<_, _>>().map(RowGroups)
+        firsts
+            .map(|first| self.row_group(&group(first)))
+            .collect::<Result<_, _>>()
+            .map(RowGroups)
     }
 
     fn row_group(&self, rows: &RecordBatch) -> Result<Vec<Arc<EncodedColumn>>, ParquetError> {
         let columns = rows.columns().iter().enumerate();
-        columns.map(|(place, array)| self.column(place, array)).collect()
+        columns
+            .map(|(place, array)| self.column(place, array))
+            .collect()
     }
 
     fn column(&self, place: usize, array: &ArrayRef) -> Result<Arc<EncodedColumn>, ParquetError> {
-        let Some(value) = uniform(array) else {
+        let Some(says) = says(array) else {
             return self.fresh(place, array);
         };
-        let name = (place, array.len(), value);
+        let uniform = Uniform {
+            column: place,
+            rows: array.len(),
+            says,
+        };
         let known = || self.uniform.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(column) = known().get(&name) {
+        if let Some(column) = known().get(&uniform) {
             return Ok(Arc::clone(column));
         }
         let column = self.fresh(place, array)?;
-        known().insert(name, Arc::clone(&column));
+        known().insert(uniform, Arc::clone(&column));
         Ok(column)
     }
 
@@ -89,10 +109,10 @@ impl Encoder {
 }
 
 /// What all rows say, if they say the same.
-fn uniform(array: &ArrayRef) -> Option<Option<String>> {
+fn says(array: &ArrayRef) -> Option<Says> {
     if array.null_count() == array.len() {
-        return Some(None);
+        return Some(Says::Nothing);
     }
     let text = (*array.data_type() == DataType::Utf8).then(|| array.as_string())?;
-    same::text(text).map(|text| Some(text.to_owned()))
+    same::text(text).map(|text| Says::Text(text.to_owned()))
 }

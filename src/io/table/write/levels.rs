@@ -29,7 +29,8 @@ impl Levels {
     /// An empty list and an absent one take a place each.
     fn of_lists(there: i16, lists: &ListArray) -> Self {
         let places = lists.values().len() + lists.len();
-        let (mut definition, mut repetition) = (Vec::with_capacity(places), Vec::with_capacity(places));
+        let (mut definition, mut repetition) =
+            (Vec::with_capacity(places), Vec::with_capacity(places));
         for (row, length) in lists.offsets().lengths().enumerate() {
             let (level, places) = match length {
                 _ if lists.is_null(row) => (there - 2, 1),
@@ -49,6 +50,8 @@ impl Levels {
 fn of_values(there: i16, array: &ArrayRef) -> Vec<i16> {
     match array.null_count() {
         0 => vec![there; array.len()],
-        _ => (0..array.len()).map(|row| there - i16::from(array.is_null(row))).collect(),
+        _ => (0..array.len())
+            .map(|row| there - i16::from(array.is_null(row)))
+            .collect(),
     }
 }

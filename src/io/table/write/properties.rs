@@ -4,11 +4,16 @@ use std::collections::BTreeMap;
 
 use parquet::basic::{Compression, Encoding};
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesBuilder};
 use parquet::schema::types::ColumnPath;
 
 use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
 use crate::io::table::Table;
+
+/// Bytes of a dictionary of numbers: 4096 of them. Where more differ in a row group nearly all do, and a dictionary costs
+/// time and room: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each stand
+/// for 90 samples it saves as much as a larger one.
+const REPEATED_FLOATS: usize = 32 << 10;
 
 /// Snappy: every reader has it, and it is the cheaper of the two to write, which counts most for decoded logs.
 pub(super) fn properties(table: &Table) -> WriterProperties {
@@ -28,16 +33,21 @@ fn encoding(properties: WriterPropertiesBuilder, column: &ColumnSchema) -> Write
         ColumnType::Int64 => properties
             .set_column_dictionary_enabled(path(), false)
             .set_column_encoding(path(), Encoding::DELTA_BINARY_PACKED),
-        ColumnType::Float64 => properties.set_column_dictionary_page_size_limit(path(), FLOATS),
+        ColumnType::Float64 => {
+            properties.set_column_dictionary_page_size_limit(path(), REPEATED_FLOATS)
+        }
+        // The joints of an arm in one list: their least and largest say nothing of any of them.
         ColumnType::ListFloat64 => properties
-            .set_column_dictionary_page_size_limit(element(column), FLOATS),
+            .set_column_dictionary_page_size_limit(elements(column), REPEATED_FLOATS)
+            .set_column_statistics_enabled(elements(column), EnabledStatistics::None),
         _ => properties,
     }
 }
 
-const FLOATS: usize = 32 << 10;
-fn element(column: &ColumnSchema) -> ColumnPath {
-    ColumnPath::new(vec![column.name.clone(), "list".to_owned(), "element".to_owned()])
+/// The path of a list's values, as the Parquet format names it.
+fn elements(column: &ColumnSchema) -> ColumnPath {
+    let parts = [column.name.as_str(), "list", "element"];
+    ColumnPath::new(parts.map(str::to_owned).to_vec())
 }
 
 fn metadata(table: &Table) -> Vec<KeyValue> {
