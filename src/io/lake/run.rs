@@ -71,31 +71,21 @@ impl<'a> OpenRun<'a> {
         let wrong = |error| folder_error("write", &path)(into_io(error));
         let encoder = Encoder::of(&first).map_err(wrong)?;
         let mut file = PartsFile::new(&encoder, temporary_beside(&path)?).map_err(wrong)?;
-        let encode = |part: &Table| encoder.encode(part).map_err(wrong);
-        let mut rows = first.rows() as u64;
+        let encode = |part: &Table| -> Result<_, E> {
+            Ok((part.rows() as u64, encoder.encode(part).map_err(wrong)?))
+        };
+        let mut rows = 0;
         let mut ready = vec![encode(&first)?];
         while !ready.is_empty() {
+            rows += ready.iter().map(|(rows, _)| rows).sum::<u64>();
             let next: Vec<P> = parts.by_ref().take(at_once()).collect();
-            let append = || {
-                ready
-                    .iter()
-                    .try_for_each(|part| file.append(part))
-                    .map_err(wrong)
-            };
-            let make = |part| -> Result<_, E> {
-                let part = table(part)?;
-                Ok((part.rows() as u64, encode(&part)?))
-            };
-            let make_all = || {
-                next.into_par_iter()
-                    .map(make)
-                    .collect::<Result<Vec<_>, E>>()
-            };
-            let (written, made) = rayon::join(append, make_all);
-            written?;
-            let (more, encoded): (Vec<u64>, Vec<_>) = made?.into_iter().unzip();
-            rows += more.iter().sum::<u64>();
-            ready = encoded;
+            let append = || ready.iter().try_for_each(|(_, part)| file.append(part));
+            let make = |part| encode(&table(part)?);
+            let make_all = || next.into_par_iter().map(make).collect::<Vec<_>>();
+            let (appended, made) = rayon::join(append, make_all);
+            appended.map_err(wrong)?;
+            // Of several that are wrong the first is told.
+            ready = made.into_iter().collect::<Result<_, E>>()?;
         }
         let mut temporary = file.finish().map_err(wrong)?;
         let digest = temporary.sync().map_err(folder_error("write", &path))?;

@@ -1,4 +1,4 @@
-//! `logs`: the decoded samples of both logs, in parts of one row group each, so that no more than one part is in memory.
+//! `logs`: the decoded samples of both logs, in parts of one row group each, so that only a few are in memory as rows.
 
 use super::PublishError;
 use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
