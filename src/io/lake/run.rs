@@ -56,7 +56,7 @@ impl<'a> OpenRun<'a> {
     }
 
     /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. Parts are
-    /// made (`table`) and encoded on all threads, while those before them are written; at most [`PARTS_AT_ONCE`] of each
+    /// made (`table`) and encoded on all threads, while those before them are written; at most four of each
     /// are in memory. The bytes are the same at any number of threads.
     pub fn publish_parts<P: Send, E: From<LakeError> + Send>(
         &mut self,

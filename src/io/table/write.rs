@@ -4,7 +4,7 @@
 //! `posegrid.frames` (JSON, column → unit or frame), and `posegrid.robot`, `.session` and `.run`. It holds no time, no
 //! host and no path, so the same table gives the same bytes.
 //!
-//! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group ([`column`]);
+//! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group;
 //!    parts of a table may be encoded on any number of threads.
 //! 2. A [`PartsFile`] puts the row groups one behind the other and the metadata behind all.
 
