@@ -8,10 +8,15 @@ use std::sync::{Arc, Barrier};
 
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
+use posegrid::ingest::{
+    CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples,
+};
 use posegrid::io::lake::{Commit, Lake};
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
-use posegrid::io::table::{self, Columns, Table};
+use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
+use posegrid::io::tables::logs::{logs, parts};
 use posegrid::manifest::{Outcome, RunKey, Work, canonical};
+use posegrid::units::Stamp;
 
 /// Names that a log may hold and no reader should trip over.
 fn hostile_work() -> Work {
@@ -395,6 +400,106 @@ fn a_file_in_the_place_of_the_lake_is_told() {
             && error.contains("a file stands where a folder is needed"),
         "{error}"
     );
+}
+
+/// Samples of all sources, more joint angles than a part holds.
+fn recording() -> Recording {
+    let angle = |row: usize, joint: usize| (row * (joint + 1)) as f64 * 1e-5;
+    let samples = ROW_GROUP_ROWS + 500;
+    Recording {
+        joints: JointSamples {
+            stamps: (0..)
+                .step_by(10)
+                .take(samples)
+                .map(Stamp::from_ns)
+                .collect(),
+            angles: (0..6)
+                .map(|joint| (0..samples).map(|row| angle(row, joint)).collect())
+                .collect(),
+        },
+        commands: CommandSamples {
+            stamps: vec![Stamp::from_ns(7)],
+            positions: vec![[1.0, 2.0, 3.0]],
+            orientations: None,
+        },
+        readings: TargetReadings {
+            stamps: vec![Stamp::from_ns(5), Stamp::from_ns(5)],
+            positions: vec![[0.5; 3]; 2],
+            orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]; 2]),
+            covariances: Some(vec![[1e-4; 6]; 2]),
+        },
+        temperatures: TemperatureSamples {
+            stamps: vec![Stamp::from_ns(6)],
+            celsius: vec![20.5],
+        },
+        ..Recording::default()
+    }
+}
+
+#[test]
+fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
+    let recording = recording();
+    let key = hostile_work().key();
+    let digest = |threads: usize| {
+        let folder = tempfile::tempdir().unwrap();
+        let lake = Lake::new(folder.path());
+        let mut run = lake.start(&key).unwrap().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let publish = || run.publish_parts(parts(&recording), |part| logs(&recording, part, &key));
+        pool.install(publish).unwrap();
+        let written = run.written()[0].clone();
+        let table = lake.read("logs", &key).unwrap();
+        assert_eq!(
+            (written.rows, table.rows()),
+            (66_040, 66_040),
+            "65 536 + 500, 1, 2 and 1"
+        );
+        // In the schema's order: joints, command, target, temperature.
+        let sources: Vec<_> = [0, 66_036, 66_037, 66_039]
+            .map(|row| table.text("source").value(row).to_owned())
+            .into();
+        assert_eq!(sources, ["joints", "command", "target", "temperature"]);
+        let last: Vec<f64> = (0..6)
+            .map(|joint| recording.joints.angles[joint][66_035])
+            .collect();
+        let lists = table.list("joints_rad");
+        assert_eq!(
+            lists.value(66_035).as_ref(),
+            &Float64Array::from(last) as &dyn arrow::array::Array
+        );
+        assert!(lists.is_null(66_036), "a command has no angles");
+        let numbers = [
+            ("x_mm", 66_036),
+            ("stated_cov_zz_mm2", 66_038),
+            ("temperature_c", 66_039),
+        ];
+        let found = numbers.map(|(column, row)| Some(table.f64(column).value(row)));
+        assert_eq!(found, [Some(1.0), Some(1e-4), Some(20.5)]);
+        written.digest
+    };
+    let alone = digest(1);
+    assert_eq!([digest(2), digest(7)], [alone.clone(), alone]);
+}
+
+#[test]
+fn a_part_that_breaks_the_contract_leaves_no_file() {
+    let mut recording = recording();
+    recording.joints.angles[3][ROW_GROUP_ROWS + 7] = f64::NAN;
+    let folder = tempfile::tempdir().unwrap();
+    let lake = Lake::new(folder.path());
+    let key = hostile_work().key();
+    let mut run = lake.start(&key).unwrap().unwrap();
+    let published = run.publish_parts(parts(&recording), |part| logs(&recording, part, &key));
+    let error = published.unwrap_err().to_string();
+    assert!(
+        error.contains("\"joints_rad\", row 7: NaN is not a finite number"),
+        "{error}"
+    );
+    assert!(run.written().is_empty());
+    assert_eq!(contents(folder.path()), []);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod check;
 mod columns;
 mod error;
 mod read;
+mod same;
 mod write;
 
 use arrow::array::{
@@ -23,7 +24,7 @@ pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
 pub use read::{name, read};
-pub use write::{ROW_GROUP_ROWS, write, writer};
+pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;
 use crate::manifest::RunKey;

@@ -115,7 +115,8 @@ pub fn publish(
             run.publish(&table)?;
         }
         if let Some(log) = &session.log {
-            run.publish_parts(logs::logs(log, &key.of_session(&session.name)))?;
+            let key = key.of_session(&session.name);
+            run.publish_parts(logs::parts(log), |part| logs::logs(log, part, &key))?;
         }
     }
     for table in of_run(outcome, context, &key)? {

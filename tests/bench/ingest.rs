@@ -26,7 +26,7 @@ use posegrid::ingest::{
 use posegrid::io::inspect::inspect;
 use posegrid::io::lake::Lake;
 use posegrid::io::log::{Limits, decode, read_recording};
-use posegrid::io::tables::logs::logs;
+use posegrid::io::tables::logs::{logs, parts};
 use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
 
@@ -110,7 +110,7 @@ fn measure_published(path: &Path, folder: &Path, mapping: &Mapping, floor: f64) 
         let recording =
             read_recording(path, path, mapping, Limits::default(), &Quiet).expect("a sound log");
         let mut run = lake.start(&key).expect("a lake").expect("a new run");
-        run.publish_parts(logs(&recording, &key))
+        run.publish_parts(parts(&recording), |part| logs(&recording, part, &key))
             .expect("space on disk");
         rows = run.written()[0].rows;
         rows

@@ -5,13 +5,17 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use parquet::errors::ParquetError;
+use rayon::prelude::*;
 
 use super::error::folder_error;
 use super::temporary::Temporary;
 use super::{Lake, LakeError};
 use crate::io::schema;
-use crate::io::table::{self, Table};
+use crate::io::table::{self, Encoder, PartsFile, Table};
 use crate::manifest::{RunKey, Written, digest};
+
+/// Parts of a table that are encoded at the same time, at most: each takes some 20 MB meanwhile.
+const PARTS_AT_ONCE: usize = 4;
 
 /// A run whose tables are being written.
 #[derive(Debug)]
@@ -51,25 +55,39 @@ impl<'a> OpenRun<'a> {
         self.put(table, table.rows() as u64, temporary, digest)
     }
 
-    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part.
-    pub fn publish_parts<E: From<LakeError>>(
+    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. Parts are
+    /// made (`table`) and encoded on all threads, while those before them are written; at most four of each
+    /// are in memory. The bytes are the same at any number of threads.
+    pub fn publish_parts<P: Send, E: From<LakeError> + Send>(
         &mut self,
-        mut parts: impl Iterator<Item = Result<Table, E>>,
+        parts: impl IntoIterator<Item = P>,
+        table: impl Fn(P) -> Result<Table, E> + Sync,
     ) -> Result<(), E> {
-        let Some(first) = parts.next().transpose()? else {
+        let mut parts = parts.into_iter();
+        let Some(first) = parts.next().map(&table).transpose()? else {
             return Ok(());
         };
         let path = self.path(&first)?;
         let wrong = |error| folder_error("write", &path)(into_io(error));
-        let mut writer = table::writer(&first, temporary_beside(&path)?).map_err(wrong)?;
-        writer.write(first.batch()).map_err(wrong)?;
-        let mut rows = first.rows() as u64;
-        for part in parts {
-            let part = part?;
-            writer.write(part.batch()).map_err(wrong)?;
-            rows += part.rows() as u64;
+        let encoder = Encoder::of(&first).map_err(wrong)?;
+        let mut file = PartsFile::new(&encoder, temporary_beside(&path)?).map_err(wrong)?;
+        let encode = |part: &Table| -> Result<_, E> {
+            Ok((part.rows() as u64, encoder.encode(part).map_err(wrong)?))
+        };
+        let mut rows = 0;
+        let mut ready = vec![encode(&first)?];
+        while !ready.is_empty() {
+            rows += ready.iter().map(|(rows, _)| rows).sum::<u64>();
+            let next: Vec<P> = parts.by_ref().take(at_once()).collect();
+            let append = || ready.iter().try_for_each(|(_, part)| file.append(part));
+            let make = |part| encode(&table(part)?);
+            let make_all = || next.into_par_iter().map(make).collect::<Vec<_>>();
+            let (appended, made) = rayon::join(append, make_all);
+            appended.map_err(wrong)?;
+            // Of several that are wrong the first is told.
+            ready = made.into_iter().collect::<Result<_, E>>()?;
         }
-        let mut temporary = writer.into_inner().map_err(wrong)?;
+        let mut temporary = file.finish().map_err(wrong)?;
         let digest = temporary.sync().map_err(folder_error("write", &path))?;
         Ok(self.put(&first, rows, temporary, digest)?)
     }
@@ -166,6 +184,11 @@ fn write(table: &Table, path: &Path) -> Result<(Temporary, String), LakeError> {
     let mut temporary = table::write(table, temporary).map_err(|error| write(into_io(error)))?;
     let digest = temporary.sync().map_err(&write)?;
     Ok((temporary, digest))
+}
+
+/// As many as there are threads to encode them.
+fn at_once() -> usize {
+    rayon::current_num_threads().min(PARTS_AT_ONCE)
 }
 
 fn temporary_beside(path: &Path) -> Result<Temporary, LakeError> {

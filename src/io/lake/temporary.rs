@@ -10,11 +10,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
+/// What is written and digested at once: BLAKE3 takes sixteen blocks of 1 KiB side by side, and large writes are few.
+const AT_ONCE: usize = 256 << 10;
+
 /// A file under a temporary name; removed when dropped.
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: PathBuf,
-    file: BufWriter<File>,
+    file: BufWriter<Digested>,
+}
+
+/// A file and the digest of what was written to it.
+#[derive(Debug)]
+struct Digested {
+    file: File,
     hasher: blake3::Hasher,
 }
 
@@ -32,18 +41,17 @@ impl Temporary {
         );
         let path = target.with_file_name(name);
         let file = File::options().write(true).create_new(true).open(&path)?;
-        Ok(Self {
-            path,
-            file: BufWriter::new(file),
-            hasher: blake3::Hasher::new(),
-        })
+        let hasher = blake3::Hasher::new();
+        let file = BufWriter::with_capacity(AT_ONCE, Digested { file, hasher });
+        Ok(Self { path, file })
     }
 
     /// Brings everything to the disk, under the temporary name still, and gives the BLAKE3 digest, hexadecimal.
     pub(super) fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;
-        self.file.get_ref().sync_all()?;
-        Ok(self.hasher.finalize().to_hex().to_string())
+        let Digested { file, hasher } = self.file.get_ref();
+        file.sync_all()?;
+        Ok(hasher.finalize().to_hex().to_string())
     }
 
     /// Takes the place of `target`, whatever was there.
@@ -62,11 +70,21 @@ impl Temporary {
     }
 }
 
-impl Write for Temporary {
+impl Write for Digested {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.file.write(bytes)?;
         self.hasher.update(&bytes[..written]);
         Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Write for Temporary {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -1,12 +1,14 @@
 //! What may stand in a column: Rust values → Arrow arrays.
 
+use std::iter::repeat_n;
 use std::sync::Arc;
 
 use arrow::array::{
     ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Array, Int64Builder,
-    ListBuilder, StringArray, StringBuilder,
+    ListArray, ListBuilder, StringArray, StringBuilder, new_null_array,
 };
-use arrow::datatypes::{DataType, Field};
+use arrow::buffer::OffsetBuffer;
+use arrow::datatypes::{DataType, Field, FieldRef};
 
 use crate::io::schema::ColumnType;
 
@@ -24,6 +26,13 @@ pub trait Value: Sized {
     const KIND: ColumnType;
     /// The array of a whole column, or the first row whose value does not fit and the value.
     fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)>;
+    /// The array of a column with the same value in each row.
+    fn same(value: Option<Self>, rows: usize) -> Result<ArrayRef, (usize, String)>
+    where
+        Self: Clone,
+    {
+        Self::array(repeat_n(value, rows))
+    }
 }
 
 impl<V: Value> Cell for V {
@@ -84,6 +93,12 @@ macro_rules! texts {
             ) -> Result<ArrayRef, (usize, String)> {
                 Ok(Arc::new(values.collect::<StringArray>()))
             }
+            fn same(value: Option<Self>, rows: usize) -> Result<ArrayRef, (usize, String)> {
+                Ok(match value {
+                    Some(text) => Arc::new(StringArray::new_repeated(text, rows)),
+                    None => new_null_array(&DataType::Utf8, rows),
+                })
+            }
         }
     )+};
 }
@@ -119,5 +134,25 @@ fn same_text<T: AsRef<str>>(_row: usize, text: &T) -> Result<&str, (usize, Strin
 }
 
 fn list_builder<B: ArrayBuilder>(values: B, of: DataType) -> ListBuilder<B> {
-    ListBuilder::new(values).with_field(Arc::new(Field::new("element", of, false)))
+    ListBuilder::new(values).with_field(element(of))
+}
+
+fn element(of: DataType) -> FieldRef {
+    Arc::new(Field::new("element", of, false))
+}
+
+/// Lists that have one value out of each of `columns`, in their order.
+pub(super) fn across(columns: &[&[f64]], rows: usize) -> ArrayRef {
+    let mut values = Vec::with_capacity(rows * columns.len());
+    for row in 0..rows {
+        values.extend(columns.iter().map(|column| column[row]));
+    }
+    let offsets = OffsetBuffer::from_repeated_length(columns.len(), rows);
+    let values = Arc::new(Float64Array::from(values));
+    Arc::new(ListArray::new(
+        element(DataType::Float64),
+        offsets,
+        values,
+        None,
+    ))
 }

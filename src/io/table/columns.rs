@@ -1,11 +1,9 @@
 //! Whole columns by name → a checked table.
 
-use std::iter::repeat_n;
+use arrow::array::{Array, ArrayRef, new_null_array};
 
-use arrow::array::{ArrayRef, new_null_array};
-
-use super::{Cell, Table, TableError, Value, check};
-use crate::io::schema::{ColumnSchema, KEY_COLUMNS, TableSchema};
+use super::{Cell, Table, TableError, Value, cell, check};
+use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
 use crate::manifest::RunKey;
 
 /// Collects the columns of a table; what is wrong is told at the end, by [`Self::finish`].
@@ -61,18 +59,29 @@ impl Columns {
 
     /// A column with a value for each row.
     #[must_use]
-    pub fn column<C: Cell>(mut self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
-        if self.error.is_none() {
-            self.error = self.put(name, values.into_iter()).err();
-        }
-        self
+    pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
+        self.put(name, C::Value::KIND, |_| {
+            C::Value::array(values.into_iter().map(Cell::value))
+        })
     }
 
     /// A column with the same value in each row.
     #[must_use]
-    pub fn same<C: Cell + Clone>(self, name: &str, value: C) -> Self {
-        let rows = self.rows;
-        self.column(name, repeat_n(value, rows))
+    pub fn same<C: Cell<Value: Clone>>(self, name: &str, value: C) -> Self {
+        self.put(name, C::Value::KIND, |rows| {
+            C::Value::same(value.value(), rows)
+        })
+    }
+
+    /// A column of lists, each with one value out of each of `columns`.
+    ///
+    /// # Panics
+    /// When one of `columns` is shorter than the table.
+    #[must_use]
+    pub fn across(self, name: &str, columns: &[&[f64]]) -> Self {
+        self.put(name, ColumnType::ListFloat64, |rows| {
+            Ok(cell::across(columns, rows))
+        })
     }
 
     /// Columns that belong together: the components of a point, a quaternion, a covariance. A row has all or none.
@@ -113,24 +122,37 @@ impl Columns {
         check::table(self.schema, self.key, self.rows, self.arrays)
     }
 
-    fn put<C: Cell>(
+    /// Takes the array that `make` gives for so many rows, unless something was wrong before.
+    fn put(
+        mut self,
+        name: &str,
+        kind: ColumnType,
+        make: impl FnOnce(usize) -> Result<ArrayRef, (usize, String)>,
+    ) -> Self {
+        if self.error.is_none() {
+            self.error = self.try_put(name, kind, make).err();
+        }
+        self
+    }
+
+    fn try_put(
         &mut self,
         name: &str,
-        values: impl Iterator<Item = C>,
+        kind: ColumnType,
+        make: impl FnOnce(usize) -> Result<ArrayRef, (usize, String)>,
     ) -> Result<(), TableError> {
         let place = self.place(name)?;
         let column = &self.schema.columns[place];
-        if C::Value::KIND != column.kind {
+        if kind != column.kind {
             return Err(TableError::WrongType {
                 table: self.schema.table.clone(),
                 column: name.to_owned(),
                 expected: column.kind.name(),
-                found: C::Value::KIND.name().to_owned(),
+                found: kind.name().to_owned(),
             });
         }
-        let array = C::Value::array(values.map(Cell::value));
-        self.arrays[place] =
-            Some(array.map_err(|(row, value)| self.too_large(column, row, &value))?);
+        let array = make(self.rows).map_err(|(row, value)| self.too_large(column, row, &value))?;
+        self.arrays[place] = Some(array);
         Ok(())
     }
 
@@ -153,7 +175,14 @@ impl Columns {
 
     fn fill(&mut self, place: usize) {
         let kind = self.schema.columns[place].kind.arrow();
-        self.arrays[place] = Some(new_null_array(&kind, self.rows));
+        let alike = |array: &&ArrayRef| {
+            *array.data_type() == kind
+                && array.len() == self.rows
+                && array.null_count() == self.rows
+        };
+        // Nothing is the same nothing in every column.
+        let shared = self.arrays.iter().flatten().find(alike).cloned();
+        self.arrays[place] = Some(shared.unwrap_or_else(|| new_null_array(&kind, self.rows)));
     }
 
     fn too_large(&self, column: &ColumnSchema, row: usize, value: &str) -> TableError {
@@ -170,7 +199,6 @@ impl Columns {
 mod tests {
     use super::*;
     use crate::io::schema;
-    use arrow::array::Array;
 
     /// Two parameters, without the columns that a test gives itself.
     fn parameters() -> Columns {

@@ -2,87 +2,130 @@
 //!
 //! A file says in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
 //! `posegrid.frames` (JSON, column → unit or frame), and `posegrid.robot`, `.session` and `.run`. It holds no time, no
-//! host and no path, so the same table gives the same bytes. Snappy: every reader has it, and it is the cheaper of the
-//! two to write, which counts most for decoded logs.
+//! host and no path, so the same table gives the same bytes.
+//!
+//! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group;
+//!    parts of a table may be encoded on any number of threads.
+//! 2. A [`PartsFile`] puts the row groups one behind the other and the metadata behind all.
 
-use std::collections::BTreeMap;
+mod column;
+mod encoder;
+mod levels;
+mod properties;
+
 use std::io::Write;
 
-use parquet::arrow::arrow_writer::{ArrowWriter, ArrowWriterOptions};
-use parquet::basic::{Compression, Encoding};
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
-use parquet::file::properties::{WriterProperties, WriterPropertiesBuilder};
-use parquet::schema::types::ColumnPath;
+use parquet::file::writer::SerializedFileWriter;
 
 use super::Table;
-use crate::io::schema::{ColumnSchema, ColumnType, TableSchema};
+pub use encoder::{Encoder, RowGroups};
 
 /// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
-pub const ROW_GROUP_ROWS: usize = 131_072;
+pub const ROW_GROUP_ROWS: usize = 65_536;
 
 /// Writes a table as a Parquet file into `sink` and gives `sink` back.
 pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
-    let mut writer = writer(table, sink)?;
-    writer.write(&table.batch)?;
-    writer.into_inner()
+    let encoder = Encoder::of(table)?;
+    let mut file = PartsFile::new(&encoder, sink)?;
+    file.append(&encoder.encode(table)?)?;
+    file.finish()
 }
 
-/// A writer of `table` and whatever other parts it has, each a batch of its own.
-pub fn writer<W: Write + Send>(table: &Table, sink: W) -> Result<ArrowWriter<W>, ParquetError> {
-    let properties = whole_numbers(table.schema)
-        .set_created_by(concat!("posegrid version ", env!("CARGO_PKG_VERSION")).to_owned())
-        .set_compression(Compression::SNAPPY)
-        .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
-        .set_key_value_metadata(Some(metadata(table)))
-        .build();
-    // The units and frames stand in the metadata in words; Arrow's own copy of the schema would add nothing.
-    let options = ArrowWriterOptions::new()
-        .with_properties(properties)
-        .with_skip_arrow_metadata(true);
-    ArrowWriter::try_new_with_options(sink, table.batch.schema(), options)
-}
+/// A Parquet file that is written part by part.
+pub struct PartsFile<W: Write>(SerializedFileWriter<W>);
 
-/// Whole numbers are counts, places and stamps that rise from row to row: their differences take the least space, and no
-/// dictionary of them is ever looked up twice.
-fn whole_numbers(schema: &TableSchema) -> WriterPropertiesBuilder {
-    let whole = schema
-        .columns
-        .iter()
-        .filter(|column| column.kind == ColumnType::Int64);
-    whole.fold(WriterProperties::builder(), |properties, column| {
-        let path = ColumnPath::from(column.name.as_str());
-        properties
-            .set_column_dictionary_enabled(path.clone(), false)
-            .set_column_encoding(path, Encoding::DELTA_BINARY_PACKED)
-    })
-}
-
-fn metadata(table: &Table) -> Vec<KeyValue> {
-    let schema = table.schema;
-    let entry = |name: &str, value: String| KeyValue::new(format!("posegrid.{name}"), value);
-    let mut entries = vec![
-        entry("table", schema.table.clone()),
-        entry("schema_version", schema.version.to_string()),
-        entry("units", by_column(schema, |column| column.unit.as_deref())),
-        entry(
-            "frames",
-            by_column(schema, |column| column.frame.as_deref()),
-        ),
-    ];
-    if let Some(key) = &table.key {
-        entries.push(entry("robot", key.robot.clone()));
-        entries.push(entry("session", key.session.clone()));
-        entries.push(entry("run", key.run.clone()));
+impl<W: Write + Send> PartsFile<W> {
+    /// Begins the file.
+    pub fn new(encoder: &Encoder, sink: W) -> Result<Self, ParquetError> {
+        let (schema, properties) = (encoder.schema(), encoder.properties());
+        Ok(Self(SerializedFileWriter::new(sink, schema, properties)?))
     }
-    entries
+
+    /// Puts a part behind those before it.
+    pub fn append(&mut self, part: &RowGroups) -> Result<(), ParquetError> {
+        for columns in part.columns() {
+            let mut group = self.0.next_row_group()?;
+            for column in columns {
+                group.append_column(&column.bytes, column.close.clone())?;
+            }
+            group.close()?;
+        }
+        Ok(())
+    }
+
+    /// Ends the file and gives its sink back.
+    pub fn finish(self) -> Result<W, ParquetError> {
+        self.0.into_inner()
+    }
 }
 
-fn by_column<'a>(
-    schema: &'a TableSchema,
-    property: impl Fn(&'a ColumnSchema) -> Option<&'a str>,
-) -> String {
-    let stated = |column: &'a ColumnSchema| Some((column.name.as_str(), property(column)?));
-    let map: BTreeMap<&str, &str> = schema.columns.iter().filter_map(stated).collect();
-    serde_json::to_string(&map).expect("a map of texts is JSON")
+#[cfg(test)]
+mod tests {
+    use parquet::file::metadata::RowGroupMetaData;
+    use parquet::file::reader::{FileReader as _, SerializedFileReader};
+
+    use super::*;
+    use crate::io::schema;
+    use crate::io::table::{Columns, read};
+    use crate::manifest::RunKey;
+
+    /// More rows than a row group has; lists that are absent, empty, of one and of several, and no two alike in a row.
+    fn samples(rows: usize) -> Table {
+        let angles = |row: usize| match row % 4 {
+            0 => None,
+            n => Some(
+                (1..n)
+                    .map(|joint| (row * joint) as f64 / 7.0)
+                    .collect::<Vec<_>>(),
+            ),
+        };
+        let names = ["x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
+        let poses = (0..rows).map(|row| (row % 3 > 0).then_some([row as f64; 7]));
+        let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
+        let columns = Columns::new(schema::find("logs").unwrap(), rows)
+            .key(&RunKey::new("ur10", "grid", "00ff"))
+            .same("source", "joints")
+            .column("sample", 0..rows)
+            .column("stamp_ns", (0..rows).map(|row| row * row))
+            .column("joints_rad", (0..rows).map(angles))
+            .group(names, poses)
+            .absent(["temperature_c"]);
+        let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
+        let columns = covariances
+            .iter()
+            .fold(columns, |columns, name| columns.absent([name]));
+        columns.finish().unwrap()
+    }
+
+    #[test]
+    fn every_kind_of_absence_comes_back_from_several_row_groups() {
+        let rows = ROW_GROUP_ROWS + 1000;
+        let table = samples(rows);
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(&write(&table, Vec::new()).unwrap()).unwrap();
+        assert_eq!(read(file.path(), table.schema()).unwrap(), table);
+        let reader = SerializedFileReader::new(file.reopen().unwrap()).unwrap();
+        let groups = reader.metadata().row_groups().iter();
+        let found: Vec<_> = groups.map(RowGroupMetaData::num_rows).collect();
+        assert_eq!(found, [65_536, 1000]);
+    }
+
+    #[test]
+    fn what_was_encoded_before_leaves_no_trace_in_the_bytes() {
+        let (short, long) = (samples(10), samples(20));
+        let encoder = Encoder::of(&short).unwrap();
+        let bytes = |parts: [&RowGroups; 2]| {
+            let mut file = PartsFile::new(&encoder, Vec::new()).unwrap();
+            for part in parts {
+                file.append(part).unwrap();
+            }
+            file.finish().unwrap()
+        };
+        let [first, second, again] =
+            [&short, &long, &short].map(|part| encoder.encode(part).unwrap());
+        assert_eq!(bytes([&first, &second]), bytes([&again, &second]));
+        let fresh = Encoder::of(&short).unwrap().encode(&long).unwrap();
+        assert_eq!(bytes([&first, &second]), bytes([&first, &fresh]));
+    }
 }

@@ -1,4 +1,4 @@
-//! `logs`: the decoded samples of both logs, in parts of one row group each, so that no more than one part is in memory.
+//! `logs`: the decoded samples of both logs, in parts of one row group each, so that only a few are in memory as rows.
 
 use super::PublishError;
 use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
@@ -19,32 +19,54 @@ const COVARIANCE: [&str; 6] = [
     "stated_cov_zz_mm2",
 ];
 
-/// The parts of the table, in the order of its rows.
-pub fn logs<'r>(
-    recording: &'r Recording,
-    key: &'r RunKey,
-) -> impl Iterator<Item = Result<Table, PublishError>> + 'r {
-    let parts = |samples: usize| {
-        let first = (0..samples).step_by(ROW_GROUP_ROWS);
-        first.map(move |first| first..(first + ROW_GROUP_ROWS).min(samples))
-    };
-    let commands = &recording.commands;
-    let (joints, readings) = (&recording.joints, &recording.readings);
-    let temperatures = &recording.temperatures;
-    parts(commands.stamps.len())
-        .map(move |rows| command_rows(commands, rows, key))
-        .chain(parts(joints.stamps.len()).map(move |rows| joint_rows(joints, rows, key)))
-        .chain(parts(readings.stamps.len()).map(move |rows| target_rows(readings, rows, key)))
-        .chain(
-            parts(temperatures.stamps.len())
-                .map(move |rows| temperature_rows(temperatures, rows, key)),
-        )
-}
-
 type Rows = std::ops::Range<usize>;
 
+/// A part of the table: some samples of one source.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    source: Source,
+    rows: Rows,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Source {
+    Command,
+    Joints,
+    Target,
+    Temperature,
+}
+
+/// The parts of the table, in the order of its rows.
+pub fn parts(recording: &Recording) -> Vec<Part> {
+    let samples = [
+        (Source::Joints, recording.joints.stamps.len()),
+        (Source::Command, recording.commands.stamps.len()),
+        (Source::Target, recording.readings.stamps.len()),
+        (Source::Temperature, recording.temperatures.stamps.len()),
+    ];
+    let of_source = |(source, samples): (Source, usize)| {
+        let firsts = (0..samples).step_by(ROW_GROUP_ROWS);
+        firsts.map(move |first| Part {
+            source,
+            rows: first..(first + ROW_GROUP_ROWS).min(samples),
+        })
+    };
+    samples.into_iter().flat_map(of_source).collect()
+}
+
+/// One part of the table.
+pub fn logs(recording: &Recording, part: Part, key: &RunKey) -> Result<Table, PublishError> {
+    let rows = part.rows;
+    match part.source {
+        Source::Joints => joint_rows(&recording.joints, rows, key),
+        Source::Command => command_rows(&recording.commands, rows, key),
+        Source::Target => target_rows(&recording.readings, rows, key),
+        Source::Temperature => temperature_rows(&recording.temperatures, rows, key),
+    }
+}
+
 /// What every part has: the run, the source, the sample's number and stamp.
-fn part<C>(
+fn columns<C>(
     key: &RunKey,
     source: &str,
     rows: &Rows,
@@ -66,7 +88,7 @@ fn command_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = part(key, "command", &rows, &commands.stamps)?
+    let table = columns(key, "command", &rows, &commands.stamps)?
         .absent(["joints_rad", "temperature_c"])
         .absent(COVARIANCE);
     Ok(placed(
@@ -79,10 +101,9 @@ fn command_rows(
 }
 
 fn joint_rows(joints: &JointSamples, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
-    let angles =
-        |row: usize| -> Vec<f64> { joints.angles.iter().map(|joint| joint[row]).collect() };
-    let table = part(key, "joints", &rows, &joints.stamps)?
-        .column("joints_rad", rows.map(angles))
+    let angles = joints.angles.iter().map(|joint| &joint[rows.clone()]);
+    let table = columns(key, "joints", &rows, &joints.stamps)?
+        .across("joints_rad", &angles.collect::<Vec<_>>())
         .absent(POSITION)
         .absent(ORIENTATION)
         .absent(COVARIANCE)
@@ -92,7 +113,7 @@ fn joint_rows(joints: &JointSamples, rows: Rows, key: &RunKey) -> Result<Table, 
 
 fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
     let table =
-        part(key, "target", &rows, &readings.stamps)?.absent(["joints_rad", "temperature_c"]);
+        columns(key, "target", &rows, &readings.stamps)?.absent(["joints_rad", "temperature_c"]);
     let table = match &readings.covariances {
         None => table.absent(COVARIANCE),
         Some(covariances) => table.group(COVARIANCE, covariances[rows.clone()].iter().copied()),
@@ -111,7 +132,7 @@ fn temperature_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = part(key, "temperature", &rows, &temperatures.stamps)?
+    let table = columns(key, "temperature", &rows, &temperatures.stamps)?
         .column("temperature_c", temperatures.celsius[rows].iter().copied())
         .absent(["joints_rad"])
         .absent(POSITION)

@@ -1,0 +1,98 @@
+//! One column of a row group: an Arrow array → its pages in memory.
+
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, AsArray, StringArray};
+use arrow::compute::{filter, is_not_null};
+use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type};
+use arrow::error::ArrowError;
+use bytes::Bytes;
+use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterPropertiesPtr;
+use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
+use parquet::schema::types::ColumnDescPtr;
+
+use super::levels::Levels;
+
+/// A column of a row group as it stands in the file.
+pub(super) struct EncodedColumn {
+    pub(super) bytes: Bytes,
+    pub(super) close: ColumnCloseResult,
+}
+
+/// Encodes `array` as the file's `column`.
+pub(super) fn encode(
+    column: ColumnDescPtr,
+    properties: WriterPropertiesPtr,
+    array: &ArrayRef,
+) -> Result<EncodedColumn, ParquetError> {
+    let levels = Levels::of(&column, array);
+    let values = present(array)?;
+    let plain = values.to_data().get_slice_memory_size()?;
+    let mut pages = TrackedWrite::new(Vec::with_capacity(plain));
+    let sink = Box::new(SerializedPageWriter::new(&mut pages));
+    let close = write(
+        get_column_writer(column, properties, sink),
+        &values,
+        &levels,
+    )?;
+    Ok(EncodedColumn {
+        bytes: pages.into_inner()?.into(),
+        close,
+    })
+}
+
+/// The values that are there, one behind the other: without nulls and without the bounds of lists.
+fn present(array: &ArrayRef) -> Result<ArrayRef, ArrowError> {
+    let array = match array.null_count() {
+        0 => Arc::clone(array),
+        _ => filter(array, &is_not_null(array)?)?,
+    };
+    Ok(match array.as_list_opt::<i32>() {
+        None => array,
+        Some(lists) => {
+            let bounds = lists.value_offsets();
+            let (first, end) = (bounds[0].as_usize(), bounds[lists.len()].as_usize());
+            lists.values().slice(first, end - first)
+        }
+    })
+}
+
+fn write(
+    writer: ColumnWriter<'_>,
+    values: &ArrayRef,
+    levels: &Levels,
+) -> Result<ColumnCloseResult, ParquetError> {
+    let (definition, repetition) = (levels.definition.as_deref(), levels.repetition.as_deref());
+    macro_rules! write {
+        ($writer:ident, $values:expr) => {{
+            let mut writer = $writer;
+            writer.write_batch($values, definition, repetition)?;
+            writer.close()
+        }};
+    }
+    match writer {
+        ColumnWriter::DoubleColumnWriter(w) => {
+            write!(w, values.as_primitive::<Float64Type>().values())
+        }
+        ColumnWriter::Int64ColumnWriter(w) => {
+            write!(w, values.as_primitive::<Int64Type>().values())
+        }
+        ColumnWriter::BoolColumnWriter(w) => {
+            write!(w, &values.as_boolean().values().iter().collect::<Vec<_>>())
+        }
+        ColumnWriter::ByteArrayColumnWriter(w) => write!(w, &texts(values.as_string())),
+        _ => unreachable!("the types of columns are these four and lists of them"),
+    }
+}
+
+/// Texts without a copy of each.
+fn texts(array: &StringArray) -> Vec<ByteArray> {
+    let all = Bytes::copy_from_slice(array.value_data());
+    let bounds = array.value_offsets().windows(2);
+    bounds
+        .map(|pair| all.slice(pair[0].as_usize()..pair[1].as_usize()).into())
+        .collect()
+}

@@ -1,0 +1,118 @@
+//! Tables → the bytes of row groups.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
+use arrow::datatypes::DataType;
+use parquet::arrow::ArrowSchemaConverter;
+use parquet::errors::ParquetError;
+use parquet::file::properties::WriterPropertiesPtr;
+use parquet::schema::types::{SchemaDescriptor, TypePtr};
+
+use super::ROW_GROUP_ROWS;
+use super::column::{EncodedColumn, encode};
+use super::properties::properties;
+use crate::io::table::{Table, same};
+
+/// Encodes a table and the further parts of it.
+pub struct Encoder {
+    schema: SchemaDescriptor,
+    properties: WriterPropertiesPtr,
+    /// What a table is of stands in each of its rows, and much is absent in all of them: encoded once for so many rows,
+    /// such a column is the same bytes again in every row group of as many.
+    uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
+}
+
+/// A column that says the same in all rows.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Uniform {
+    column: usize,
+    rows: usize,
+    says: Says,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+enum Says {
+    Nothing,
+    Text(String),
+}
+
+/// The row groups of a table, or of a part of one.
+pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
+
+impl RowGroups {
+    /// The columns of each row group.
+    pub(super) fn columns(&self) -> impl Iterator<Item = &[Arc<EncodedColumn>]> {
+        self.0.iter().map(Vec::as_slice)
+    }
+}
+
+impl Encoder {
+    /// An encoder of `table` and of whatever other parts it has.
+    pub fn of(table: &Table) -> Result<Self, ParquetError> {
+        Ok(Self {
+            schema: ArrowSchemaConverter::new().convert(&table.batch.schema())?,
+            properties: Arc::new(properties(table)),
+            uniform: Mutex::default(),
+        })
+    }
+
+    pub(super) fn schema(&self) -> TypePtr {
+        self.schema.root_schema_ptr()
+    }
+
+    pub(super) fn properties(&self) -> WriterPropertiesPtr {
+        Arc::clone(&self.properties)
+    }
+
+    /// The row groups of a table: the same bytes on any thread, whatever was encoded before.
+    pub fn encode(&self, part: &Table) -> Result<RowGroups, ParquetError> {
+        let rows = part.rows();
+        let firsts = (0..rows).step_by(ROW_GROUP_ROWS);
+        let group = |first| part.batch.slice(first, ROW_GROUP_ROWS.min(rows - first));
+        firsts
+            .map(|first| self.row_group(&group(first)))
+            .collect::<Result<_, _>>()
+            .map(RowGroups)
+    }
+
+    fn row_group(&self, rows: &RecordBatch) -> Result<Vec<Arc<EncodedColumn>>, ParquetError> {
+        let columns = rows.columns().iter().enumerate();
+        columns
+            .map(|(place, array)| self.column(place, array))
+            .collect()
+    }
+
+    fn column(&self, place: usize, array: &ArrayRef) -> Result<Arc<EncodedColumn>, ParquetError> {
+        let Some(says) = says(array) else {
+            return self.fresh(place, array);
+        };
+        let uniform = Uniform {
+            column: place,
+            rows: array.len(),
+            says,
+        };
+        let known = || self.uniform.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(column) = known().get(&uniform) {
+            return Ok(Arc::clone(column));
+        }
+        let column = self.fresh(place, array)?;
+        known().insert(uniform, Arc::clone(&column));
+        Ok(column)
+    }
+
+    fn fresh(&self, place: usize, array: &ArrayRef) -> Result<Arc<EncodedColumn>, ParquetError> {
+        let column = self.schema.column(place);
+        Ok(Arc::new(encode(column, self.properties(), array)?))
+    }
+}
+
+/// What all rows say, if they say the same.
+fn says(array: &ArrayRef) -> Option<Says> {
+    if array.null_count() == array.len() {
+        return Some(Says::Nothing);
+    }
+    let text = (*array.data_type() == DataType::Utf8).then(|| array.as_string())?;
+    same::text(text).map(|text| Says::Text(text.to_owned()))
+}
