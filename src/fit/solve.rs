@@ -78,7 +78,8 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
             point.normal = problem.normal(&point.offsets, &weights);
         }
         let scales = step_scales(&point.normal, problem, factor);
-        if one_round || (&point.offsets - before).component_div(&scales).amax() < 1e-3 {
+        let done = one_round && convergence == Convergence::Converged;
+        if done || (&point.offsets - before).component_div(&scales).amax() < 1e-3 {
             break;
         }
     }

@@ -60,7 +60,7 @@ fn compare(robot: &str, arm: &Arm, rounds: usize) {
 
     let mut positions = Default::default();
     let time = best(rounds, || {
-        batch.positions_into(black_box(&axes), &mut positions)
+        batch.positions_into(black_box(&axes), &mut positions);
     });
     row(&format!("{robot}: batch, positions"), time, base);
 
