@@ -4,7 +4,9 @@
 //! (METHOD.md 7): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or *after*.
 
 pub mod accuracy;
+pub mod chart;
 pub mod evaluate;
+pub mod page;
 pub mod refit;
 
 use nalgebra::{Matrix3, Point3, Vector3};

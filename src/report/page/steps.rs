@@ -1,0 +1,170 @@
+//! Error against step: what each step leaves on held-out stations, its bound, and which step was chosen.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Step};
+use super::words;
+use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let chosen = content.steps.iter().find(|step| step.chosen)?;
+    let head = html! { th { "Step, mm" } th { "Node values" } th { "Inside a cell" } th { "Nodes" } th { "Judged on" } th { "Mean, mm" } th { "p95, mm" } th { "Max, mm" } th { "Bound, mm" } th { "Verdict" } };
+    let (tables, cells): (Vec<&Step>, Vec<&Step>) = content
+        .steps
+        .iter()
+        .partition(|step| step.judgement == "table");
+    let reasons = reasons(&tables);
+    Some(html! {
+        p {
+            "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
+            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen."
+        }
+        figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
+        (super::table(&head, &rows(&tables)))
+        @for reason in reasons { p.note { "Not shown: " (reason) "." } }
+        @if !cells.is_empty() {
+            details {
+                summary { "The same in a cell of its own around each held-out station" }
+                p.note { "At the station's own orientation and configuration: what a grid could do there, never a verdict." }
+                (super::table(&head, &rows(&cells)))
+            }
+        }
+    })
+}
+
+fn rows(steps: &[&Step]) -> Markup {
+    html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                td { (words::number(step.step_mm, 0)) @if step.chosen { " ← chosen" } }
+                td.word { (step.source) }
+                td.word { (step.interpolation) }
+                td { (step.nodes.unwrap_or(0)) }
+                td { (step.held_out) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.max_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { @if step.judgement == "table" { (words::verdict(&step.verdict)) } @else { "–" } }
+            }
+        }
+    }
+}
+
+/// Why steps are not shown, each reason once.
+fn reasons(steps: &[&Step]) -> Vec<String> {
+    let not_shown = steps.iter().filter(|step| step.verdict == "not_shown");
+    let mut reasons: Vec<String> = not_shown
+        .filter_map(|step| {
+            step.reason
+                .as_ref()
+                .map(|reason| format!("{}, {reason}", step.source))
+        })
+        .collect();
+    reasons.sort();
+    reasons.dedup();
+    reasons
+}
+
+/// Whether any step of the published kind has figures; if none, local cells are drawn.
+fn judgement(content: &Content) -> &'static str {
+    let shown = |step: &Step| step.judgement == "table" && step.mean_mm.is_some();
+    if content.steps.iter().any(shown) {
+        "table"
+    } else {
+        "local_cell"
+    }
+}
+
+fn chart(content: &Content, chosen: &Step) -> Markup {
+    let judgement = judgement(content);
+    let of =
+        |source: &str, interpolation: &str, value: fn(&Step) -> Option<f64>| -> Vec<[f64; 2]> {
+            let family = content.steps.iter().filter(|step| {
+                step.judgement == judgement
+                    && step.source == source
+                    && step.interpolation == interpolation
+            });
+            let mut points: Vec<[f64; 2]> = family
+                .filter_map(|step| Some([step.step_mm, value(step)?]))
+                .collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            points
+        };
+    let own = |value| of(&chosen.source, &chosen.interpolation, value);
+    let guard = chosen.uncertainty_mm.unwrap_or(0.0);
+    let bounds = own(|step| step.bound_mm);
+    let guarded = bounds
+        .iter()
+        .map(|[x, bound]| [*x, *bound, bound + guard])
+        .collect();
+    let mut series = vec![
+        Series::new(
+            "bound, with U above it",
+            vec![
+                Marks::Whiskers(guarded),
+                Marks::Line(bounds.clone()),
+                Marks::Points(bounds),
+            ],
+        ),
+        Series::line_and_points("95th percentile", own(|step| step.p95_mm)),
+        Series::line_and_points("mean", own(|step| step.mean_mm)),
+    ];
+    series.extend(others(content, chosen, &of));
+    let at = own(|step| step.bound_mm.or(step.mean_mm));
+    let ring: Vec<[f64; 2]> = at
+        .into_iter()
+        .filter(|[x, _]| (x - chosen.step_mm).abs() < 1e-9)
+        .collect();
+    series.push(Series::new("chosen", vec![Marks::Rings(ring)]));
+    Chart {
+        title: "Error against step".to_owned(),
+        description: caption(content, chosen),
+        x: Axis::new("step", "mm").including(&[0.0]),
+        y: Axis::new("error norm left on held-out stations", "mm").including(&[0.0]),
+        series,
+        limits: vec![Limit {
+            name: format!("tolerance {} mm", content.tolerance.mm),
+            value: content.tolerance.mm,
+        }],
+    }
+    .svg()
+}
+
+/// Bounds of the families that were not chosen.
+fn others(
+    content: &Content,
+    chosen: &Step,
+    of: &impl Fn(&str, &str, fn(&Step) -> Option<f64>) -> Vec<[f64; 2]>,
+) -> Vec<Series> {
+    let mut families: Vec<(&str, &str)> = content
+        .steps
+        .iter()
+        .map(|step| (&*step.source, &*step.interpolation))
+        .collect();
+    families.sort_unstable();
+    families.dedup();
+    families.retain(|family| *family != (&*chosen.source, &*chosen.interpolation));
+    let series = |(place, (source, interpolation)): (usize, (&str, &str))| {
+        Series::line_and_points(
+            &format!("bound, {source}, {interpolation}"),
+            of(source, interpolation, |step| step.bound_mm),
+        )
+        .looking(3 + place)
+    };
+    families.into_iter().enumerate().map(series).collect()
+}
+
+fn caption(content: &Content, chosen: &Step) -> String {
+    let of = if judgement(content) == "table" {
+        "tables"
+    } else {
+        "local cells, as no table has enough stations to be judged;"
+    };
+    format!(
+        "{of}: node values {}, {} inside a cell; the chosen step is {} mm.",
+        chosen.source,
+        chosen.interpolation,
+        words::fixed(chosen.step_mm, 0)
+    )
+}
