@@ -138,6 +138,7 @@ fn figure(row: &Row<'_>) -> Figure {
 fn residual(row: &Row<'_>) -> Residual {
     Residual {
         subject: subject(row),
+        station: row.whole("station"),
         at: ["x_mm", "y_mm", "z_mm"].map(|column| row.number(column)),
         error: ["residual_x_mm", "residual_y_mm", "residual_z_mm"].map(|column| row.number(column)),
         used_for_refit: row.flag("used_for_refit"),

@@ -134,11 +134,12 @@ pub fn publish(
         tolerance: context.tolerance,
         choice: &outcome.grids.choice,
         counts: &counts,
-        written: &run.written().to_vec(),
+        written: run.written(),
         replaces: context.replaces.as_deref(),
         said,
     };
-    run.publish_page(&report::page::html(&page::content(&tables, &about)))?;
+    let html = report::page::html(&page::content(&tables, &about));
+    run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
     Ok(run.commit(&row)?)
 }

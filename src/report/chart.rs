@@ -62,6 +62,8 @@ pub struct Axis {
     pub log: bool,
     /// Values that the axis has to reach beside those of the series.
     pub include: Vec<f64>,
+    /// Names of a horizontal axis that counts things, the first at 1; none for an axis of numbers.
+    pub names: Vec<String>,
 }
 
 /// A value that is not to be exceeded.
@@ -80,6 +82,14 @@ impl Axis {
             quantity: quantity.to_owned(),
             unit: unit.to_owned(),
             ..Self::default()
+        }
+    }
+
+    /// A horizontal axis that counts named things, the first at 1.
+    pub fn of_names(quantity: &str, names: Vec<String>) -> Self {
+        Self {
+            names,
+            ..Self::new(quantity, "")
         }
     }
 
@@ -113,15 +123,7 @@ impl Chart {
     /// The chart as an inline `<svg>`; a sentence instead of it where there is nothing to draw.
     pub fn svg(&self) -> Markup {
         let (drawn, left_out) = self.drawable();
-        let reach = |of: fn(&[f64; 2]) -> f64, axis: &Axis| {
-            let values = drawn.iter().flat_map(Series::corners);
-            let values = values.map(|corner| of(&corner));
-            Scale::over(values.chain(axis.include.iter().copied()), axis.log)
-        };
-        let limits = self.limits.iter().map(|limit| limit.value);
-        let y_axis = self.y.clone().including(&limits.collect::<Vec<_>>());
-        let scales = (reach(|c| c[0], &self.x), reach(|c| c[1], &y_axis));
-        let (Some(x), Some(y)) = scales else {
+        let (Some(x), Some(y)) = (self.across(&drawn), self.upwards(&drawn)) else {
             return html! { p.none { "Nothing to draw: " (self.title) "." } };
         };
         let frame = Frame::new(self, &drawn, x, y);
@@ -136,6 +138,29 @@ impl Chart {
             }
             @if left_out > 0 { p.note { (left_out) " values are not positive and cannot be drawn on a logarithmic axis." } }
         }
+    }
+
+    /// The horizontal scale: it ends where the values do.
+    fn across(&self, drawn: &[Series]) -> Option<Scale> {
+        if !self.x.names.is_empty() {
+            return Some(Scale::of_names(&self.x.names));
+        }
+        let corners = drawn.iter().flat_map(Series::corners).map(|[x, _]| x);
+        let values: Vec<f64> = corners.chain(self.x.include.iter().copied()).collect();
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Some(Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high))
+    }
+
+    /// The vertical scale: it ends at ticks, with the limits in it.
+    fn upwards(&self, drawn: &[Series]) -> Option<Scale> {
+        let corners = drawn.iter().flat_map(Series::corners).map(|[_, y]| y);
+        let limits = self.limits.iter().map(|limit| limit.value);
+        let limits = limits.filter(|value| self.y.takes(*value));
+        Scale::over(
+            corners.chain(limits).chain(self.y.include.iter().copied()),
+            self.y.log,
+        )
     }
 
     /// The series with what the axes can show of them, and how many values they cannot.

@@ -43,14 +43,14 @@ const SECTIONS: [Section; 12] = [
     ("joints", "Joint curves", joints::section),
     ("parameters", "Identified parameters", parameters::section),
     ("clocks", "Clocks and pairing", logs::clocks_section),
-    ("rejects", "What was left out", logs::rejects_section),
+    ("rejects", "What was left out", |c| {
+        Some(logs::rejects_section(c))
+    }),
     ("models", "How the models came out", models::section),
-    ("provenance", "Provenance", provenance::section),
-    (
-        "reading",
-        "How to read the tables",
-        provenance::reading_section,
-    ),
+    ("provenance", "Provenance", |c| Some(provenance::section(c))),
+    ("reading", "How to read the tables", |c| {
+        Some(provenance::reading_section(c))
+    }),
 ];
 
 /// The page.

@@ -1,5 +1,7 @@
 //! The frame of a chart: where numbers lie on the paper, axes with ticks, limits, the legend.
 
+use std::fmt::Write as _;
+
 use maud::{Markup, html};
 
 use super::marks::{Marks, Series, marker};
@@ -41,7 +43,7 @@ impl Frame {
         let label = if chart.y.label().is_empty() {
             8.0
         } else {
-            LINE + 6.0
+            LINE + 12.0
         };
         Self {
             x,
@@ -86,31 +88,32 @@ impl Frame {
     /// Axes with grid lines, tick labels, quantities and units.
     pub(super) fn axes(&self, chart: &Chart) -> Markup {
         let (bottom, top) = (self.bottom(), self.top);
-        let rows = self
-            .y
-            .ticks
-            .iter()
-            .map(|tick| (self.down(tick.value), tick));
-        let grid: String = rows
-            .clone()
-            .map(|(y, _)| format!("M{} {}H{}", px(self.left), px(y), px(RIGHT)))
-            .collect();
-        let columns = self
-            .x
-            .ticks
-            .iter()
-            .map(|tick| (self.across(tick.value), tick));
-        let ticks: String = columns
-            .clone()
-            .map(|(x, _)| format!("M{} {}v5", px(x), px(bottom)))
-            .collect();
+        let rows = || {
+            self.y
+                .ticks
+                .iter()
+                .map(|tick| (self.down(tick.value), tick))
+        };
+        let columns = || {
+            self.x
+                .ticks
+                .iter()
+                .map(|tick| (self.across(tick.value), tick))
+        };
+        let (mut grid, mut ticks) = (String::new(), String::new());
+        for (y, _) in rows() {
+            write!(grid, "M{} {}H{}", px(self.left), px(y), px(RIGHT)).expect("a string");
+        }
+        for (x, _) in columns() {
+            write!(ticks, "M{} {}v5", px(x), px(bottom)).expect("a string");
+        }
         html! {
             path class="grid" d=(grid) {}
             path class="axis" d={ "M" (px(self.left)) " " (px(bottom)) "H" (px(RIGHT)) (ticks) } {}
-            @for (y, tick) in rows {
+            @for (y, tick) in rows() {
                 text class="tick" text-anchor="end" x=(px(self.left - 7.0)) y=(px(y + 4.0)) { (signed(tick)) }
             }
-            @for (x, tick) in columns {
+            @for (x, tick) in columns() {
                 text class="tick" text-anchor="middle" x=(px(x)) y=(px(bottom + 18.0)) { (signed(tick)) }
             }
             (quantity(&chart.y, 0.0, top - 11.0, "start"))
@@ -123,7 +126,9 @@ impl Frame {
             @for limit in limits {
                 @let y = self.down(limit.value);
                 path class="limit" d={ "M" (px(self.left)) " " (px(y)) "H" (px(RIGHT)) } {}
-                text class="limit-name" text-anchor="end" x=(px(RIGHT - 4.0)) y=(px(y - 5.0)) { (limit.name) }
+                // Above the line, unless that is above the plot.
+                @let name_y = if y < self.top + LINE { y + 14.0 } else { y - 5.0 };
+                text class="limit-name" text-anchor="end" x=(px(RIGHT - 4.0)) y=(px(name_y)) { (limit.name) }
             }
         }
     }

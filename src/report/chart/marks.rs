@@ -46,6 +46,8 @@ pub struct Bar {
     pub count: f64,
 }
 
+/// From so many points on markers would hide each other, and dots are drawn.
+const CROWD: usize = 120;
 /// Points that an empirical distribution is drawn by at most.
 const MOST_STEPS: usize = 240;
 
@@ -90,7 +92,7 @@ impl Series {
         sorted.sort_by(f64::total_cmp);
         let n = sorted.len();
         let every = n.div_ceil(MOST_STEPS).max(1);
-        let ranks = (1..=n).filter(|rank| (n - rank) % every == 0);
+        let ranks = (1..=n).filter(|rank| (n - rank).is_multiple_of(every));
         let step = |rank: usize| [sorted[rank - 1], 100.0 * rank as f64 / n as f64];
         let start = sorted.first().map(|least| [*least, 0.0]);
         Self::new(
@@ -189,10 +191,10 @@ impl Marks {
             | Self::Rings(points)
             | Self::Steps(points) => points.retain(|point| fits(*point)),
             Self::Band(spans) | Self::Whiskers(spans) => {
-                spans.retain(|&[x, low, high]| fits([x, low]) && fits([x, high]))
+                spans.retain(|&[x, low, high]| fits([x, low]) && fits([x, high]));
             }
             Self::Bars(bars) => {
-                bars.retain(|bar| fits([bar.from, bar.count]) && fits([bar.to, bar.count]))
+                bars.retain(|bar| fits([bar.from, bar.count]) && fits([bar.to, bar.count]));
             }
         }
         before - self.len()
@@ -212,6 +214,13 @@ impl Marks {
     fn drawn(&self, frame: &Frame, look: usize) -> Markup {
         let (class, path) = match self {
             Self::Line(points) => ("line", frame.polyline(points.iter().copied())),
+            Self::Points(points) if points.len() >= CROWD => {
+                let dot = |point: &[f64; 2]| {
+                    let [x, y] = frame.at(*point);
+                    format!("M{} {}h0", px(x), px(y))
+                };
+                ("dots", points.iter().map(dot).collect())
+            }
             Self::Points(points) => (
                 "points",
                 points

@@ -25,6 +25,32 @@ const STEPS: f64 = 5.0;
 const FEW_DECADES: i32 = 2;
 
 impl Scale {
+    /// The same scale ending at `low` and `high` themselves, with the ticks between: where no line has to end at a tick.
+    #[must_use]
+    pub fn ending_at(mut self, low: f64, high: f64) -> Self {
+        if low < high && !self.log {
+            let slack = 1e-9 * (high - low);
+            self.ticks
+                .retain(|tick| (low - slack..=high + slack).contains(&tick.value));
+            (self.low, self.high) = (low, high);
+        }
+        self
+    }
+
+    /// A scale with a name at each of 1, 2, 3 and so on.
+    pub fn of_names(names: &[String]) -> Self {
+        let tick = |(place, name): (usize, &String)| Tick {
+            value: place as f64 + 1.0,
+            label: name.clone(),
+        };
+        Self {
+            low: 0.4,
+            high: names.len() as f64 + 0.6,
+            log: false,
+            ticks: names.iter().enumerate().map(tick).collect(),
+        }
+    }
+
     /// A scale over finite `values`, positive ones where it is logarithmic; `None` without any.
     pub fn over(values: impl Iterator<Item = f64>, log: bool) -> Option<Self> {
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
@@ -70,7 +96,7 @@ impl Scale {
     }
 
     fn logarithmic(low: f64, high: f64) -> Self {
-        let (first, last) = (below(low), above(high));
+        let (first, last) = (nice_below(low), nice(high));
         let (first, last) = if first < last {
             (first, last)
         } else {
@@ -113,12 +139,8 @@ pub fn nice(step: f64) -> f64 {
     factor.unwrap_or(10.0) * decade
 }
 
-fn above(value: f64) -> f64 {
-    nice(value)
-}
-
 /// The largest of 1, 2, 5 times a power of ten that is not above `value`.
-fn below(value: f64) -> f64 {
+pub fn nice_below(value: f64) -> f64 {
     let decade = power(exponent(value));
     let factors = [5.0, 2.0].into_iter();
     let factor = factors
@@ -184,5 +206,7 @@ mod tests {
         let log = Scale::over([0.01, 1.0].into_iter(), true).expect("values");
         assert!((log.share(0.1) - 0.5).abs() < 1e-12);
         assert!(Scale::over(std::iter::empty(), true).is_none());
+        let tight = linear.ending_at(1.0, 9.0);
+        assert_eq!((tight.share(9.0), tight.ticks.len()), (1.0, 4)); // 2, 4, 6, 8
     }
 }

@@ -4,6 +4,8 @@
 //! in a space of metres. From above the longer of the base frame's x and y lies across, from the front the same against z,
 //! from the side the other one.
 
+use std::fmt::Write as _;
+
 use maud::{Markup, html};
 
 use super::{px, scale};
@@ -26,36 +28,43 @@ pub struct Vectors {
     pub description: String,
     /// The errors.
     pub arrows: Vec<Arrow>,
+    /// Which look they have, from 0.
+    pub look: usize,
 }
 
 /// Arrows that a panel has at most: more hide each other.
 const MOST: usize = 400;
-/// Panel, and what is left of it for the work space, px.
+/// Width of a panel, and the most of it that the work space takes, px.
 const WIDTH: f64 = 320.0;
-const PLOT: [f64; 2] = [250.0, 210.0];
-const MIDDLE: [f64; 2] = [165.0, 142.0];
-const HEIGHT: f64 = 292.0;
-/// How long nineteen in twenty of the longest set's arrows are at most, px.
+const PLOT: [f64; 2] = [244.0, 200.0];
+/// How long nineteen in twenty of the longest set's arrows are at most, px; arrows may reach this far out of the work space.
 const LONG: f64 = 34.0;
+/// Above and below the work space: the name, and the bars.
+const NAME: f64 = 16.0;
+const BARS: f64 = 46.0;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Draws `sets`, each in its look, in panels that stand below each other by projection; `None` without any arrow.
+/// Draws `sets` in panels, those of one projection after each other; `None` without any arrow.
 pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
     let paper = Paper::of(sets)?;
-    let thinned = |set: &Vectors| set.arrows.len().div_ceil(MOST);
-    let fewer = sets.iter().filter(|set| thinned(set) > 1);
+    let fewer = sets.iter().filter(|set| every(set) > 1);
     Some(html! {
         div.panels {
             @for view in paper.views() {
-                @for (look, set) in sets.iter().enumerate() { (paper.panel(&view, set, look)) }
+                @for set in sets { (paper.panel(&view, set)) }
             }
         }
         p.note {
-            "Arrows point from where the arm should be to where it was, and are drawn " (paper.magnification)
+            "Arrows point from where the arm should be to where it was. They are drawn " (paper.magnification)
             " times as long as the work space around them, the same in every panel. "
-            @for set in fewer { (set.name) ": every " (ordinal(thinned(set))) " of " (set.arrows.len()) " stations is drawn. " }
+            @for set in fewer { (set.name) ": every " (ordinal(every(set))) " of " (set.arrows.len()) " stations is drawn. " }
         }
     })
+}
+
+/// Every how many stations one is drawn.
+fn every(set: &Vectors) -> usize {
+    set.arrows.len().div_ceil(MOST).max(1)
 }
 
 /// Scales that all panels share.
@@ -65,9 +74,9 @@ struct Paper {
     /// px for one mm of work space.
     space: f64,
     magnification: f64,
-    /// An error drawn as a bar, mm.
-    bar_mm: f64,
+    /// Lengths that are drawn as bars: of work space and of error, mm.
     space_bar_mm: f64,
+    error_bar_mm: f64,
 }
 
 /// A projection: which axes lie across and upwards.
@@ -84,28 +93,23 @@ impl Paper {
                 .flat_map(|set| set.arrows.iter().map(|arrow| arrow.at))
         };
         places().next()?;
-        let low: [f64; 3] =
-            std::array::from_fn(|k| places().map(|p| p[k]).fold(f64::INFINITY, f64::min));
-        let high: [f64; 3] =
-            std::array::from_fn(|k| places().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max));
-        let extent: [f64; 3] = std::array::from_fn(|k| (high[k] - low[k]).max(1.0));
+        let low = |k: usize| places().map(|p| p[k]).fold(f64::INFINITY, f64::min);
+        let high = |k: usize| places().map(|p| p[k]).fold(f64::NEG_INFINITY, f64::max);
+        let extent: [f64; 3] = std::array::from_fn(|k| (high(k) - low(k)).max(1.0));
         let across = extent[0].max(extent[1]);
         let up = extent[2].max(extent[0].min(extent[1]));
         let space = (PLOT[0] / across).min(PLOT[1] / up);
         let longest = sets
             .iter()
             .map(|set| typical_mm(&set.arrows))
-            .fold(0.0, f64::max);
-        // Round numbers below the one that would fill the room.
-        let fitting = LONG / (longest.max(1e-6) * space);
-        let magnification = scale::nice(fitting / 2.5);
+            .fold(1e-6, f64::max);
         Some(Self {
-            middle: std::array::from_fn(|k| 0.5 * (low[k] + high[k])),
+            middle: std::array::from_fn(|k| 0.5 * (low(k) + high(k))),
             extent,
             space,
-            magnification,
-            bar_mm: scale::nice(longest.max(1e-6) / 2.5),
-            space_bar_mm: scale::nice(across / 5.0),
+            magnification: scale::nice_below(LONG / (longest * space)),
+            space_bar_mm: scale::nice_below(across / 3.0),
+            error_bar_mm: scale::nice_below(longest),
         })
     }
 
@@ -123,32 +127,39 @@ impl Paper {
         ]
     }
 
-    fn panel(&self, view: &View, set: &Vectors, look: usize) -> Markup {
+    /// Height of the work space in the tallest view, with room for arrows around it.
+    fn room(&self) -> f64 {
+        let up = self.extent[2].max(self.extent[0].min(self.extent[1]));
+        self.space * up + 2.0 * LONG
+    }
+
+    fn panel(&self, view: &View, set: &Vectors) -> Markup {
         let name = format!("{}, {}", set.name, view.name);
-        let every = set.arrows.len().div_ceil(MOST).max(1);
-        let drawn = || set.arrows.iter().step_by(every);
-        let stations: String = drawn()
-            .map(|arrow| {
-                let [x, y] = self.at(view, arrow.at);
-                format!("M{} {}h0", px(x), px(y))
-            })
-            .collect();
-        let arrows: String = drawn().map(|arrow| self.arrow(view, arrow)).collect();
+        let drawn = || set.arrows.iter().step_by(every(set));
+        let (mut stations, mut arrows) = (String::new(), String::new());
+        for arrow in drawn() {
+            let [x, y] = self.at(view, arrow.at);
+            write!(stations, "M{} {}h0", px(x), px(y)).expect("a string");
+            arrows += &self.arrow(view, arrow);
+        }
         html! {
-            svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(HEIGHT)) } {
+            svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(NAME + self.room() + BARS)) } {
                 title { (name) }
                 desc { (set.description) " Across " (AXES[view.across]) ", upwards " (AXES[view.up]) " of the base frame." }
-                text class="name" x="4" y="15" { (name) }
+                text class="name" x="0" y="12" { (name) }
                 path class="station" d=(stations) {}
-                g class={ "s" (look) } { path class="arrow" d=(arrows) {} }
-                (self.bars(view, look))
+                g class={ "s" (set.look) } { path class="arrow" d=(arrows) {} }
+                (self.bars(view, set.look))
             }
         }
     }
 
     fn at(&self, view: &View, place: [f64; 3]) -> [f64; 2] {
         let away = |k: usize| self.space * (place[k] - self.middle[k]);
-        [MIDDLE[0] + away(view.across), MIDDLE[1] - away(view.up)]
+        [
+            0.5 * WIDTH + away(view.across),
+            NAME + 0.5 * self.room() - away(view.up),
+        ]
     }
 
     fn arrow(&self, view: &View, arrow: &Arrow) -> String {
@@ -160,52 +171,51 @@ impl Paper {
         ];
         let length = shaft[0].hypot(shaft[1]);
         let mut path = format!("M{} {}l{} {}", px(x), px(y), px(shaft[0]), px(shaft[1]));
-        if length > 4.0 {
-            // A head of a quarter of the shaft, five pixels at most, open by half its length.
-            let head = (0.25 * length).min(5.0) / length;
-            let (back, side) = (
-                [-head * shaft[0], -head * shaft[1]],
-                [-0.5 * head * shaft[1], 0.5 * head * shaft[0]],
+        if length > 5.0 {
+            // A head of a quarter of the shaft, four and a half pixels at most, as wide as it is long.
+            let head = (0.25 * length).min(4.5) / length;
+            let back = shaft.map(|part| -head * part);
+            let side = [-0.45 * back[1], 0.45 * back[0]];
+            let (tip_x, tip_y) = (px(x + shaft[0]), px(y + shaft[1]));
+            let (left, right) = (
+                [back[0] + side[0], back[1] + side[1]],
+                [back[0] - side[0], back[1] - side[1]],
             );
-            path += &format!(
-                "m{} {}L{} {}l{} {}",
-                px(back[0] + side[0]),
-                px(back[1] + side[1]),
-                px(x + shaft[0]),
-                px(y + shaft[1]),
-                px(back[0] - side[0]),
-                px(back[1] - side[1]),
-            );
+            write!(
+                path,
+                "m{} {}L{tip_x} {tip_y}l{} {}",
+                px(left[0]),
+                px(left[1]),
+                px(right[0]),
+                px(right[1])
+            )
+            .expect("a string");
         }
         path
     }
 
-    /// What a length of work space and of error is, and which axes one looks at.
+    /// Which axes one looks at, and how long a length of work space and of error is.
     fn bars(&self, view: &View, look: usize) -> Markup {
-        let y = HEIGHT - 12.0;
-        let (space, error) = (
-            self.space * self.space_bar_mm,
-            self.space * self.magnification * self.bar_mm,
-        );
-        let second = WIDTH - 16.0 - error - 82.0;
+        let top = NAME + self.room();
+        let (first, second) = (top + 14.0, top + 34.0);
+        let space = self.space * self.space_bar_mm;
+        let error = self.space * self.magnification * self.error_bar_mm;
         html! {
-            path class="axis" d={ "M10 " (px(y - 42.0)) "v24h24" } {}
-            text class="tick" x="6" y=(px(y - 46.0)) { (AXES[view.up]) }
-            text class="tick" x="38" y=(px(y - 14.0)) { (AXES[view.across]) }
-            path class="axis" d={ "M64 " (px(y - 4.0)) "v4h" (px(space)) "v-4" } {}
-            text class="tick" x=(px(70.0 + space)) y=(px(y + 4.0)) { (self.space_bar_mm) " mm" }
-            g class={ "s" (look) } { path class="arrow" d={ "M" (px(second)) " " (px(y)) "h" (px(error)) "m-5-2.5l5 2.5l-5 2.5" } {} }
-            text class="tick" x=(px(second + error + 6.0)) y=(px(y + 4.0)) { (self.bar_mm) " mm error" }
+            path class="axis" d={ "M5 " (px(top + 14.0)) "v24h24" } {}
+            text class="tick" x="2" y=(px(top + 9.0)) { (AXES[view.up]) }
+            text class="tick" x="34" y=(px(top + 42.0)) { (AXES[view.across]) }
+            path class="axis" d={ "M64 " (px(first - 3.0)) "v6m0-3h" (px(space)) "m0-3v6" } {}
+            text class="tick" x=(px(72.0 + space)) y=(px(first + 4.0)) { (self.space_bar_mm) " mm of work space" }
+            g class={ "s" (look) } { path class="arrow" d={ "M64 " (px(second)) "h" (px(error)) "m-4.5-2l4.5 2l-4.5 2" } {} }
+            text class="tick" x=(px(72.0 + error)) y=(px(second + 4.0)) { (self.error_bar_mm) " mm of error" }
         }
     }
 }
 
-/// What nineteen in twenty errors are below, mm.
+/// What nineteen in twenty errors are not above, mm.
 fn typical_mm(arrows: &[Arrow]) -> f64 {
-    let mut norms: Vec<f64> = arrows
-        .iter()
-        .map(|arrow| arrow.error.iter().map(|e| e * e).sum::<f64>().sqrt())
-        .collect();
+    let norm = |arrow: &Arrow| arrow.error.iter().map(|e| e * e).sum::<f64>().sqrt();
+    let mut norms: Vec<f64> = arrows.iter().map(norm).collect();
     norms.sort_by(f64::total_cmp);
     let place = norms.len().saturating_sub(1) * 19 / 20;
     norms.get(place).copied().unwrap_or(0.0)
@@ -225,27 +235,32 @@ mod tests {
 
     fn set(name: &str, error_mm: f64, count: u32) -> Vectors {
         let arrow = |i: u32| Arrow {
-            at: [f64::from(i), 1000.0 * f64::from(i % 2), 300.0],
+            at: [f64::from(i), 976.0 * f64::from(i % 2), 300.0],
             error: [0.0, error_mm, 0.0],
         };
         Vectors {
             name: name.to_owned(),
             description: "errors".to_owned(),
             arrows: (0..count).map(arrow).collect(),
+            look: 0,
         }
     }
 
     #[test]
     fn all_panels_share_one_scale_and_say_it() {
-        let drawn = vectors(&[set("Before", 0.5, 10), set("After", 0.05, 10)])
-            .expect("arrows")
-            .into_string();
+        let sets = [set("Before", 0.5, 10), set("After", 0.05, 10)];
+        let drawn = vectors(&sets).expect("arrows").into_string();
         assert_eq!(drawn.matches("<svg").count(), 6);
-        // 1000 mm across 250 px: 0.25 px a mm; 0.5 mm at 34 px would be 272 times, so 200 times: 25 px, and 2.5 px after.
-        assert!(drawn.contains("drawn 200 times as long"), "{drawn}");
-        assert!(drawn.contains("l25 0"), "{drawn}");
-        assert!(drawn.contains("l2.5 0"), "{drawn}");
-        assert!(drawn.contains("0.2 mm error"), "{drawn}");
+        // 976 mm across 244 px: 0.25 px a mm; 0.5 mm at 34 px would be 272 times, so 200 times: 25 px, and 2.5 px after.
+        for part in [
+            "drawn 200 times as long",
+            "l25 0",
+            "l2.5 0",
+            "0.5 mm of error",
+            "200 mm of work space",
+        ] {
+            assert!(drawn.contains(part), "{part} is not in {drawn}");
+        }
     }
 
     #[test]

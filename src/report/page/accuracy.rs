@@ -67,9 +67,9 @@ fn subjects(content: &Content) -> Vec<&Subject> {
 
 fn rows(content: &Content, subjects: &[&Subject]) -> Markup {
     let head = html! {
-        th { "What corrects" } th { "Judged on" } th { "n" }
+        th { "What corrects" } th.word { "Judged on" } th { "n" }
         @for (_, heading) in COLUMNS { th { (heading) } }
-        th { "In 95 % ellipsoid" } th { "Verdict" }
+        th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
     let body = html! { @for subject in subjects { (row(content, subject)) } };
     super::table(&head, &body)
@@ -92,7 +92,7 @@ fn row(content: &Content, subject: &Subject) -> Markup {
             td { (bound.map_or(0, |bound| bound.n)) @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
             @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }
             td { @match value("share_in_ellipsoid") { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
-            td.word { (words::verdict(bound.and_then(|b| b.verdict.as_deref()).unwrap_or("–"))) }
+            td.word { @if subject.split == "none" { "–" } @else { (words::verdict(bound.and_then(|b| b.verdict.as_deref()).unwrap_or("–"))) } }
         }
     }
 }
@@ -106,7 +106,7 @@ pub(super) fn iso_section(content: &Content) -> Option<Markup> {
     if figures.is_empty() {
         return None;
     }
-    let head = html! { th { "Figure" } th { "Pose" } th { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th { "Remark" } };
+    let head = html! { th { "Figure" } th { "Pose" } th.word { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
     let body = html! {
         @for figure in &figures {
             tr {

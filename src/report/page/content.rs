@@ -127,6 +127,8 @@ pub struct Figure {
 pub struct Residual {
     /// What it is of.
     pub subject: Subject,
+    /// The station's number.
+    pub station: i64,
     /// Attained position, base frame, mm.
     pub at: [f64; 3],
     /// Measured minus predicted, mm.

@@ -12,7 +12,7 @@ pub(super) fn clocks_section(content: &Content) -> Option<Markup> {
     if content.sessions.is_empty() {
         return None;
     }
-    let head = html! { th { "Session" } th { "Stations" } th { "Measured" } th { "Tracker's clock ahead, s" } th { "Runs faster, ppm" } th { "Edges" } th { "rms, ms" } };
+    let head = html! { th { "Session" } th { "Stations" } th { "Measured" } th.word { "Not measured" } th { "Tracker's clock ahead, s" } th { "Runs faster, ppm" } th { "Edges" } th { "rms, ms" } };
     let body = html! { @for session in &content.sessions { (clock_row(session)) } };
     Some(html! {
         p { "The tracker's clock against the controller's, at the first stamp of the controller's log, with standard errors." }
@@ -35,6 +35,7 @@ fn clock_row(session: &Session) -> Markup {
             th.word scope="row" { (session.name) small { @if session.trained { "trained" } @else { "only judged" } } }
             td { (all) }
             td { (paired) }
+            td.word { (unmeasured(session)) }
             td { (words::fixed(clock.offset_ns[0] / NS_PER_S, 4)) " ± " (words::fixed(clock.offset_ns[1] / NS_PER_S, 4)) }
             td { (words::fixed(clock.drift_ppm[0], 2)) " ± " (words::fixed(clock.drift_ppm[1], 2)) }
             td { (clock.edges) }
@@ -43,14 +44,23 @@ fn clock_row(session: &Session) -> Markup {
     }
 }
 
+/// Why stations have no measurement, with how many.
+fn unmeasured(session: &Session) -> String {
+    let reasons = session.dwells.iter().filter_map(|(_, reason, count)| {
+        let reason = reason.as_ref()?;
+        Some(format!("{count} {}", words::plain(reason)))
+    });
+    let reasons: Vec<String> = reasons.collect();
+    if reasons.is_empty() { "none".to_owned() } else { reasons.join(", ") }
+}
+
 /// Reasons that are listed at most; logs can give as many as they like.
 const MOST: usize = 40;
 
-pub(super) fn rejects_section(content: &Content) -> Option<Markup> {
+pub(super) fn rejects_section(content: &Content) -> Markup {
     let reasons = reasons(content);
     let hidden = reasons.len().saturating_sub(MOST);
-    let head =
-        html! { th { "Session" } th { "Stage" } th { "Reason" } th { "What" } th { "How many" } };
+    let head = html! { th { "Session" } th.word { "Stage" } th.word { "Reason" } th.word { "What" } th { "How many" } };
     let body = html! {
         @for (reason, (number, unknown)) in reasons.iter().take(MOST) {
             tr {
@@ -62,13 +72,13 @@ pub(super) fn rejects_section(content: &Content) -> Option<Markup> {
             }
         }
     };
-    Some(html! {
+    html! {
         p { "Nothing is lost in silence: what came into a stage is what it kept and what it rejected." }
         (counts(content))
         h3 { "By reason" }
         @if reasons.is_empty() { p { "Nothing was rejected." } } @else { (super::table(&head, &body)) }
         @if hidden > 0 { p.note { (hidden) " more reasons stand in " code { "rejects" } "." } }
-    })
+    }
 }
 
 /// Session, stage, what, why.
@@ -90,8 +100,7 @@ fn reasons(content: &Content) -> BTreeMap<Reason<'_>, (u64, bool)> {
 }
 
 fn counts(content: &Content) -> Markup {
-    let head =
-        html! { th { "Stage" } th { "What" } th { "Came in" } th { "Kept" } th { "Rejected" } };
+    let head = html! { th { "Stage" } th.word { "What" } th { "Came in" } th { "Kept" } th.word { "Rejected" } };
     let body = html! {
         @for count in &content.counts {
             tr {

@@ -8,7 +8,7 @@ use crate::fit::CONDITION_LIMIT;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let first = content.calibrations.first()?;
-    let head = html! { th { "Model" } th { "Stations" } th { "Weighted down" } th { "Parameters" } th { "Rank" } th { "Condition" } th { "s²" } th { "Misfit per axis, mm" } th { "Ended because" } };
+    let head = html! { th { "Model" } th { "Stations" } th { "Weighted down" } th { "Parameters" } th { "Rank" } th { "Condition" } th { "s²" } th { "Misfit per axis, mm" } th.word { "Ended because" } };
     let body = html! { @for calibration in &content.calibrations { (row(calibration)) } };
     let ill: Vec<&Calibration> = content
         .calibrations
@@ -53,7 +53,7 @@ fn row(calibration: &Calibration) -> Markup {
 }
 
 fn part_rows(calibration: &Calibration) -> Markup {
-    let head = html! { th { "Part" } th { "Evidence, nats" } th { "Kept" } };
+    let head = html! { th { "Part" } th { "Evidence, nats" } th.word { "Kept" } };
     let body = html! {
         @for (name, gain) in &calibration.parts {
             tr {

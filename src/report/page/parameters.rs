@@ -31,7 +31,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         div.pair {
             @for (unit, shown, scale) in [("mm", "mm", 1.0), ("rad", "mrad", 1e3)] {
                 @let links = own.iter().copied().filter(|p| p.belongs_to == "link" && p.unit == unit).collect::<Vec<_>>();
-                @if !links.is_empty() { figure { (chart(&links, shown, scale)) figcaption { "Links of the arm, " (if unit == "mm" { "lengths" } else { "angles" }) ": " (names(&links)) "." } } }
+                @if !links.is_empty() { figure { (chart(&links, shown, scale)) figcaption { "Links of the arm, " (if unit == "mm" { "lengths" } else { "angles" }) "." } } }
             }
         }
         @if !untold.is_empty() { h3 { "Not told apart" } (untold_rows(&untold)) }
@@ -39,12 +39,28 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-fn names(parameters: &[&Parameter]) -> String {
-    let numbered = parameters
-        .iter()
-        .enumerate()
-        .map(|(place, p)| format!("{} {}", place + 1, p.name));
-    numbered.collect::<Vec<_>>().join(", ")
+/// The symbol of a link's parameter: θ₁ for `theta_1`.
+fn symbol(parameter: &Parameter) -> String {
+    let (quantity, joint) = parameter
+        .name
+        .split_once('_')
+        .unwrap_or((&parameter.name, ""));
+    let letter = match quantity {
+        "theta" => "θ",
+        "alpha" => "α",
+        "beta" => "β",
+        other => other,
+    };
+    let below = |digit: char| {
+        digit
+            .to_digit(10)
+            .and_then(|value| char::from_u32(0x2080 + value))
+    };
+    let joint: String = joint
+        .chars()
+        .map(|digit| below(digit).unwrap_or(digit))
+        .collect();
+    format!("{letter}{joint}")
 }
 
 fn chart(parameters: &[&Parameter], unit: &str, scale: f64) -> Markup {
@@ -72,15 +88,15 @@ fn chart(parameters: &[&Parameter], unit: &str, scale: f64) -> Markup {
             ],
         )
     };
-    let last = parameters.len() as f64 + 1.0;
+    let (first, last) = (0.4, parameters.len() as f64 + 0.6);
     Chart {
         title: format!("Offsets of the arm's parameters, {unit}"),
         description: "Identified minus nominal of each parameter, with its 95 % interval."
             .to_owned(),
-        x: Axis::new("parameter", "").including(&[0.0, last]),
+        x: Axis::of_names("parameter", parameters.iter().map(|p| symbol(p)).collect()),
         y: Axis::new("identified minus nominal", unit).including(&[0.0]),
         series: vec![
-            Series::line("", vec![[0.0, 0.0], [last, 0.0]]).looking(4),
+            Series::line("", vec![[first, 0.0], [last, 0.0]]).looking(4),
             series("told apart", true).looking(0),
             series("not told apart", false).looking(1),
         ],
@@ -90,7 +106,7 @@ fn chart(parameters: &[&Parameter], unit: &str, scale: f64) -> Markup {
 }
 
 fn untold_rows(parameters: &[&Parameter]) -> Markup {
-    let head = html! { th { "Parameter" } th { "Why" } th { "Cannot be told from" } };
+    let head = html! { th { "Parameter" } th.word { "Why" } th.word { "Cannot be told from" } };
     let body = html! {
         @for parameter in parameters {
             tr {
@@ -104,7 +120,7 @@ fn untold_rows(parameters: &[&Parameter]) -> Markup {
 }
 
 fn rows(parameters: &[&Parameter]) -> Markup {
-    let head = html! { th { "Parameter" } th { "Unit" } th { "Nominal" } th { "Offset" } th { "95 % interval" } th { "Told apart" } };
+    let head = html! { th { "Parameter" } th.word { "Unit" } th { "Nominal" } th { "Offset" } th { "95 % interval" } th.word { "Told apart" } };
     let body = html! { @for parameter in parameters { (row(parameter)) } };
     super::table(&head, &body)
 }

@@ -5,9 +5,9 @@ use maud::{Markup, html};
 use super::content::{Content, Provenance};
 use super::words;
 
-pub(super) fn section(content: &Content) -> Option<Markup> {
+pub(super) fn section(content: &Content) -> Markup {
     let provenance = &content.provenance;
-    Some(html! {
+    html! {
         dl.list {
             div { dt { "Run" } dd { code { (content.run) } } }
             div { dt { "Robot" } dd { (content.robot) } }
@@ -22,12 +22,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         h3 { "Tables" }
         (files(&provenance.tables, "Rows"))
         details { summary { "Every setting, defaults filled in" } pre { (settings(provenance)) } }
-    })
+    }
 }
 
 /// Name, size and digest of each file.
 fn files(files: &[(String, u64, String)], size: &str) -> Markup {
-    let head = html! { th { "File" } th { (size) } th { "BLAKE3" } };
+    let head = html! { th { "File" } th { (size) } th.word { "BLAKE3" } };
     let body = html! {
         @for (name, number, digest) in files {
             tr { th.word scope="row" { (name) } td { (words::whole(*number)) } td.word { code { (digest) } } }
@@ -44,16 +44,12 @@ fn settings(provenance: &Provenance) -> String {
         .unwrap_or_else(|| provenance.settings.clone())
 }
 
-#[expect(
-    clippy::unnecessary_wraps,
-    reason = "one of the sections, some of which a run may not have"
-)]
-pub(super) fn reading_section(content: &Content) -> Option<Markup> {
+pub(super) fn reading_section(content: &Content) -> Markup {
     let query = format!(
         "SELECT model, angles, name, value, unit, n, verdict\nFROM read_parquet('lake/accuracy/**/*.parquet')\nWHERE run = '{}';",
         content.run
     );
-    Some(html! {
+    html! {
         p {
             "Everything on this page is in the run's tables, Parquet files " code { "TABLE/ROBOT/SESSION/RUN.parquet" } " beside it; "
             "rows of this run have its name in the column " code { "run" } ". With DuckDB, for one:"
@@ -64,5 +60,5 @@ pub(super) fn reading_section(content: &Content) -> Option<Markup> {
             "share asked for of all errors lies below it, with the confidence asked for. Stations of one block are not independent of "
             "each other, so the number of blocks stands beside theirs. " code { "posegrid schema TABLE" } " says what each column is."
         }
-    })
+    }
 }

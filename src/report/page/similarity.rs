@@ -78,7 +78,8 @@ fn curve(rows: &[&Variogram], model: &str, reach: f64) -> Series {
     let own = || rows.iter().filter(|row| row.errors == model);
     let bins: Vec<[f64; 2]> = own().filter_map(|row| row.bin()).collect();
     let mut series = Series::points(words::model(model), bins).looking(words::look(model));
-    let line = own().find_map(|row| row.best(reach));
+    let from = own().find_map(|row| row.bin()).map_or(0.0, |[h, _]| h);
+    let line = own().find_map(|row| row.best(from, reach));
     series
         .marks
         .splice(0..0, line.map(crate::report::chart::Marks::Line));
@@ -96,8 +97,8 @@ impl Variogram {
         }
     }
 
-    /// The curve of a fitted model, where it is the best.
-    fn best(&self, reach: f64) -> Option<Vec<[f64; 2]>> {
+    /// The curve of a fitted model between two separations, where it is the best.
+    fn best(&self, from: f64, reach: f64) -> Option<Vec<[f64; 2]>> {
         let VariogramEntry::Fitted {
             shape,
             nugget_mm2,
@@ -114,19 +115,18 @@ impl Variogram {
             _ => Shape::Gaussian,
         };
         let at = |place: u32| {
-            let h = reach * f64::from(place) / f64::from(POINTS);
+            let h = from + (reach - from) * f64::from(place) / f64::from(POINTS);
             [
                 h,
                 nugget_mm2 + (sill_mm2 - nugget_mm2) * shape.at(h / range),
             ]
         };
-        // Where the nugget is zero the curve begins below any logarithmic axis, so it starts one point later.
-        Some((1..=POINTS).map(at).collect())
+        Some((0..=POINTS).map(at).collect())
     }
 }
 
 fn fits(rows: &[&Variogram]) -> Markup {
-    let head = html! { th { "Errors of" } th { "Apart in" } th { "Model" } th { "Nugget, mm²" } th { "Sill, mm²" } th { "Range" } th { "Noise, mm²" } th { "Says" } };
+    let head = html! { th { "Errors of" } th.word { "Apart in" } th.word { "Model" } th { "Nugget, mm²" } th { "Sill, mm²" } th { "Range" } th { "Noise, mm²" } th.word { "Says" } };
     let body = html! {
         @for row in rows {
             @if let VariogramEntry::Fitted { shape, nugget_mm2, sill_mm2, range, best: true } = &row.entry {

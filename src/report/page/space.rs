@@ -1,4 +1,4 @@
-//! The work space before and after, and how the errors are distributed.
+//! The work space before and after, how the errors are distributed, and in which order they came.
 
 use maud::{Markup, html};
 
@@ -25,20 +25,19 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let arrows = sets.map(|(name, subject, description)| Vectors {
         name: name.to_owned(),
         description: format!("{description} {}.", words::stations(subject)),
-        arrows: of(content, subject)
-            .map(|r| Arrow {
-                at: r.at,
-                error: r.error,
-            })
-            .collect(),
+        arrows: of(content, subject).map(arrow).collect(),
+        look: words::look(&subject.model),
     });
     Some(html! {
         p {
-            "Before: " (words::subject(before)) ". After, predicted: what is left where the " (words::subject(after))
-            " is subtracted. Stations: " (words::stations(after)) "; none of them took part in the fit."
+            "Before: " (words::subject(before)) ". After, predicted: what is left where the prediction of the "
+            (words::subject(after)) " is subtracted. Stations of " (words::stations(after)) "; none of them took part in the fit."
         }
         (vectors(&arrows)?)
-        figure { (distribution(content, &judged)) figcaption { "How the same errors are distributed." } }
+        div.pair {
+            figure { (distribution(content, &judged)) figcaption { "How these errors are distributed." } }
+            figure { (order(content, before, after)) figcaption { "In the order of the stations: what rises or falls along it is drift." } }
+        }
     })
 }
 
@@ -51,25 +50,16 @@ fn judged(content: &Content) -> Option<Subject> {
     ];
     let of_way = |(split, refit): (&str, &str)| {
         let is_so = |r: &&Residual| r.subject.split == split && r.subject.base_refit == refit;
-        content
-            .residuals
-            .iter()
-            .rev()
-            .find(is_so)
-            .map(|r| r.subject.clone())
+        let last = content.residuals.iter().rev().find(is_so);
+        last.map(|r| r.subject.clone())
     };
     ways.into_iter().find_map(of_way)
 }
 
 /// The first of `models` that these stations judge; from commands alone where that is there.
 fn set<'c>(content: &'c Content, judged: &Subject, models: &[&str]) -> Option<&'c Subject> {
-    let alike = || {
-        content
-            .residuals
-            .iter()
-            .map(|r| &r.subject)
-            .filter(|own| is_alike(own, judged))
-    };
+    let subjects = || content.residuals.iter().map(|r| &r.subject);
+    let alike = || subjects().filter(|own| is_alike(own, judged));
     let of_model = |model: &&str| {
         let own = || alike().filter(|subject| subject.model == **model);
         own()
@@ -80,40 +70,67 @@ fn set<'c>(content: &'c Content, judged: &Subject, models: &[&str]) -> Option<&'
 }
 
 fn is_alike(own: &Subject, judged: &Subject) -> bool {
-    (&own.split, &own.of_session, &own.base_refit)
-        == (&judged.split, &judged.of_session, &judged.base_refit)
+    let way = |s: &Subject| (s.split.clone(), s.of_session.clone(), s.base_refit.clone());
+    way(own) == way(judged)
 }
 
 /// Stations whose residuals count: those that the base was found from do not.
 fn of<'c>(content: &'c Content, subject: &'c Subject) -> impl Iterator<Item = &'c Residual> {
-    content
+    let own = content
         .residuals
         .iter()
-        .filter(move |r| r.subject == *subject && !r.used_for_refit)
+        .filter(move |r| r.subject == *subject);
+    own.filter(|r| !r.used_for_refit)
+}
+
+fn arrow(residual: &Residual) -> Arrow {
+    Arrow {
+        at: residual.at,
+        error: residual.error,
+    }
+}
+
+fn norm(residual: &Residual) -> f64 {
+    residual.error.iter().map(|e| e * e).sum::<f64>().sqrt()
 }
 
 fn distribution(content: &Content, judged: &Subject) -> Markup {
     let series = |model: &str| {
         let subject = set(content, judged, &[model])?;
-        let norms: Vec<f64> = of(content, subject)
-            .map(|r| r.error.iter().map(|e| e * e).sum::<f64>().sqrt())
-            .collect();
+        let norms: Vec<f64> = of(content, subject).map(norm).collect();
         Some(Series::distribution(&words::subject(subject), &norms).looking(words::look(model)))
     };
+    let models = ["base_target", "geometric", "full"];
     Chart {
         title: "Distribution of errors".to_owned(),
         description: "Share of held-out stations whose error is not above a value, by model."
             .to_owned(),
         x: Axis::new("error norm", "mm").including(&[0.0]),
         y: Axis::new("stations not above it", "%").including(&[0.0, 100.0]),
-        series: ["base_target", "geometric", "full"]
-            .into_iter()
-            .filter_map(series)
-            .collect(),
+        series: models.into_iter().filter_map(series).collect(),
         limits: vec![Limit {
             name: format!("{} %", words::percent(content.tolerance.share)),
             value: 100.0 * content.tolerance.share,
         }],
+    }
+    .svg()
+}
+
+fn order(content: &Content, before: &Subject, after: &Subject) -> Markup {
+    let series = |subject: &Subject| {
+        let points = of(content, subject)
+            .map(|r| [r.station as f64, norm(r)])
+            .collect();
+        Series::points(&words::subject(subject), points).looking(words::look(&subject.model))
+    };
+    Chart {
+        title: "Errors in the order of the stations".to_owned(),
+        description: "Error norm of each held-out station before and after, against its number."
+            .to_owned(),
+        x: Axis::new("station", ""),
+        y: Axis::new("error norm", "mm").logarithmic(),
+        series: vec![series(before), series(after)],
+        limits: Vec::new(),
     }
     .svg()
 }

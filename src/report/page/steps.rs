@@ -8,38 +8,72 @@ use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let chosen = content.steps.iter().find(|step| step.chosen)?;
-    let head = html! { th { "Step, mm" } th { "Node values" } th { "Inside a cell" } th { "Nodes" } th { "Judged on" } th { "Mean, mm" } th { "p95, mm" } th { "Max, mm" } th { "Bound, mm" } th { "Verdict" } };
-    let (tables, cells): (Vec<&Step>, Vec<&Step>) = content
-        .steps
+    let is_table = |step: &&Step| step.judgement == "table";
+    let (tables, cells): (Vec<&Step>, Vec<&Step>) = content.steps.iter().partition(is_table);
+    let own: Vec<&Step> = tables
         .iter()
-        .partition(|step| step.judgement == "table");
-    let reasons = reasons(&tables);
+        .copied()
+        .filter(|step| is_alike(step, chosen))
+        .collect();
     Some(html! {
         p {
             "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
             "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen."
         }
-        figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
-        (super::table(&head, &rows(&tables)))
-        @for reason in reasons { p.note { "Not shown: " (reason) "." } }
+        div.pair {
+            figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
+            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown: " (reason) "." } } }
+        }
+        details {
+            summary { "Every source of node values and every interpolation" }
+            (all_rows(&tables))
+            @for reason in reasons(&tables) { p.note { "Not shown: " (reason) "." } }
+        }
         @if !cells.is_empty() {
             details {
                 summary { "The same in a cell of its own around each held-out station" }
                 p.note { "At the station's own orientation and configuration: what a grid could do there, never a verdict." }
-                (super::table(&head, &rows(&cells)))
+                (all_rows(&cells))
             }
         }
     })
 }
 
-fn rows(steps: &[&Step]) -> Markup {
-    html! {
+fn is_alike(step: &Step, other: &Step) -> bool {
+    (&step.source, &step.interpolation) == (&other.source, &other.interpolation)
+}
+
+/// The steps of the chosen source and interpolation.
+fn own_rows(steps: &[&Step]) -> Markup {
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th.word { "Verdict" } };
+    let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
-                td { (words::number(step.step_mm, 0)) @if step.chosen { " ← chosen" } }
+                th scope="row" { (words::number(step.step_mm, 0)) @if step.chosen { small { "chosen" } } }
+                td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
+                td { (step.held_out) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { (words::verdict(&step.verdict)) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+fn all_rows(steps: &[&Step]) -> Markup {
+    let head = html! {
+        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Judged on" }
+        th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" }
+    };
+    let body = html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                th scope="row" { (words::number(step.step_mm, 0)) }
                 td.word { (step.source) }
                 td.word { (step.interpolation) }
-                td { (step.nodes.unwrap_or(0)) }
+                td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
                 td { (step.held_out) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
@@ -48,7 +82,8 @@ fn rows(steps: &[&Step]) -> Markup {
                 td.word { @if step.judgement == "table" { (words::verdict(&step.verdict)) } @else { "–" } }
             }
         }
-    }
+    };
+    super::table(&head, &body)
 }
 
 /// Why steps are not shown, each reason once.
@@ -157,14 +192,18 @@ fn others(
 
 fn caption(content: &Content, chosen: &Step) -> String {
     let of = if judgement(content) == "table" {
-        "tables"
+        "Judged by the tables themselves"
     } else {
-        "local cells, as no table has enough stations to be judged;"
+        "Judged by local cells, as no table has a station to be judged on"
     };
+    let source = if chosen.source == "model" {
+        "the model"
+    } else {
+        "measured stations"
+    };
+    let step = words::fixed(chosen.step_mm, 0);
     format!(
-        "{of}: node values {}, {} inside a cell; the chosen step is {} mm.",
-        chosen.source,
-        chosen.interpolation,
-        words::fixed(chosen.step_mm, 0)
+        "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
+        chosen.interpolation
     )
 }

@@ -29,7 +29,7 @@ pub(super) fn look(model: &str) -> usize {
 /// The model of a subject, with the angles where they make a difference.
 pub(super) fn subject(subject: &Subject) -> String {
     match (subject.model.as_str(), subject.angles.as_str()) {
-        ("full", "commanded") => "whole model, from commands alone".to_owned(),
+        ("full", "commanded") => "whole model from commands alone".to_owned(),
         (word, _) => model(word).to_owned(),
     }
 }
@@ -37,6 +37,9 @@ pub(super) fn subject(subject: &Subject) -> String {
 /// The stations that judged.
 pub(super) fn stations(subject: &Subject) -> String {
     let session = &subject.of_session;
+    if subject.model == "raw_command" {
+        return format!("{session}, every station");
+    }
     match (subject.split.as_str(), subject.base_refit.as_str()) {
         ("none", _) => format!("{session}, training"),
         ("blocks", _) => format!("{session}, held-out blocks"),
