@@ -183,9 +183,9 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// About how wide a text of twelve pixels is, px.
+/// About how wide a text of thirteen pixels is, px.
 fn text_width(text: &str) -> f64 {
-    6.5 * text.chars().count() as f64
+    7.0 * text.chars().count() as f64
 }
 
 #[cfg(test)]

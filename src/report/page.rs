@@ -20,6 +20,8 @@ mod provenance;
 mod similarity;
 mod space;
 mod steps;
+#[cfg(test)]
+mod tests;
 mod verdict;
 mod words;
 

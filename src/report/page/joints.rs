@@ -26,11 +26,17 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 fn figure(rows: &[JointError], reach: f64) -> Markup {
-    let name = rows.first().map_or_else(String::new, |row| format!("Joint {}, {}", row.joint, row.name));
+    let name = rows.first().map_or_else(String::new, |row| {
+        format!("Joint {}, {}", row.joint, row.name)
+    });
     let every = rows.len().div_ceil(MOST).max(1);
     let drawn: Vec<&JointError> = rows.iter().step_by(every).collect();
     let is_first = |row: &&JointError| row.measured;
-    let visited = drawn.iter().copied().find(is_first).map_or(0.0, |row| row.angle_rad);
+    let visited = drawn
+        .iter()
+        .copied()
+        .find(is_first)
+        .map_or(0.0, |row| row.angle_rad);
     let line = |belongs: &dyn Fn(&JointError) -> bool| {
         let own = drawn.iter().filter(|row| belongs(row));
         Marks::Line(own.map(|row| point(row)).collect())
@@ -42,7 +48,9 @@ fn figure(rows: &[JointError], reach: f64) -> Markup {
     ];
     let chart = Chart {
         title: format!("Error curve: {name}"),
-        description: "Deviation of the joint over its angle, with a band of two standard deviations.".to_owned(),
+        description:
+            "Deviation of the joint over its angle, with a band of two standard deviations."
+                .to_owned(),
         x: Axis::new("joint angle", "°"),
         y: Axis::new("deviation", "mrad").including(&[-reach, reach]),
         series: vec![

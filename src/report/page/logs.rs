@@ -51,7 +51,11 @@ fn unmeasured(session: &Session) -> String {
         Some(format!("{count} {}", words::plain(reason)))
     });
     let reasons: Vec<String> = reasons.collect();
-    if reasons.is_empty() { "none".to_owned() } else { reasons.join(", ") }
+    if reasons.is_empty() {
+        "none".to_owned()
+    } else {
+        reasons.join(", ")
+    }
 }
 
 /// Reasons that are listed at most; logs can give as many as they like.

@@ -22,12 +22,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         div.pair {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
-            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown: " (reason) "." } } }
+            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
         }
         details {
             summary { "Every source of node values and every interpolation" }
             (all_rows(&tables))
-            @for reason in reasons(&tables) { p.note { "Not shown: " (reason) "." } }
+            @for reason in reasons(&tables) { p.note { "Not shown, nodes " (reason) "." } }
         }
         @if !cells.is_empty() {
             details {
@@ -89,13 +89,19 @@ fn all_rows(steps: &[&Step]) -> Markup {
 /// Why steps are not shown, each reason once.
 fn reasons(steps: &[&Step]) -> Vec<String> {
     let not_shown = steps.iter().filter(|step| step.verdict == "not_shown");
-    let mut reasons: Vec<String> = not_shown
-        .filter_map(|step| {
-            step.reason
-                .as_ref()
-                .map(|reason| format!("{}, {reason}", step.source))
-        })
-        .collect();
+    let reason = |step: &&Step| {
+        let reason = step.reason.as_deref()?;
+        // How many stations each step has stands in the table already.
+        let needed = reason
+            .split_once(" held-out stations; ")
+            .map(|(_, needed)| needed);
+        let reason = needed.map_or_else(
+            || reason.to_owned(),
+            |needed| format!("too few held-out stations; {needed}"),
+        );
+        Some(format!("{}: {reason}", step.source))
+    };
+    let mut reasons: Vec<String> = not_shown.filter_map(reason).collect();
     reasons.sort();
     reasons.dedup();
     reasons
