@@ -8,7 +8,7 @@
 //! had no release for two years and its SVG knows neither classes nor alternative text, and askama would need each nested
 //! part marked as safe by hand.
 //!
-//! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. [`frame`]: axes, limits, legend. 3. [`marks`]: series.
+//! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. `frame`: axes, limits, legend. 3. `marks`: series.
 //! 4. [`vectors()`]: error vectors in three projections of the work space.
 
 mod frame;

@@ -337,35 +337,34 @@ fn a_run_with_nothing_but_a_verdict_still_has_a_page() {
     );
 }
 
-/// The variables of each colour mode: those of the first block, with what the mode's own blocks change.
+/// The colours of light, dark and print: those outside of any `@media`, with what the mode's own rule changes.
 fn modes() -> [BTreeMap<String, [f64; 3]>; 3] {
-    let style = format!("{}{STYLE}", chart::STYLE);
-    let mut plain = BTreeMap::new();
-    let (mut dark, mut print) = (BTreeMap::new(), BTreeMap::new());
-    let mut mode = &mut plain;
-    for line in style.lines() {
-        match line {
-            _ if line.contains("prefers-color-scheme: dark") => mode = &mut dark,
-            _ if line.contains("@media print") => mode = &mut print,
-            _ if line.starts_with(":root") || line == "}" && !mode.is_empty() => {
-                mode = if line == "}" { &mut plain } else { mode };
-            }
-            _ => {}
-        }
-        for part in line
-            .split(['{', ';'])
-            .filter_map(|part| part.trim().strip_prefix("--"))
+    let of = |is_mode: fn(&str) -> bool| {
+        let mut colours = BTreeMap::new();
+        for rule in [chart::STYLE, STYLE]
+            .iter()
+            .flat_map(|style| style.split("@media"))
         {
-            if let Some((name, colour)) = part.split_once(": #") {
-                mode.insert(name.to_owned(), rgb(colour));
-            }
+            let parts = rule.split(['{', ';', '\n']).filter(|_| is_mode(rule));
+            let variables =
+                parts.filter_map(|part| part.trim().strip_prefix("--")?.split_once(": #"));
+            colours.extend(variables.map(|(name, colour)| (name.to_owned(), rgb(colour))));
         }
-        if line.starts_with("@media") && line.ends_with("} }") {
-            mode = &mut plain;
-        }
-    }
-    let over = |own: BTreeMap<String, [f64; 3]>| plain.clone().into_iter().chain(own).collect();
-    [plain.clone(), over(dark), over(print)]
+        colours
+    };
+    let light = of(|rule| !rule.starts_with(" (") && !rule.starts_with(" print"));
+    let over = |own: BTreeMap<String, [f64; 3]>| light.clone().into_iter().chain(own).collect();
+    let dark = of(|rule| rule.starts_with(" (prefers-color-scheme: dark)"));
+    assert_eq!(
+        dark.len(),
+        light.len(),
+        "every colour has one for dark paper"
+    );
+    [
+        light.clone(),
+        over(dark),
+        over(of(|rule| rule.starts_with(" print"))),
+    ]
 }
 
 fn rgb(colour: &str) -> [f64; 3] {
@@ -395,7 +394,10 @@ fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
 fn texts_and_marks_stand_out_in_every_colour_mode() {
     assert!((contrast(rgb("000000"), rgb("ffffff")) - 21.0).abs() < 1e-9);
     let [light, dark, print] = modes();
-    assert_ne!(light["paper"], dark["paper"], "the modes are told apart");
+    assert!(
+        contrast(light["paper"], dark["paper"]) > 10.0,
+        "the modes are told apart"
+    );
     for (mode, colours) in [("light", light), ("dark", dark), ("print", print)] {
         for name in [
             "text",

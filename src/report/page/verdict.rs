@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Step};
+use super::content::{Content, Step, Subject};
 use super::words;
 use crate::grid::Verdict;
 
@@ -62,43 +62,45 @@ fn sentence(content: &Content, chosen: Option<&Step>) -> Markup {
     }
 }
 
+/// The figures that the verdict rests on.
 fn facts(content: &Content, step: &Step) -> Markup {
-    let source = if step.source == "model" {
-        "model"
-    } else {
-        "measured"
-    };
-    let nodes = step.nodes.unwrap_or(0).unsigned_abs();
-    let judged = step.held_out.unsigned_abs();
+    let tolerance = &content.tolerance;
+    let (nodes, judged) = (
+        step.nodes.unwrap_or(0).unsigned_abs(),
+        step.held_out.unsigned_abs(),
+    );
+    let bound = format!("Bound on {} % of errors", words::percent(tolerance.share));
     html! {
         dl.facts {
-            div { dt { "Step of the table" } dd { (words::number(step.step_mm, 0)) " mm" small { (words::whole(nodes)) " nodes, " (source) ", " (step.interpolation) } } }
-            div { dt { "Bound on " (words::percent(content.tolerance.share)) " % of errors" } dd { @match step.bound_mm {
-                Some(bound) => { (words::number(bound, 3)) " mm" small { (words::percent(content.tolerance.confidence)) " % confidence" } },
-                None => { "not shown" small { "too few stations" } },
-            } } }
-            div { dt { "Tolerance" } dd { (content.tolerance.mm) " mm" @if let Some(u) = step.uncertainty_mm { small { "guarded by U = " (words::fixed(u, 3)) " mm" } } } }
-            div { dt { "Mean error" } dd { (words::optional(step.mean_mm, 3)) @if step.mean_mm.is_some() { " mm" } small { @match before_mm(content) {
-                Some(before) => { "before: " (words::fixed(before, 3)) " mm" }, None => "predicted",
-            } } } }
-            div { dt { "Judged on" } dd { (words::whole(judged)) small { "held-out stations" @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" } } } }
+            (fact("Step of the table", &mm(Some(step.step_mm), 0), &html! { (words::whole(nodes)) " nodes, " (step.source) ", " (step.interpolation) }))
+            (fact(&bound, &mm(step.bound_mm, 3), &html! { (words::percent(tolerance.confidence)) " % confidence" }))
+            (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
+                @if let Some(u) = step.uncertainty_mm { "guarded by U = " (words::fixed(u, 3)) " mm" }
+            }))
+            (fact("Mean error", &mm(step.mean_mm, 3), &html! {
+                @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) }
+            }))
+            (fact("Judged on", &html! { (words::whole(judged)) }, &html! {
+                "held-out stations" @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
+            }))
         }
     }
 }
 
-/// The mean error before, base and target fitted, on the stations that the table was judged among.
-fn before_mm(content: &Content) -> Option<f64> {
-    let of_table = content
-        .figures
-        .iter()
-        .find(|figure| figure.subject.model == "table")?;
-    let alike = content.figures.iter().filter(|figure| {
-        let own = &figure.subject;
-        own.model == "base_target"
-            && own.split == of_table.subject.split
-            && own.of_session == of_table.subject.of_session
-    });
-    alike
-        .filter(|figure| figure.name == "mean")
-        .find_map(|figure| figure.value)
+fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
+    html! { div { dt { (name) } dd { (value) small { (beside) } } } }
+}
+
+fn mm(value: Option<f64>, digits: usize) -> Markup {
+    html! { @match value { Some(value) => { (words::number(value, digits)) " mm" }, None => "not shown" } }
+}
+
+/// The mean error before, base and target fitted, on all held-out stations of the table's session, and how many they are.
+fn before(content: &Content) -> Option<(f64, i64)> {
+    let figures = || content.figures.iter();
+    let table = &figures().find(|f| f.subject.model == "table")?.subject;
+    let alike = |own: &Subject| own.split == table.split && own.of_session == table.of_session;
+    let before = figures()
+        .find(|f| f.subject.model == "base_target" && f.name == "mean" && alike(&f.subject))?;
+    Some((before.value?, before.n))
 }
