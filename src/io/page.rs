@@ -4,18 +4,22 @@
 //! [`report::page::Content`](crate::report::page::Content). A figure on the page is the value of a cell, so page and tables
 //! cannot differ.
 
+mod calibration;
 mod row;
+mod session;
 
 use std::collections::BTreeMap;
 
 use super::table::Table;
 use crate::grid::{Choice, Tolerance};
-use crate::manifest::{RunKey, StageCount, VERSION, Work, Written, cpu_features, platform};
+use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::page::content::{
-    Calibration, Clock, Content, Count, Figure, JointError, Parameter, Provenance, Reject,
-    Residual, Session, Step, Subject, Variogram, VariogramEntry,
+    Content, Count, Figure, JointError, Parameter, Provenance, Residual, Residuals, Step, Subject,
+    Variogram, VariogramEntry,
 };
+use calibration::calibration;
 use row::{Row, rows};
+use session::of_session;
 
 /// What a run says besides its tables.
 #[derive(Debug, Clone, Copy)]
@@ -30,8 +34,6 @@ pub struct About<'a> {
     pub counts: &'a [StageCount],
     /// Tables written.
     pub written: &'a [Written],
-    /// The run that this one takes the place of.
-    pub replaces: Option<&'a str>,
     /// What it says in words.
     pub said: &'a Said,
 }
@@ -65,9 +67,7 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         notes: about.said.notes.clone(),
         steps: rows(tables, "grid_steps").map(|row| step(&row)).collect(),
         figures: rows(tables, "accuracy").map(|row| figure(&row)).collect(),
-        residuals: rows(tables, "residuals")
-            .map(|row| residual(&row))
-            .collect(),
+        residuals: residuals(tables),
         semivariograms: rows(tables, "semivariograms")
             .filter_map(|row| variogram(&row))
             .collect(),
@@ -135,9 +135,21 @@ fn figure(row: &Row<'_>) -> Figure {
     }
 }
 
+/// The table has them by fold; here they stand together by what they are of, in the order of the stations.
+fn residuals(tables: &[Table]) -> Vec<Residuals> {
+    let mut sets: BTreeMap<Subject, Vec<Residual>> = BTreeMap::new();
+    for row in rows(tables, "residuals") {
+        sets.entry(subject(&row)).or_default().push(residual(&row));
+    }
+    let in_order = |(subject, mut stations): (Subject, Vec<Residual>)| {
+        stations.sort_by_key(|station| station.station);
+        Residuals { subject, stations }
+    };
+    sets.into_iter().map(in_order).collect()
+}
+
 fn residual(row: &Row<'_>) -> Residual {
     Residual {
-        subject: subject(row),
         station: row.whole("station"),
         at: ["x_mm", "y_mm", "z_mm"].map(|column| row.number(column)),
         error: ["residual_x_mm", "residual_y_mm", "residual_z_mm"].map(|column| row.number(column)),
@@ -197,117 +209,6 @@ fn parameter(row: &Row<'_>) -> Parameter {
     }
 }
 
-fn calibration(row: &Row<'_>) -> Calibration {
-    Calibration {
-        model: row.text("model_kind"),
-        sessions: row.texts("sessions"),
-        stations: row.whole("stations"),
-        downweighted: row.whole("stations_downweighted"),
-        parameters: row.whole("parameters"),
-        rank: row.optional_whole("rank"),
-        condition: row.optional_number("condition"),
-        variance_factor: row.optional_number("variance_factor"),
-        misfit_mm: row.optional_number("misfit_mm"),
-        iterations: row.optional_whole("iterations"),
-        convergence: row.text("convergence"),
-        parts: row
-            .texts("parts_tried")
-            .into_iter()
-            .zip(row.numbers("parts_gain_nat"))
-            .collect(),
-        valid_for: valid_for(row),
-    }
-}
-
-fn valid_for(row: &Row<'_>) -> Vec<(String, String)> {
-    let degrees = |column| row.numbers(column).into_iter().map(f64::to_degrees);
-    let range = |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°");
-    let joints = degrees("joint_lower_rad")
-        .zip(degrees("joint_upper_rad"))
-        .map(range);
-    let joints = row
-        .texts("joint_names")
-        .into_iter()
-        .zip(joints)
-        .map(|(name, range)| format!("{name} {range}"));
-    let (low, high) = (
-        row.optional_number("temperature_min_c"),
-        row.optional_number("temperature_max_c"),
-    );
-    let temperature = low
-        .zip(high)
-        .map(|(low, high)| format!("{low:.1} to {high:.1} °C, as met while measuring"));
-    let option = row.optional_flag("absolute_accuracy_option");
-    let stated = [
-        ("Arm", Some(row.text("arm_model"))),
-        ("Tool", row.optional_text("tool")),
-        (
-            "Payload",
-            row.optional_number("payload_kg")
-                .map(|kg| format!("{kg} kg")),
-        ),
-        ("Mounting", row.optional_text("mounting")),
-        ("Base", row.optional_text("base")),
-        ("Controller", row.optional_text("controller_model")),
-        (
-            "Absolute accuracy option",
-            option.map(|on| if on { "on" } else { "off" }.to_owned()),
-        ),
-        ("Temperature", temperature),
-        ("Joint angles", Some(joints.collect::<Vec<_>>().join(", "))),
-    ];
-    stated
-        .map(|(name, value)| {
-            (
-                name.to_owned(),
-                value.unwrap_or_else(|| "not stated".to_owned()),
-            )
-        })
-        .into()
-}
-
-fn of_session(tables: &[Table], name: &str, trained: bool) -> Option<Session> {
-    let own = |table| {
-        rows(tables, table)
-            .filter(move |row| row.table.key().is_some_and(|key| key.session == name))
-    };
-    let mut dwells: BTreeMap<(String, Option<String>), usize> = BTreeMap::new();
-    for row in own("stations") {
-        *dwells
-            .entry((row.text("verdict"), row.optional_text("reason")))
-            .or_default() += 1;
-    }
-    Some(Session {
-        name: name.to_owned(),
-        trained,
-        clock: own("clocks").next().map(|row| clock(&row))?,
-        dwells: dwells
-            .into_iter()
-            .map(|((verdict, reason), count)| (verdict, reason, count))
-            .collect(),
-        rejects: own("rejects").map(|row| reject(&row)).collect(),
-    })
-}
-
-fn clock(row: &Row<'_>) -> Clock {
-    Clock {
-        offset_ns: ["offset_ns", "offset_se_ns"].map(|column| row.number(column)),
-        drift_ppm: ["drift_ppm", "drift_se_ppm"].map(|column| row.number(column)),
-        edges: row.whole("matched_edges"),
-        rms_ns: row.number("edge_rms_ns"),
-        method: row.text("method"),
-    }
-}
-
-fn reject(row: &Row<'_>) -> Reject {
-    Reject {
-        stage: row.text("stage"),
-        kind: row.text("kind"),
-        reason: row.text("reason"),
-        number: row.optional_whole("number"),
-    }
-}
-
 fn count(count: &StageCount) -> Count {
     Count {
         stage: count.stage.to_owned(),
@@ -331,8 +232,6 @@ fn provenance(about: &About<'_>) -> Provenance {
     Provenance {
         pipeline: about.work.pipeline.clone(),
         version: VERSION.to_owned(),
-        machine: format!("{}, {}", platform(), cpu_features().join(" ")),
-        replaces: about.replaces.map(str::to_owned),
         inputs: about.work.inputs.iter().map(input).collect(),
         tables: about.written.iter().map(table).collect(),
         settings: about.work.settings.clone(),

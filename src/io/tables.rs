@@ -135,7 +135,6 @@ pub fn publish(
         choice: &outcome.grids.choice,
         counts: &counts,
         written: run.written(),
-        replaces: context.replaces.as_deref(),
         said,
     };
     let html = report::page::html(&page::content(&tables, &about));

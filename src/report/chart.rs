@@ -8,17 +8,20 @@
 //! had no release for two years and its SVG knows neither classes nor alternative text, and askama would need each nested
 //! part marked as safe by hand.
 //!
-//! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. `frame`: axes, limits, legend. 3. `marks`: series.
+//! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. `frame`: axes, limits, legend. 3. `series` and their
+//!    `marks`.
 //! 4. [`vectors()`]: error vectors in three projections of the work space.
 
 mod frame;
 mod marks;
 pub mod scale;
+mod series;
 mod vectors;
 
 use maud::{Markup, html};
 
-pub use marks::{Bar, Marks, Series};
+pub use marks::{Bar, Marks};
+pub use series::Series;
 pub use vectors::{Arrow, Vectors, vectors};
 
 use frame::Frame;
@@ -114,6 +117,11 @@ impl Axis {
         format!("{}, {}", self.quantity, self.unit)
     }
 
+    fn included(&self) -> impl Iterator<Item = f64> + '_ {
+        let values = self.include.iter().copied();
+        values.filter(|value| self.takes(*value))
+    }
+
     fn takes(&self, value: f64) -> bool {
         value.is_finite() && (!self.log || value > 0.0)
     }
@@ -146,7 +154,7 @@ impl Chart {
             return Some(Scale::of_names(&self.x.names));
         }
         let corners = drawn.iter().flat_map(Series::corners).map(|[x, _]| x);
-        let values: Vec<f64> = corners.chain(self.x.include.iter().copied()).collect();
+        let values: Vec<f64> = corners.chain(self.x.included()).collect();
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         Some(Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high))
@@ -157,10 +165,7 @@ impl Chart {
         let corners = drawn.iter().flat_map(Series::corners).map(|[_, y]| y);
         let limits = self.limits.iter().map(|limit| limit.value);
         let limits = limits.filter(|value| self.y.takes(*value));
-        Scale::over(
-            corners.chain(limits).chain(self.y.include.iter().copied()),
-            self.y.log,
-        )
+        Scale::over(corners.chain(limits).chain(self.y.included()), self.y.log)
     }
 
     /// The series with what the axes can show of them, and how many values they cannot.
@@ -232,8 +237,7 @@ mod tests {
     #[test]
     fn what_a_logarithmic_axis_cannot_show_is_counted() {
         let mut chart = chart();
-        chart.y.include.clear();
-        chart.y.log = true;
+        chart.y.log = true; // though it is to include zero
         chart.series[0] =
             Series::line("bound", vec![[100.0, 0.0], [150.0, f64::NAN], [200.0, 0.4]]);
         let svg = chart.svg().into_string();

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use maud::{Markup, html};
 
-use super::marks::{Marks, Series, marker};
+use super::marks::{Marks, marker};
 use super::scale::{Scale, Tick};
-use super::{Axis, Chart, HEIGHT, Limit, WIDTH, px, text_width};
+use super::{Axis, Chart, HEIGHT, Limit, Series, WIDTH, px, text_width};
 
 /// Scales laid out on the paper.
 #[derive(Debug)]

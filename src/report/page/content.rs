@@ -1,6 +1,10 @@
 //! What a page tells: rows of a run's published tables, in the words and units that they are published in.
 
+mod origin;
+
 use crate::grid::{Tolerance, Verdict};
+
+pub use origin::{Clock, Count, Provenance, Reject, Session};
 
 /// Everything on the page of one run.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,8 +29,8 @@ pub struct Content {
     pub steps: Vec<Step>,
     /// `accuracy`.
     pub figures: Vec<Figure>,
-    /// `residuals`.
-    pub residuals: Vec<Residual>,
+    /// `residuals`, those of one subject together, in the subjects' order.
+    pub residuals: Vec<Residuals>,
     /// `semivariograms`.
     pub semivariograms: Vec<Variogram>,
     /// `joint_errors`.
@@ -122,11 +126,18 @@ pub struct Figure {
     pub reason: Option<String>,
 }
 
+/// Measured minus predicted at all stations of a subject.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Residuals {
+    /// What they are of.
+    pub subject: Subject,
+    /// In the order of the stations.
+    pub stations: Vec<Residual>,
+}
+
 /// Measured minus predicted at a station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residual {
-    /// What it is of.
-    pub subject: Subject,
     /// The station's number.
     pub station: i64,
     /// Attained position, base frame, mm.
@@ -250,81 +261,4 @@ pub struct Calibration {
     pub parts: Vec<(String, f64)>,
     /// What it is valid for: name and value.
     pub valid_for: Vec<(String, String)>,
-}
-
-/// What the logs of one session gave.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Session {
-    /// Its name.
-    pub name: String,
-    /// Whether it trained; otherwise it only judged.
-    pub trained: bool,
-    /// Its clocks.
-    pub clock: Clock,
-    /// Its dwells, by verdict and reason.
-    pub dwells: Vec<(String, Option<String>, usize)>,
-    /// What was left out.
-    pub rejects: Vec<Reject>,
-}
-
-/// How two clocks relate.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Clock {
-    /// What the tracker's clock is ahead at the first stamp, and its standard error, ns.
-    pub offset_ns: [f64; 2],
-    /// How much faster it runs, and its standard error, ppm.
-    pub drift_ppm: [f64; 2],
-    /// Edges that were matched.
-    pub edges: i64,
-    /// Root mean square of their residuals, ns.
-    pub rms_ns: f64,
-    /// How it was found.
-    pub method: String,
-}
-
-/// What was left out for one reason.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Reject {
-    /// The stage.
-    pub stage: String,
-    /// Bytes, messages, readings, dwells.
-    pub kind: String,
-    /// Why.
-    pub reason: String,
-    /// How many; absent where damage hides it.
-    pub number: Option<i64>,
-}
-
-/// What came into a stage.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Count {
-    /// The stage.
-    pub stage: String,
-    /// What is counted.
-    pub of: String,
-    /// How many came in.
-    pub read: u64,
-    /// How many were kept.
-    pub kept: u64,
-    /// How many were rejected, by reason.
-    pub rejected: Vec<(String, u64)>,
-}
-
-/// What a run was made from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Provenance {
-    /// The pipeline file's name.
-    pub pipeline: String,
-    /// Version of this program.
-    pub version: String,
-    /// Processor architecture, operating system and the features that arithmetic was chosen by.
-    pub machine: String,
-    /// The run that this one takes the place of.
-    pub replaces: Option<String>,
-    /// Files read: name, bytes, digest.
-    pub inputs: Vec<(String, u64, String)>,
-    /// Tables written: name, rows, digest.
-    pub tables: Vec<(String, u64, String)>,
-    /// Every setting, as JSON.
-    pub settings: String,
 }

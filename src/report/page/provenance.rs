@@ -14,9 +14,8 @@ pub(super) fn section(content: &Content) -> Markup {
             div { dt { "Session" } dd { (content.session) } }
             div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
             div { dt { "posegrid" } dd { (provenance.version) } }
-            div { dt { "Machine" } dd { (provenance.machine) } }
-            div { dt { "Takes the place of" } dd { @match &provenance.replaces { Some(run) => code { (run) }, None => "no earlier run" } } }
         }
+        p.note { "The machine that computed it, and the run that this one takes the place of, stand in " code { "runs" } "." }
         h3 { "Inputs" }
         (files(&provenance.inputs, "Bytes"))
         h3 { "Tables" }

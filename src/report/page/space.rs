@@ -2,14 +2,14 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Residual, Subject};
+use super::content::{Content, Residual, Residuals, Subject};
 use super::words;
 use crate::report::chart::{Arrow, Axis, Chart, Limit, Series, Vectors, vectors};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let judged = judged(content)?;
-    let before = set(content, &judged, &["base_target"])?;
-    let after = set(content, &judged, &["full", "geometric"])?;
+    let before = set(content, judged, &["base_target"])?;
+    let after = set(content, judged, &["full", "geometric"])?;
     let sets = [
         (
             "Before",
@@ -22,65 +22,66 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "Errors that are left when what the model predicts is subtracted.",
         ),
     ];
-    let arrows = sets.map(|(name, subject, description)| Vectors {
+    let arrows = sets.map(|(name, set, description)| Vectors {
         name: name.to_owned(),
-        description: format!("{description} {}.", words::stations(subject)),
-        arrows: of(content, subject).map(arrow).collect(),
-        look: words::look(&subject.model),
+        description: format!("{description} {}.", words::stations(&set.subject)),
+        arrows: counting(set).map(arrow).collect(),
+        look: words::look(&set.subject.model),
     });
     Some(html! {
         p {
-            "Before: " (words::subject(before)) ". After, predicted: what is left where the prediction of the "
-            (words::subject(after)) " is subtracted. Stations of " (words::stations(after)) "; none of them took part in the fit."
+            "Before: " (words::subject(&before.subject)) ". After, predicted: what is left where the prediction of the "
+            (words::subject(&after.subject)) " is subtracted. Stations of " (words::stations(&after.subject)) "; none of them took part in the fit."
         }
         (vectors(&arrows)?)
         div.pair {
-            figure { (distribution(content, &judged)) figcaption { "How these errors are distributed." } }
-            figure { (order(content, before, after)) figcaption { "In the order of the stations: what rises or falls along it is drift." } }
+            figure { (distribution(content, judged)) figcaption { "How these errors are distributed." } }
+            figure { (order(before, after)) figcaption { "In the order of the stations: what rises or falls along it is drift." } }
         }
     })
 }
 
 /// The stations that judge: of an unseen session where there is one, otherwise of held-out blocks.
-fn judged(content: &Content) -> Option<Subject> {
+fn judged(content: &Content) -> Option<&Subject> {
     let ways = [
         ("session", "first"),
         ("session", "none"),
         ("blocks", "none"),
     ];
+    let subjects = || content.residuals.iter().rev().map(|set| &set.subject);
     let of_way = |(split, refit): (&str, &str)| {
-        let is_so = |r: &&Residual| r.subject.split == split && r.subject.base_refit == refit;
-        let last = content.residuals.iter().rev().find(is_so);
-        last.map(|r| r.subject.clone())
+        subjects().find(|s| s.split == split && s.base_refit == refit)
     };
     ways.into_iter().find_map(of_way)
 }
 
 /// The first of `models` that these stations judge; from commands alone where that is there.
-fn set<'c>(content: &'c Content, judged: &Subject, models: &[&str]) -> Option<&'c Subject> {
-    let subjects = || content.residuals.iter().map(|r| &r.subject);
-    let alike = || subjects().filter(|own| is_alike(own, judged));
+fn set<'c>(content: &'c Content, judged: &Subject, models: &[&str]) -> Option<&'c Residuals> {
+    let alike = || {
+        content
+            .residuals
+            .iter()
+            .filter(|set| is_alike(&set.subject, judged))
+    };
     let of_model = |model: &&str| {
-        let own = || alike().filter(|subject| subject.model == **model);
-        own()
-            .find(|subject| subject.angles == "commanded")
-            .or_else(|| own().next())
+        let own = || alike().filter(|set| set.subject.model == **model);
+        let commanded = own().find(|set| set.subject.angles == "commanded");
+        commanded.or_else(|| own().next())
     };
     models.iter().find_map(of_model)
 }
 
 fn is_alike(own: &Subject, judged: &Subject) -> bool {
-    let way = |s: &Subject| (s.split.clone(), s.of_session.clone(), s.base_refit.clone());
-    way(own) == way(judged)
+    own.split == judged.split
+        && own.of_session == judged.of_session
+        && own.base_refit == judged.base_refit
 }
 
 /// Stations whose residuals count: those that the base was found from do not.
-fn of<'c>(content: &'c Content, subject: &'c Subject) -> impl Iterator<Item = &'c Residual> {
-    let own = content
-        .residuals
+fn counting(set: &Residuals) -> impl Iterator<Item = &Residual> {
+    set.stations
         .iter()
-        .filter(move |r| r.subject == *subject);
-    own.filter(|r| !r.used_for_refit)
+        .filter(|station| !station.used_for_refit)
 }
 
 fn arrow(residual: &Residual) -> Arrow {
@@ -96,9 +97,10 @@ fn norm(residual: &Residual) -> f64 {
 
 fn distribution(content: &Content, judged: &Subject) -> Markup {
     let series = |model: &str| {
-        let subject = set(content, judged, &[model])?;
-        let norms: Vec<f64> = of(content, subject).map(norm).collect();
-        Some(Series::distribution(&words::subject(subject), &norms).looking(words::look(model)))
+        let set = set(content, judged, &[model])?;
+        let norms: Vec<f64> = counting(set).map(norm).collect();
+        let name = words::subject(&set.subject);
+        Some(Series::distribution(&name, &norms).looking(words::look(model)))
     };
     let models = ["base_target", "geometric", "full"];
     Chart {
@@ -116,12 +118,11 @@ fn distribution(content: &Content, judged: &Subject) -> Markup {
     .svg()
 }
 
-fn order(content: &Content, before: &Subject, after: &Subject) -> Markup {
-    let series = |subject: &Subject| {
-        let points = of(content, subject)
-            .map(|r| [r.station as f64, norm(r)])
-            .collect();
-        Series::points(&words::subject(subject), points).looking(words::look(&subject.model))
+fn order(before: &Residuals, after: &Residuals) -> Markup {
+    let series = |set: &Residuals| {
+        let points = counting(set).map(|r| [r.station as f64, norm(r)]);
+        let name = words::subject(&set.subject);
+        Series::points(&name, points.collect()).looking(words::look(&set.subject.model))
     };
     Chart {
         title: "Errors in the order of the stations".to_owned(),

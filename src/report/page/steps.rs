@@ -1,5 +1,7 @@
 //! Error against step: what each step leaves on held-out stations, its bound, and which step was chosen.
 
+use std::collections::BTreeMap;
+
 use maud::{Markup, html};
 
 use super::content::{Content, Step};
@@ -118,46 +120,20 @@ fn judgement(content: &Content) -> &'static str {
 }
 
 fn chart(content: &Content, chosen: &Step) -> Markup {
-    let judgement = judgement(content);
-    let of =
-        |source: &str, interpolation: &str, value: fn(&Step) -> Option<f64>| -> Vec<[f64; 2]> {
-            let family = content.steps.iter().filter(|step| {
-                step.judgement == judgement
-                    && step.source == source
-                    && step.interpolation == interpolation
-            });
-            let mut points: Vec<[f64; 2]> = family
-                .filter_map(|step| Some([step.step_mm, value(step)?]))
-                .collect();
-            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            points
-        };
-    let own = |value| of(&chosen.source, &chosen.interpolation, value);
-    let guard = chosen.uncertainty_mm.unwrap_or(0.0);
-    let bounds = own(|step| step.bound_mm);
-    let guarded = bounds
+    let drawn: Vec<&Step> = content
+        .steps
         .iter()
-        .map(|[x, bound]| [*x, *bound, bound + guard])
+        .filter(|step| step.judgement == judgement(content))
         .collect();
-    let mut series = vec![
-        Series::new(
-            "bound, with U above it",
-            vec![
-                Marks::Whiskers(guarded),
-                Marks::Line(bounds.clone()),
-                Marks::Points(bounds),
-            ],
-        ),
-        Series::line_and_points("95th percentile", own(|step| step.p95_mm)),
-        Series::line_and_points("mean", own(|step| step.mean_mm)),
-    ];
-    series.extend(others(content, chosen, &of));
-    let at = own(|step| step.bound_mm.or(step.mean_mm));
-    let ring: Vec<[f64; 2]> = at
-        .into_iter()
-        .filter(|[x, _]| (x - chosen.step_mm).abs() < 1e-9)
-        .collect();
-    series.push(Series::new("chosen", vec![Marks::Rings(ring)]));
+    let (own, others): (Vec<&Step>, Vec<&Step>) =
+        drawn.into_iter().partition(|step| is_alike(step, chosen));
+    let is_chosen = |step: &Step| (step.step_mm - chosen.step_mm).abs() < 1e-9;
+    let at = points(&own, |step| {
+        step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step))
+    });
+    let mut series = own_series(&own, chosen.uncertainty_mm.unwrap_or(0.0));
+    series.extend(other_bounds(&others));
+    series.push(Series::new("chosen", vec![Marks::Rings(at)]));
     Chart {
         title: "Error against step".to_owned(),
         description: caption(content, chosen),
@@ -172,28 +148,44 @@ fn chart(content: &Content, chosen: &Step) -> Markup {
     .svg()
 }
 
-/// Bounds of the families that were not chosen.
-fn others(
-    content: &Content,
-    chosen: &Step,
-    of: &impl Fn(&str, &str, fn(&Step) -> Option<f64>) -> Vec<[f64; 2]>,
-) -> Vec<Series> {
-    let mut families: Vec<(&str, &str)> = content
-        .steps
+/// Step and value, in the order of the steps.
+fn points(steps: &[&Step], value: impl Fn(&Step) -> Option<f64>) -> Vec<[f64; 2]> {
+    let point = |step: &&Step| Some([step.step_mm, value(step)?]);
+    let mut points: Vec<[f64; 2]> = steps.iter().filter_map(point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// Bound with the uncertainty above it, 95th percentile and mean.
+fn own_series(steps: &[&Step], uncertainty_mm: f64) -> Vec<Series> {
+    let bounds = points(steps, |step| step.bound_mm);
+    let guarded = bounds
         .iter()
-        .map(|step| (&*step.source, &*step.interpolation))
+        .map(|[x, bound]| [*x, *bound, bound + uncertainty_mm])
         .collect();
-    families.sort_unstable();
-    families.dedup();
-    families.retain(|family| *family != (&*chosen.source, &*chosen.interpolation));
-    let series = |(place, (source, interpolation)): (usize, (&str, &str))| {
-        Series::line_and_points(
-            &format!("bound, {source}, {interpolation}"),
-            of(source, interpolation, |step| step.bound_mm),
-        )
-        .looking(3 + place)
+    let marks = vec![
+        Marks::Whiskers(guarded),
+        Marks::Line(bounds.clone()),
+        Marks::Points(bounds),
+    ];
+    vec![
+        Series::new("bound, with U above it", marks),
+        Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
+        Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
+    ]
+}
+
+/// Bounds of each source and interpolation that was not chosen.
+fn other_bounds(steps: &[&Step]) -> Vec<Series> {
+    let mut families: BTreeMap<String, Vec<&Step>> = BTreeMap::new();
+    for step in steps {
+        let name = format!("bound, {}, {}", step.source, step.interpolation);
+        families.entry(name).or_default().push(step);
+    }
+    let bounds = |(place, (name, steps)): (usize, (String, Vec<&Step>))| {
+        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(3 + place)
     };
-    families.into_iter().enumerate().map(series).collect()
+    families.into_iter().enumerate().map(bounds).collect()
 }
 
 fn caption(content: &Content, chosen: &Step) -> String {

@@ -6,7 +6,7 @@ use roxmltree::{Document, ParsingOptions};
 
 use super::content::{
     Calibration, Clock, Content, Count, Figure, JointError, Parameter, Provenance, Reject,
-    Residual, Session, Step, Subject, Variogram, VariogramEntry,
+    Residual, Residuals, Session, Step, Subject, Variogram, VariogramEntry,
 };
 use super::{STYLE, chart, html};
 use crate::grid::{Tolerance, Verdict};
@@ -42,20 +42,21 @@ fn figure(model: &str, name: &str, of: &str, value: f64, quantity: &str) -> Figu
     }
 }
 
-fn residuals(name: &str) -> Vec<Residual> {
-    let of = |model: &'static str, size: f64| {
-        (0..80_u32).map(move |i| {
-            let t = f64::from(i);
-            Residual {
-                subject: subject(model, name),
-                station: i64::from(i),
-                at: [100.0 * t.sin(), 80.0 * t.cos(), 5.0 * t],
-                error: [size, size * t.sin(), 0.0],
-                used_for_refit: false,
-            }
-        })
+fn residuals(name: &str) -> Vec<Residuals> {
+    let station = |i: u32, size: f64| {
+        let t = f64::from(i);
+        Residual {
+            station: i64::from(i),
+            at: [100.0 * t.sin(), 80.0 * t.cos(), 5.0 * t],
+            error: [size, size * t.sin(), 0.0],
+            used_for_refit: false,
+        }
     };
-    of("base_target", 0.5).chain(of("full", 0.05)).collect()
+    let of = |(model, size)| Residuals {
+        subject: subject(model, name),
+        stations: (0..80).map(|i| station(i, size)).collect(),
+    };
+    [("base_target", 0.5), ("full", 0.05)].map(of).into()
 }
 
 fn step(step_mm: f64, chosen: bool, name: &str) -> Step {
@@ -212,8 +213,6 @@ fn content(name: &str) -> Content {
         provenance: Provenance {
             pipeline: text(),
             version: "0.1.0".to_owned(),
-            machine: text(),
-            replaces: Some(text()),
             inputs: vec![(text(), 12_345, "af13".to_owned())],
             tables: vec![(text(), 80, "b2c4".to_owned())],
             settings: text(),

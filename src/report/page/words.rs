@@ -71,9 +71,14 @@ pub(super) fn identifiability(word: &str) -> &str {
     }
 }
 
-/// A table's word with its underscores as spaces.
+/// A table's word with its underscores as spaces; a sentence stays as it is.
 pub(super) fn plain(word: &str) -> String {
-    word.replace('_', " ")
+    let is_word = !word.contains(' ');
+    if is_word {
+        word.replace('_', " ")
+    } else {
+        word.to_owned()
+    }
 }
 
 /// A number in fixed digits, with a real minus; the element carries the value that the table has.
