@@ -87,9 +87,10 @@ impl Marks {
         let (class, path) = match self {
             Self::Line(points) => ("line", frame.polyline(points.iter().copied())),
             Self::Points(points) if points.len() >= CROWD => {
+                // A tenth of a pixel: a line without length has no square ends on paper.
                 let dot = |point: &[f64; 2]| {
                     let [x, y] = frame.at(*point);
-                    format!("M{} {}h0", px(x), px(y))
+                    format!("M{} {}h.1", px(x), px(y))
                 };
                 ("dots", points.iter().map(dot).collect())
             }

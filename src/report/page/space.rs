@@ -36,7 +36,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         (vectors(&arrows)?)
         div.pair {
             figure { (distribution(content, judged)) figcaption { "How these errors are distributed." } }
-            figure { (order(before, after)) figcaption { "In the order of the stations: what rises or falls along it is drift." } }
+            figure { (order(before, after)) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
         }
     })
 }
