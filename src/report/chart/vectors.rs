@@ -55,8 +55,8 @@ pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
             }
         }
         p.note {
-            "Arrows point from where the arm should be to where it was. They are drawn " (paper.magnification)
-            " times as long as the work space around them, the same in every panel. "
+            "Each arrow is the error at its station, drawn " (paper.magnification)
+            " times as long as the work space around it, the same in every panel. "
             @for set in fewer { (set.name) ": every " (ordinal(every(set))) " of " (set.arrows.len()) " stations is drawn. " }
         }
     })

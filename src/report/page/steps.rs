@@ -51,7 +51,7 @@ fn own_rows(steps: &[&Step]) -> Markup {
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
-                th scope="row" { (words::number(step.step_mm, 0)) @if step.chosen { small { "chosen" } } }
+                th scope="row" { (step.step_mm) @if step.chosen { small { "chosen" } } }
                 td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
                 td { (step.held_out) }
                 td { (words::optional(step.mean_mm, 3)) }
@@ -72,7 +72,7 @@ fn all_rows(steps: &[&Step]) -> Markup {
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
-                th scope="row" { (words::number(step.step_mm, 0)) }
+                th scope="row" { (step.step_mm) }
                 td.word { (step.source) }
                 td.word { (step.interpolation) }
                 td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
@@ -199,7 +199,7 @@ fn caption(content: &Content, chosen: &Step) -> String {
     } else {
         "measured stations"
     };
-    let step = words::fixed(chosen.step_mm, 0);
+    let step = chosen.step_mm;
     format!(
         "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
         chosen.interpolation

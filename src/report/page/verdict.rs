@@ -44,7 +44,7 @@ const fn sign(verdict: &Verdict) -> &'static str {
 fn sentence(content: &Content, chosen: Option<&Step>) -> Markup {
     let tolerance = &content.tolerance;
     let bound = chosen.and_then(|step| step.bound_mm.zip(step.uncertainty_mm));
-    let step = chosen.map(|step| words::fixed(step.step_mm, 0));
+    let step = chosen.map(|step| step.step_mm);
     match (&content.verdict, bound, step) {
         (Verdict::NotShown(reason), _, _) => html! {
             "Whether " (words::percent(tolerance.share)) " % of positions come within " (tolerance.mm)
@@ -72,13 +72,13 @@ fn facts(content: &Content, step: &Step) -> Markup {
     let bound = format!("Bound on {} % of errors", words::percent(tolerance.share));
     html! {
         dl.facts {
-            (fact("Step of the table", &mm(Some(step.step_mm), 0), &html! { (words::whole(nodes)) " nodes, " (step.source) ", " (step.interpolation) }))
-            (fact(&bound, &mm(step.bound_mm, 3), &html! { (words::percent(tolerance.confidence)) " % confidence" }))
+            (fact("Step of the table", &html! { (step.step_mm) " mm" }, &html! { (words::whole(nodes)) " nodes, " (step.source) ", " (step.interpolation) }))
+            (fact(&bound, &mm(step.bound_mm), &html! { (words::percent(tolerance.confidence)) " % confidence" }))
             (fact("Tolerance", &html! { (tolerance.mm) " mm" }, &html! {
                 @if let Some(u) = step.uncertainty_mm { "guarded by U = " (words::fixed(u, 3)) " mm" }
             }))
-            (fact("Mean error", &mm(step.mean_mm, 3), &html! {
-                @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) }
+            (fact("Mean error", &mm(step.mean_mm), &html! {
+                @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
             }))
             (fact("Judged on", &html! { (words::whole(judged)) }, &html! {
                 "held-out stations" @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
@@ -91,8 +91,8 @@ fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
     html! { div { dt { (name) } dd { (value) small { (beside) } } } }
 }
 
-fn mm(value: Option<f64>, digits: usize) -> Markup {
-    html! { @match value { Some(value) => { (words::number(value, digits)) " mm" }, None => "not shown" } }
+fn mm(value: Option<f64>) -> Markup {
+    html! { @match value { Some(value) => { (words::number(value, 3)) " mm" }, None => "not shown" } }
 }
 
 /// The mean error before, base and target fitted, on all held-out stations of the table's session, and how many they are.
