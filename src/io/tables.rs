@@ -28,7 +28,7 @@ mod words;
 
 use thiserror::Error;
 
-use super::lake::{Commit, Lake, LakeError};
+use super::lake::{Commit, Lake, LakeError, OpenRun};
 use super::page::{self, About, Said};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
@@ -113,21 +113,7 @@ pub fn publish(
     let Some(mut run) = lake.start(&key)? else {
         return Ok(Commit::AlreadyThere);
     };
-    let mut tables = Vec::new();
-    for session in outcome.training.iter().chain(&outcome.test) {
-        tables.extend(of_session(
-            session,
-            context,
-            &key.of_session(&session.name),
-        )?);
-        if let Some(log) = &session.log {
-            run.publish_parts(logs::logs(log, &key.of_session(&session.name)))?;
-        }
-    }
-    tables.extend(of_run(outcome, context, &key)?);
-    for table in &tables {
-        run.publish(table)?;
-    }
+    let tables = publish_tables(outcome, context, &mut run, &key)?;
     let counts = counts::counts(outcome);
     let about = About {
         work,
@@ -141,6 +127,28 @@ pub fn publish(
     run.publish_page(&html)?;
     let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
     Ok(run.commit(&row)?)
+}
+
+/// Writes the tables and gives them for the page; decoded samples, which may be many, are written in parts and not kept.
+fn publish_tables(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    run: &mut OpenRun<'_>,
+    key: &RunKey,
+) -> Result<Vec<Table>, PublishError> {
+    let mut tables = Vec::new();
+    for session in outcome.training.iter().chain(&outcome.test) {
+        let own = key.of_session(&session.name);
+        tables.extend(of_session(session, context, &own)?);
+        if let Some(log) = &session.log {
+            run.publish_parts(logs::logs(log, &own))?;
+        }
+    }
+    tables.extend(of_run(outcome, context, key)?);
+    for table in &tables {
+        run.publish(table)?;
+    }
+    Ok(tables)
 }
 
 /// The tables of one session.
