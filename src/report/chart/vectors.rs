@@ -34,6 +34,7 @@ pub struct Vectors {
 
 /// Arrows that a panel has at most: more hide each other.
 const MOST: usize = 400;
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Width of a panel, and the most of it that the work space takes, px.
 const WIDTH: f64 = 320.0;
 const PLOT: [f64; 2] = [244.0, 200.0];
@@ -47,7 +48,7 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// Draws `sets` in panels, those of one projection after each other; `None` without any arrow.
 pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
     let paper = Paper::of(sets)?;
-    let fewer = sets.iter().filter(|set| every(set) > 1);
+    let fewer = sets.iter().filter(|set| set.arrows.len() > MOST);
     Some(html! {
         div.panels {
             @for view in paper.views() {
@@ -57,14 +58,20 @@ pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
         p.note {
             "Each arrow is the error at its station, drawn " (paper.magnification)
             " times as long as the work space around it, the same in every panel. "
-            @for set in fewer { (set.name) ": every " (ordinal(every(set))) " of " (set.arrows.len()) " stations is drawn. " }
+            @for set in fewer { (set.name) ": " (drawn(set).count()) " of " (set.arrows.len()) " stations are drawn. " }
         }
     })
 }
 
-/// Every how many stations one is drawn.
-fn every(set: &Vectors) -> usize {
-    set.arrows.len().div_ceil(MOST).max(1)
+/// The arrows that are drawn: all, or about [`MOST`] of them, spread evenly over their order by multiples of the golden
+/// ratio. Every second or third would take whole rows out of stations on a grid.
+fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
+    let share = MOST as f64 / set.arrows.len() as f64;
+    let is_drawn = move |place: usize| (place as f64 * GOLDEN).fract() < share;
+    let numbered = set.arrows.iter().enumerate();
+    numbered
+        .filter(move |(place, _)| is_drawn(*place))
+        .map(|(_, arrow)| arrow)
 }
 
 /// Scales that all panels share.
@@ -135,9 +142,8 @@ impl Paper {
 
     fn panel(&self, view: &View, set: &Vectors) -> Markup {
         let name = format!("{}, {}", set.name, view.name);
-        let drawn = || set.arrows.iter().step_by(every(set));
         let (mut stations, mut arrows) = (String::new(), String::new());
-        for arrow in drawn() {
+        for arrow in drawn(set) {
             let [x, y] = self.at(view, arrow.at);
             write!(stations, "M{} {}h0", px(x), px(y)).expect("a string");
             arrows += &self.arrow(view, arrow);
@@ -221,14 +227,6 @@ fn typical_mm(arrows: &[Arrow]) -> f64 {
     norms.get(place).copied().unwrap_or(0.0)
 }
 
-fn ordinal(number: usize) -> String {
-    match number {
-        2 => "second".to_owned(),
-        3 => "third".to_owned(),
-        _ => format!("{number}th"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,14 +263,21 @@ mod tests {
 
     #[test]
     fn many_arrows_are_thinned_out_and_that_is_said() {
-        let drawn = vectors(&[set("Before", 0.5, 900)])
+        let many = set("Before", 0.5, 900);
+        let drawn = vectors(std::slice::from_ref(&many))
             .expect("arrows")
             .into_string();
+        // 400 / 900 of 900, to within one: multiples of the golden ratio fill the unit interval evenly.
         assert!(
-            drawn.contains("Before: every third of 900 stations is drawn"),
+            drawn.contains("Before: 400 of 900 stations are drawn"),
             "{drawn}"
         );
-        assert_eq!(drawn.matches("h0").count(), 3 * 300);
+        assert_eq!(drawn.matches("h0").count(), 3 * 400);
+        // Of a grid's odd and even stations as many are drawn: no row is gone.
+        let odd = super::drawn(&many)
+            .filter(|arrow| arrow.at[1] > 0.0)
+            .count();
+        assert!((195..=205).contains(&odd), "{odd}");
         assert!(vectors(&[set("Before", 0.5, 0)]).is_none());
     }
 }
