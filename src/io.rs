@@ -8,6 +8,7 @@ pub mod lake;
 pub mod log;
 pub mod log_writer;
 pub mod message;
+pub mod page;
 pub mod schema;
 pub mod table;
 pub mod tables;

@@ -2,9 +2,12 @@
 //!
 //! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
 //! (METHOD.md 7): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or *after*.
+//! [`page`] tells them to people, with the charts of [`chart`].
 
 pub mod accuracy;
+pub mod chart;
 pub mod evaluate;
+pub mod page;
 pub mod promise;
 pub mod refit;
 

@@ -17,7 +17,7 @@ use crate::io::lake::Lake;
 use crate::pipeline::plan::{Overrides, Plan, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
-/// Make every table of every session: the whole way from two logs to a compensation table.
+/// Make every table and page of every session: the whole way from two logs to a compensation table.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
 Examples:
@@ -200,6 +200,9 @@ fn paragraph(session: &str, ending: &Ending) -> String {
             for line in &done.words {
                 writeln!(text, "  {}", Printable(line)).expect("a string");
             }
+            if let Some(page) = &done.page {
+                writeln!(text, "  page: {}", near(page).display()).expect("a string");
+            }
             writeln!(text, "  tables: {}\n", near(&done.tables).display()).expect("a string");
             text
         }
@@ -249,6 +252,7 @@ mod tests {
             rejected: Vec::new(),
             words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
             tables: PathBuf::from("lake"),
+            page: Some(PathBuf::from("lake/report/r/a/00ff.html")),
         })
     }
 
@@ -275,7 +279,7 @@ mod tests {
         let text = paragraph("a", &done(Verdict::DoesNotMeet));
         assert_eq!(
             text,
-            "a: not within tolerance (run 00ff, done before)\n  step 100 mm\n  bad\\u{1b}name\n  tables: lake\n\n"
+            "a: not within tolerance (run 00ff, done before)\n  step 100 mm\n  bad\\u{1b}name\n  page: lake/report/r/a/00ff.html\n  tables: lake\n\n"
         );
     }
 }

@@ -1,7 +1,9 @@
-//! The lake: a folder of published tables, `TABLE/ROBOT/SESSION/RUN.parquet`.
+//! The lake: a folder of published tables, `TABLE/ROBOT/SESSION/RUN.parquet`, and the page of each run,
+//! `report/ROBOT/SESSION/RUN.html`.
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
-//! 2. [`OpenRun::publish`] writes a table whole or not at all; it is no part of the lake yet.
+//! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
+//!    the lake yet.
 //! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several that commit the same
 //!    run exactly one does, and nothing of a committed run is ever written again.
 //!
@@ -26,6 +28,9 @@ use error::folder_error;
 pub use error::LakeError;
 pub use run::{Commit, OpenRun};
 
+/// The folder of the pages, beside those of the tables.
+const PAGES: &str = "report";
+
 /// A folder of published tables.
 #[derive(Debug, Clone)]
 pub struct Lake {
@@ -45,6 +50,15 @@ impl Lake {
 
     /// Where a table of a run stands, or would.
     pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<PathBuf, LakeError> {
+        self.file(&schema.table, key, "parquet")
+    }
+
+    /// Where the page of a run stands, or would.
+    pub fn page(&self, key: &RunKey) -> Result<PathBuf, LakeError> {
+        self.file(PAGES, key, "html")
+    }
+
+    fn file(&self, folder: &str, key: &RunKey, ending: &str) -> Result<PathBuf, LakeError> {
         let part = |part, name: &str| {
             name::encode(name).map_err(|length| LakeError::Name {
                 part,
@@ -52,11 +66,8 @@ impl Lake {
                 length,
             })
         };
-        let folder = self
-            .root
-            .join(&schema.table)
-            .join(part("robot", &key.robot)?);
-        let file = format!("{}.parquet", part("run", &key.run)?);
+        let folder = self.root.join(folder).join(part("robot", &key.robot)?);
+        let file = format!("{}.{ending}", part("run", &key.run)?);
         Ok(folder.join(part("session", &key.session)?).join(file))
     }
 
@@ -81,7 +92,9 @@ impl Lake {
     pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
         let mut folders: Vec<PathBuf> = schema::all()
             .iter()
-            .map(|schema| self.root.join(&schema.table))
+            .map(|schema| schema.table.as_str())
+            .chain([PAGES])
+            .map(|folder| self.root.join(folder))
             .collect();
         for _robot_then_session in 0..2 {
             folders = folders

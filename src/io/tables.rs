@@ -5,7 +5,8 @@
 //! 1. for each session: `stations`, `rejects`, `clocks`, and `logs` where asked for;
 //! 2. of the run: `calibrations`, `parameters`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
 //!    `compensation`, `accuracy`;
-//! 3. `runs`, with what came into each stage and what became of it ([`counts`]).
+//! 3. the run's page, made of all these tables ([`super::page`]);
+//! 4. `runs`, with what came into each stage and what became of it ([`counts`]).
 
 pub mod accuracy;
 pub mod calibrations;
@@ -28,7 +29,8 @@ mod words;
 
 use thiserror::Error;
 
-use super::lake::{Commit, Lake, LakeError};
+use super::lake::{Commit, Lake, LakeError, OpenRun};
+use super::page::{self, About, Said};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
 use crate::compensation::Validity;
@@ -39,6 +41,7 @@ use crate::grid::{Tolerance, Verdict};
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
+use crate::report;
 use crate::report::{Angles, Model, Split};
 
 /// What tables say besides what the stages found.
@@ -99,32 +102,54 @@ pub enum PublishError {
     Model(#[from] serde_json::Error),
 }
 
-/// Writes every table of a run and then its row of `runs`.
+/// Writes every table of a run, its page, and then its row of `runs`.
 pub fn publish(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
     lake: &Lake,
     work: &Work,
+    said: &Said,
 ) -> Result<Commit, PublishError> {
     let key = work.key();
     let Some(mut run) = lake.start(&key)? else {
         return Ok(Commit::AlreadyThere);
     };
-    for session in outcome.training.iter().chain(&outcome.test) {
-        for table in of_session(session, context, &key.of_session(&session.name))? {
-            run.publish(&table)?;
-        }
-        if let Some(log) = &session.log {
-            let key = key.of_session(&session.name);
-            run.publish_parts(logs::parts(log), |part| logs::logs(log, part, &key))?;
-        }
-    }
-    for table in of_run(outcome, context, &key)? {
-        run.publish(&table)?;
-    }
-    let ending = ending(outcome, context);
-    let row = work.runs_table(&counts::counts(outcome), run.written(), &ending)?;
+    let tables = publish_tables(outcome, context, &mut run, &key)?;
+    let counts = counts::counts(outcome);
+    let about = About {
+        work,
+        tolerance: context.tolerance,
+        choice: &outcome.grids.choice,
+        counts: &counts,
+        written: run.written(),
+        said,
+    };
+    let html = report::page::html(&page::content(&tables, &about));
+    run.publish_page(&html)?;
+    let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
     Ok(run.commit(&row)?)
+}
+
+/// Writes the tables and gives them for the page; decoded samples, which may be many, are written in parts and not kept.
+fn publish_tables(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    run: &mut OpenRun<'_>,
+    key: &RunKey,
+) -> Result<Vec<Table>, PublishError> {
+    let mut tables = Vec::new();
+    for session in outcome.training.iter().chain(&outcome.test) {
+        let own = key.of_session(&session.name);
+        tables.extend(of_session(session, context, &own)?);
+        if let Some(log) = &session.log {
+            run.publish_parts(logs::parts(log), |part| logs::logs(log, part, &own))?;
+        }
+    }
+    tables.extend(of_run(outcome, context, key)?);
+    for table in &tables {
+        run.publish(table)?;
+    }
+    Ok(tables)
 }
 
 /// The tables of one session.

@@ -15,7 +15,7 @@ use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::stages::{self, StageError};
-use super::words::words;
+use super::words::{notes, words};
 use crate::compensation::Validity;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
@@ -23,6 +23,7 @@ use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_session};
+use crate::io::page::Said;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::{JoinError, join};
 use crate::manifest::{self, Input, RunKey, Work};
@@ -46,6 +47,8 @@ pub struct Done {
     pub words: Vec<String>,
     /// Where its tables are.
     pub tables: PathBuf,
+    /// Where its page is; runs of versions that wrote none have none.
+    pub page: Option<PathBuf>,
 }
 
 impl Done {
@@ -139,7 +142,8 @@ pub fn run_piece(
         .collect::<Result<Vec<_>, _>>()?;
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
     let context = context(plan, &outcome, lake.current(&key)?);
-    let commit = tables::publish(&outcome, &context, &lake, &work)?;
+    let said = said(plan, &outcome)?;
+    let commit = tables::publish(&outcome, &context, &lake, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
@@ -148,7 +152,22 @@ pub fn run_piece(
         rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm),
         tables: plan.lake.clone(),
+        page: page(&lake, &key)?,
     })
+}
+
+/// What the page says besides the tables.
+fn said(plan: &Plan, outcome: &Outcome<'_>) -> Result<Said, PublishError> {
+    let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
+    Ok(Said {
+        warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
+        notes: notes(outcome),
+    })
+}
+
+fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
+    let page = lake.page(key)?;
+    Ok(page.is_file().then_some(page))
 }
 
 /// The work's identity. A log is only read here where nothing else names the robot.
@@ -270,6 +289,7 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
                 .to_owned(),
         ],
         tables: lake.root().to_owned(),
+        page: page(lake, key)?,
     })
 }
 

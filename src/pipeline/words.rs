@@ -8,6 +8,13 @@ use crate::join::{Pairing, Station};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
 use crate::units::NS_PER_S;
 
+/// What a page has no section for: damage of logs, and stations that the whole model hardly believes.
+pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
+    let sessions = outcome.training.iter().chain(&outcome.test);
+    let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
+    damaged.chain(far_stations(outcome)).collect()
+}
+
 /// The result in lines that a person reads.
 pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let pooled = outcome.training.len() > 1;

@@ -7,6 +7,7 @@ mod cell;
 mod damaged;
 mod interrupted;
 mod joints;
+mod page;
 mod same_work;
 mod split;
 mod targets;

@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use super::cell::{Cell, Ended, ended, undisturbed};
 
-/// Published tables of one piece of work, `runs` among them.
-const TABLES: usize = 12;
+/// Published files of one piece of work: twelve tables, `runs` among them, and the page.
+const FILES: usize = 13;
 
 #[test]
-fn a_run_gives_every_table_of_every_session() {
+fn a_run_gives_every_table_and_page_of_every_session() {
     let lake = undisturbed().lake();
     for session in ["mon", "tue"] {
         let folder = format!("/kr210-demo/{session}/");
         let tables = lake.keys().filter(|path| path.contains(&folder));
-        assert_eq!(tables.count(), TABLES, "{session}: {:?}", lake.keys());
+        assert_eq!(tables.count(), FILES, "{session}: {:?}", lake.keys());
     }
-    assert_eq!(lake.len(), 2 * TABLES, "{:?}", lake.keys());
+    assert_eq!(lake.len(), 2 * FILES, "{:?}", lake.keys());
 }
 
 #[test]
@@ -37,16 +37,12 @@ fn the_same_work_is_not_done_again_and_that_is_said() {
 fn other_settings_are_other_work() {
     let cell = Cell::new().with_simulated("few", &["--random", "12"]);
     cell.run(&[]).expect(3, &["not shown"]);
-    assert_eq!(cell.lake().len(), TABLES);
+    assert_eq!(cell.lake().len(), FILES);
     let cell = cell.with("mm = 0.5", "mm = 0.4");
     let again = cell.run(&[]);
     again.expect(3, &["tolerance 0.4 mm"]);
     assert!(!again.results.contains("done before"), "{}", again.results);
-    assert_eq!(
-        cell.lake().len(),
-        2 * TABLES,
-        "both runs stand side by side"
-    );
+    assert_eq!(cell.lake().len(), 2 * FILES, "both runs stand side by side");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A run being written: its tables one by one, then the row that makes it exist.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use parquet::errors::ParquetError;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::error::folder_error;
 use super::temporary::Temporary;
-use super::{Lake, LakeError};
+use super::{Lake, LakeError, PAGES};
 use crate::io::schema;
 use crate::io::table::{self, Encoder, PartsFile, Table};
 use crate::manifest::{RunKey, Written, digest};
@@ -53,6 +53,22 @@ impl<'a> OpenRun<'a> {
         let path = self.path(table)?;
         let (temporary, digest) = write(table, &path)?;
         self.put(table, table.rows() as u64, temporary, digest)
+    }
+
+    /// Writes the run's page.
+    pub fn publish_page(&mut self, html: &str) -> Result<(), LakeError> {
+        let path = self.lake.page(&self.key)?;
+        let mut temporary = temporary_beside(&path)?;
+        let written = temporary.write_all(html.as_bytes());
+        let digest = written.and_then(|()| temporary.sync());
+        let digest = digest.map_err(folder_error("write", &path))?;
+        let written = Written {
+            table: PAGES.to_owned(),
+            session: self.key.session.clone(),
+            rows: 0,
+            digest,
+        };
+        self.put_file(path, temporary, written)
     }
 
     /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. Parts are
@@ -101,21 +117,31 @@ impl<'a> OpenRun<'a> {
         digest: String,
     ) -> Result<(), LakeError> {
         let path = self.path(table)?;
-        if !self.lake.exists(&self.key)? {
-            temporary
-                .replace(&path)
-                .map_err(folder_error("write", &path))?;
-        } else if digest != digest_of(&path)? {
-            return Err(LakeError::Rewrite { path });
-        }
-        self.written.push(Written {
+        let written = Written {
             table: table.schema().table.clone(),
             session: table
                 .key()
                 .map_or_else(String::new, |key| key.session.clone()),
             rows,
             digest,
-        });
+        };
+        self.put_file(path, temporary, written)
+    }
+
+    fn put_file(
+        &mut self,
+        path: PathBuf,
+        temporary: Temporary,
+        written: Written,
+    ) -> Result<(), LakeError> {
+        if !self.lake.exists(&self.key)? {
+            temporary
+                .replace(&path)
+                .map_err(folder_error("write", &path))?;
+        } else if written.digest != digest_of(&path)? {
+            return Err(LakeError::Rewrite { path });
+        }
+        self.written.push(written);
         Ok(())
     }
 
@@ -164,7 +190,10 @@ impl<'a> OpenRun<'a> {
 
     fn check_unchanged(&self, written: &Written) -> Result<(), LakeError> {
         let key = self.key.of_session(&written.session);
-        let path = self.lake.path(schema::find(&written.table)?, &key)?;
+        let path = match written.table.as_str() {
+            PAGES => self.lake.page(&key)?,
+            table => self.lake.path(schema::find(table)?, &key)?,
+        };
         let found = digest_of(&path)?;
         if found == written.digest {
             return Ok(());

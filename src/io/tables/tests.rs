@@ -54,11 +54,11 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let lake = Lake::new(folder.path());
     assert_eq!(
-        publish(&OUTCOME, &context(), &lake, &work()).unwrap(),
+        publish(&OUTCOME, &context(), &lake, &work(), &Said::default()).unwrap(),
         Commit::Done
     );
     assert_eq!(
-        publish(&OUTCOME, &context(), &lake, &work()).unwrap(),
+        publish(&OUTCOME, &context(), &lake, &work(), &Said::default()).unwrap(),
         Commit::AlreadyThere
     );
     let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
@@ -68,7 +68,11 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
         assert!(table.rows() > 0, "{}", table.schema().table);
     }
     let runs = lake.read("runs", &key()).unwrap();
-    assert_eq!(runs.list("table_names").value_length(0), 11);
+    assert_eq!(
+        runs.list("table_names").value_length(0),
+        12,
+        "eleven tables and the page"
+    );
     assert_eq!(
         runs.text("verdict").value(0),
         words::verdict(&OUTCOME.grids.choice.verdict)

@@ -1,0 +1,260 @@
+//! Charts: series of numbers → an inline SVG with axes, units, a legend and words for those who cannot see it.
+//!
+//! Input is a [`Chart`] or sets of error [`Vectors`]; output is markup for a page that carries [`STYLE`]. Colours come from
+//! that style's variables, so a chart follows the reader's light or dark mode and prints in ink; series differ in dash and
+//! marker too. Coordinates have one decimal and no clock or map order takes part: the same numbers give the same bytes.
+//!
+//! The SVG is written through maud, whose macros escape every value and check the nesting: of the alternatives, plotters has
+//! had no release for two years and its SVG knows neither classes nor alternative text, and askama would need each nested
+//! part marked as safe by hand.
+//!
+//! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. `frame`: axes, limits, legend. 3. `series` and their
+//!    `marks`.
+//! 4. [`vectors()`]: error vectors in three projections of the work space.
+
+mod frame;
+mod marks;
+pub mod scale;
+mod series;
+mod vectors;
+
+use maud::{Markup, html};
+
+pub use marks::{Bar, Marks};
+pub use series::Series;
+pub use vectors::{Arrow, Vectors, vectors};
+
+use frame::Frame;
+use scale::Scale;
+
+/// The style that charts need of their page: variables for both colour modes and for print, and the classes of marks.
+pub const STYLE: &str = include_str!("chart/chart.css");
+
+/// Width that a chart is drawn for, px.
+pub const WIDTH: f64 = 480.0;
+/// Height of a chart without its legend, px.
+pub const HEIGHT: f64 = 270.0;
+/// Looks (colour, dash and marker together) that series can have; more series begin again.
+pub const LOOKS: usize = 6;
+
+/// One set of axes with everything drawn in them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Chart {
+    /// What the chart shows, in a few words: its name for those who cannot see it.
+    pub title: String,
+    /// What is to be seen in it, in a sentence or two.
+    pub description: String,
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// What is drawn, in this order; the legend names it.
+    pub series: Vec<Series>,
+    /// Horizontal lines that values are held against, a tolerance for one.
+    pub limits: Vec<Limit>,
+}
+
+/// What an axis measures.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Axis {
+    /// The quantity.
+    pub quantity: String,
+    /// Its unit; empty for a number without one.
+    pub unit: String,
+    /// Whether the axis is logarithmic; values that are not positive are then left out, and the chart says how many.
+    pub log: bool,
+    /// Values that the axis has to reach beside those of the series.
+    pub include: Vec<f64>,
+    /// Names of a horizontal axis that counts things, the first at 1; none for an axis of numbers.
+    pub names: Vec<String>,
+}
+
+/// A value that is not to be exceeded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limit {
+    /// What it is, with its value: `tolerance 0.5 mm`.
+    pub name: String,
+    /// Where it lies on the vertical axis.
+    pub value: f64,
+}
+
+impl Axis {
+    /// A linear axis.
+    pub fn new(quantity: &str, unit: &str) -> Self {
+        Self {
+            quantity: quantity.to_owned(),
+            unit: unit.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    /// A horizontal axis that counts named things, the first at 1.
+    pub fn of_names(quantity: &str, names: Vec<String>) -> Self {
+        Self {
+            names,
+            ..Self::new(quantity, "")
+        }
+    }
+
+    /// The same axis, logarithmic.
+    #[must_use]
+    pub const fn logarithmic(mut self) -> Self {
+        self.log = true;
+        self
+    }
+
+    /// The same axis, reaching `values` too.
+    #[must_use]
+    pub fn including(mut self, values: &[f64]) -> Self {
+        self.include.extend(values);
+        self
+    }
+
+    fn label(&self) -> String {
+        if self.unit.is_empty() {
+            return self.quantity.clone();
+        }
+        format!("{}, {}", self.quantity, self.unit)
+    }
+
+    fn included(&self) -> impl Iterator<Item = f64> + '_ {
+        let values = self.include.iter().copied();
+        values.filter(|value| self.takes(*value))
+    }
+
+    fn takes(&self, value: f64) -> bool {
+        value.is_finite() && (!self.log || value > 0.0)
+    }
+}
+
+impl Chart {
+    /// The chart as an inline `<svg>`; a sentence instead of it where there is nothing to draw.
+    pub fn svg(&self) -> Markup {
+        let (drawn, left_out) = self.drawable();
+        let (Some(x), Some(y)) = (self.across(&drawn), self.upwards(&drawn)) else {
+            return html! { p.none { "Nothing to draw: " (self.title) "." } };
+        };
+        let frame = Frame::new(self, &drawn, x, y);
+        html! {
+            svg role="img" viewBox={ "0 0 " (px(WIDTH)) " " (px(frame.height())) } {
+                title { (self.title) }
+                desc { (self.description) @if left_out > 0 { " " (left_out) " values are not positive and cannot be drawn on a logarithmic axis." } }
+                (frame.axes(self))
+                @for series in &drawn { (series.drawn(&frame)) }
+                (frame.limits(&self.limits))
+                (frame.legend(&drawn))
+            }
+            @if left_out > 0 { p.note { (left_out) " values are not positive and cannot be drawn on a logarithmic axis." } }
+        }
+    }
+
+    /// The horizontal scale: it ends where the values do.
+    fn across(&self, drawn: &[Series]) -> Option<Scale> {
+        if !self.x.names.is_empty() {
+            return Some(Scale::of_names(&self.x.names));
+        }
+        let corners = drawn.iter().flat_map(Series::corners).map(|[x, _]| x);
+        let values: Vec<f64> = corners.chain(self.x.included()).collect();
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Some(Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high))
+    }
+
+    /// The vertical scale: it ends at ticks, with the limits in it.
+    fn upwards(&self, drawn: &[Series]) -> Option<Scale> {
+        let corners = drawn.iter().flat_map(Series::corners).map(|[_, y]| y);
+        let limits = self.limits.iter().map(|limit| limit.value);
+        let limits = limits.filter(|value| self.y.takes(*value));
+        Scale::over(corners.chain(limits).chain(self.y.included()), self.y.log)
+    }
+
+    /// The series with what the axes can show of them, and how many values they cannot.
+    fn drawable(&self) -> (Vec<Series>, usize) {
+        let mut left_out = 0;
+        let mut series = self.series.clone();
+        for (place, own) in series.iter_mut().enumerate() {
+            own.look.get_or_insert(place);
+            left_out += own.retain(|[x, y]| self.x.takes(x) && self.y.takes(y));
+        }
+        series.retain(|own| own.corners().next().is_some());
+        (series, left_out)
+    }
+}
+
+/// A coordinate with one decimal at most; never `-0`.
+fn px(value: f64) -> String {
+    let rounded = (value * 10.0).round() / 10.0;
+    // Adding zero turns minus zero into zero.
+    (rounded + 0.0).to_string()
+}
+
+/// About how wide a text of thirteen pixels is, px.
+fn text_width(text: &str) -> f64 {
+    7.0 * text.chars().count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart() -> Chart {
+        Chart {
+            title: "Error <against> step".to_owned(),
+            description: "falls".to_owned(),
+            x: Axis::new("step", "mm"),
+            y: Axis::new("error", "mm").including(&[0.0]),
+            series: vec![
+                Series::line("bound", vec![[100.0, 0.2], [200.0, 0.4]]),
+                Series::points("mean", vec![[100.0, 0.1], [200.0, 0.2]]),
+            ],
+            limits: vec![Limit {
+                name: "tolerance 0.5 mm".to_owned(),
+                value: 0.5,
+            }],
+        }
+    }
+
+    #[test]
+    fn a_chart_has_words_units_ticks_a_legend_and_its_limit() {
+        let svg = chart().svg().into_string();
+        for part in [
+            "role=\"img\"",
+            "<title>Error &lt;against&gt; step</title>",
+            "step, mm",
+            "error, mm",
+            ">0.5<",
+            ">200<",
+            "tolerance 0.5 mm",
+            ">bound<",
+            ">mean<",
+        ] {
+            assert!(svg.contains(part), "{part} is not in {svg}");
+        }
+        roxmltree::Document::parse(&svg).expect("well-formed");
+        assert_eq!(svg, chart().svg().into_string());
+    }
+
+    #[test]
+    fn what_a_logarithmic_axis_cannot_show_is_counted() {
+        let mut chart = chart();
+        chart.y.log = true; // though it is to include zero
+        chart.series[0] =
+            Series::line("bound", vec![[100.0, 0.0], [150.0, f64::NAN], [200.0, 0.4]]);
+        let svg = chart.svg().into_string();
+        assert!(svg.contains("2 values are not positive"), "{svg}");
+        assert!(!svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn nothing_to_draw_is_said() {
+        let mut chart = chart();
+        chart.series.clear();
+        chart.y.include.clear();
+        assert!(chart.svg().into_string().contains("Nothing to draw"));
+    }
+
+    #[test]
+    fn coordinates_have_one_decimal_and_no_minus_zero() {
+        assert_eq!([px(-0.04), px(12.04), px(12.06)], ["0", "12", "12.1"]);
+    }
+}

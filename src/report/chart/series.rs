@@ -1,0 +1,174 @@
+//! Series: numbers with a name and a look, and the ways to make them.
+
+use maud::{Markup, html};
+
+use super::LOOKS;
+use super::frame::Frame;
+use super::marks::{Bar, Marks};
+
+/// Numbers that belong together, drawn in one look and named in the legend.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// Its name in the legend; none for an empty one.
+    pub name: String,
+    /// What is drawn, from back to front.
+    pub marks: Vec<Marks>,
+    /// Which look it has, from 0; its place among the series where not said.
+    pub look: Option<usize>,
+}
+
+/// Points that an empirical distribution is drawn by at most.
+const MOST_STEPS: usize = 240;
+
+impl Series {
+    /// A series of `marks`.
+    pub fn new(name: &str, marks: Vec<Marks>) -> Self {
+        Self {
+            name: name.to_owned(),
+            marks,
+            look: None,
+        }
+    }
+
+    /// A line through points x, y.
+    pub fn line(name: &str, points: Vec<[f64; 2]>) -> Self {
+        Self::new(name, vec![Marks::Line(points)])
+    }
+
+    /// A scatter of points x, y.
+    pub fn points(name: &str, points: Vec<[f64; 2]>) -> Self {
+        Self::new(name, vec![Marks::Points(points)])
+    }
+
+    /// A line with a marker at each point.
+    pub fn line_and_points(name: &str, points: Vec<[f64; 2]>) -> Self {
+        Self::new(
+            name,
+            vec![Marks::Line(points.clone()), Marks::Points(points)],
+        )
+    }
+
+    /// A line x, y within a band x, low, high.
+    pub fn band(name: &str, line: Vec<[f64; 2]>, band: Vec<[f64; 3]>) -> Self {
+        Self::new(name, vec![Marks::Band(band), Marks::Line(line)])
+    }
+
+    /// The empirical distribution of `values`: which share, in percent, is not above a value.
+    ///
+    /// Of many values evenly spaced ranks are drawn, the largest always.
+    pub fn distribution(name: &str, values: &[f64]) -> Self {
+        let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let n = sorted.len();
+        let every = n.div_ceil(MOST_STEPS).max(1);
+        let ranks = (1..=n).filter(|rank| (n - rank).is_multiple_of(every));
+        let step = |rank: usize| [sorted[rank - 1], 100.0 * rank as f64 / n as f64];
+        let start = sorted.first().map(|least| [*least, 0.0]);
+        Self::new(
+            name,
+            vec![Marks::Steps(
+                start.into_iter().chain(ranks.map(step)).collect(),
+            )],
+        )
+    }
+
+    /// How many of `values` lie in each of `count` bins of equal width.
+    pub fn histogram(name: &str, values: &[f64], count: usize) -> Self {
+        let finite = || values.iter().copied().filter(|v| v.is_finite());
+        let (low, high) = (
+            finite().fold(f64::INFINITY, f64::min),
+            finite().fold(f64::NEG_INFINITY, f64::max),
+        );
+        let width = if high > low {
+            (high - low) / count.max(1) as f64
+        } else {
+            1.0
+        };
+        let edge = |place: usize| low + width * place as f64;
+        let bar = |place: usize| {
+            // The last bin holds its upper edge too.
+            let inside =
+                |v: &f64| *v >= edge(place) && (*v < edge(place + 1) || place + 1 == count);
+            Bar {
+                from: edge(place),
+                to: edge(place + 1),
+                count: finite().filter(inside).count() as f64,
+            }
+        };
+        let bars = if low <= high {
+            (0..count).map(bar).collect()
+        } else {
+            Vec::new()
+        };
+        Self::new(name, vec![Marks::Bars(bars)])
+    }
+
+    /// The same series in a look of its own, so that one thing looks alike in several charts.
+    #[must_use]
+    pub const fn looking(mut self, look: usize) -> Self {
+        self.look = Some(look);
+        self
+    }
+
+    /// The class that its look has in the style.
+    pub(super) fn class(&self) -> String {
+        format!("s{}", self.look.unwrap_or(0) % LOOKS)
+    }
+
+    /// Every corner of what is drawn, x and y.
+    pub(super) fn corners(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.marks.iter().flat_map(Marks::corners)
+    }
+
+    /// Keeps what has only corners that `fits` says yes to; gives how many were left out.
+    pub(super) fn retain(&mut self, fits: impl Fn([f64; 2]) -> bool) -> usize {
+        self.marks.iter_mut().map(|marks| marks.retain(&fits)).sum()
+    }
+
+    pub(super) fn drawn(&self, frame: &Frame) -> Markup {
+        html! {
+            g class=(self.class()) {
+                @for marks in &self.marks { (marks.drawn(frame, self.look.unwrap_or(0))) }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_distribution_rises_to_all_of_its_values() {
+        let series = Series::distribution("error", &[0.3, 0.1, 0.2, 0.2]);
+        let Marks::Steps(steps) = &series.marks[0] else {
+            panic!("{series:?}")
+        };
+        assert_eq!(
+            steps,
+            &[
+                [0.1, 0.0],
+                [0.1, 25.0],
+                [0.2, 50.0],
+                [0.2, 75.0],
+                [0.3, 100.0]
+            ]
+        );
+        let many: Vec<f64> = (0..1000).map(f64::from).collect();
+        let series = Series::distribution("error", &many);
+        let corners: Vec<_> = series.corners().collect();
+        // Every fifth of a thousand, with the first and the last.
+        assert_eq!((corners.len(), corners[200]), (201, [999.0, 100.0]));
+    }
+
+    #[test]
+    fn a_histogram_counts_every_value_once() {
+        let series = Series::histogram("error", &[0.0, 1.0, 2.0, 3.0, 4.0], 2);
+        let Marks::Bars(bars) = &series.marks[0] else {
+            panic!("{series:?}")
+        };
+        let counts: Vec<f64> = bars.iter().map(|bar| bar.count).collect();
+        assert_eq!(counts, [2.0, 3.0]); // 0 and 1 below 2; 2, 3 and the upper edge 4
+        assert!(Series::histogram("none", &[], 3).corners().next().is_none());
+    }
+}

@@ -1,0 +1,127 @@
+//! Accuracy figures before and after, and those of ISO 9283 where the poses allow any.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Figure, Subject};
+use super::words;
+
+/// The figures of error norms that a row of the table has, mm.
+const COLUMNS: [(&str, &str); 6] = [
+    ("mean", "Mean"),
+    ("rms", "rms"),
+    ("p95", "p95"),
+    ("p99", "p99"),
+    ("max", "Max"),
+    ("bound", "Bound"),
+];
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let subjects = subjects(content);
+    let (telling, flattering): (Vec<&Subject>, Vec<&Subject>) =
+        subjects.into_iter().partition(|subject| tells(subject));
+    if telling.is_empty() && flattering.is_empty() {
+        return None;
+    }
+    Some(html! {
+        p {
+            "Error norms in mm on stations that took no part. Before is given twice: against the raw command where command and "
+            "measured target are one point, and with base and target fitted, which is the honest start. After is predicted."
+        }
+        (rows(content, &telling))
+        @if !flattering.is_empty() {
+            details {
+                summary { "On training stations, or with a base refitted on all: for comparing models only" }
+                (rows(content, &flattering))
+            }
+        }
+    })
+}
+
+/// Figures on stations that took no part, and the command as it is.
+fn tells(subject: &Subject) -> bool {
+    subject.model == "raw_command" || (subject.split != "none" && subject.base_refit != "all")
+}
+
+/// What the figures are of, each once, before ahead of after.
+fn subjects(content: &Content) -> Vec<&Subject> {
+    let own = content
+        .figures
+        .iter()
+        .filter(|figure| figure.quantity == "position_error");
+    let mut subjects: Vec<&Subject> = own.map(|figure| &figure.subject).collect();
+    let order = ["raw_command", "base_target", "geometric", "full", "table"];
+    let rank = |subject: &Subject| order.iter().position(|model| *model == subject.model);
+    subjects.sort_by(|a, b| {
+        (&a.split, &a.of_session, &a.base_refit, rank(a), &a.angles).cmp(&(
+            &b.split,
+            &b.of_session,
+            &b.base_refit,
+            rank(b),
+            &b.angles,
+        ))
+    });
+    subjects.dedup();
+    subjects.sort_by_key(|subject| subject.model != "raw_command");
+    subjects
+}
+
+fn rows(content: &Content, subjects: &[&Subject]) -> Markup {
+    let head = html! {
+        th { "What corrects" } th.word { "Judged on" } th { "n" }
+        @for (_, heading) in COLUMNS { th { (heading) } }
+        th { "In 95 % ellipsoid" } th.word { "Verdict" }
+    };
+    let body = html! { @for subject in subjects { (row(content, subject)) } };
+    super::table(&head, &body)
+}
+
+fn row(content: &Content, subject: &Subject) -> Markup {
+    let figure = |name: &str| {
+        content
+            .figures
+            .iter()
+            .find(|figure| figure.subject == *subject && figure.name == name)
+    };
+    let value = |name: &str| figure(name).and_then(|figure| figure.value);
+    let bound = figure("bound");
+    let before = matches!(subject.model.as_str(), "raw_command" | "base_target");
+    html! {
+        tr {
+            th.word scope="row" { (words::subject(subject)) small { @if before { "before" } @else { "after, predicted" } } }
+            td.word { (words::stations(subject)) }
+            td { (bound.map_or(0, |bound| bound.n)) @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
+            @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }
+            td { @match value("share_in_ellipsoid") { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
+            td.word { @if subject.split == "none" { "–" } @else { (words::verdict(bound.and_then(|b| b.verdict.as_deref()).unwrap_or("–"))) } }
+        }
+    }
+}
+
+pub(super) fn iso_section(content: &Content) -> Option<Markup> {
+    let figures: Vec<&Figure> = content
+        .figures
+        .iter()
+        .filter(|figure| figure.quantity == "iso_9283")
+        .collect();
+    if figures.is_empty() {
+        return None;
+    }
+    let head = html! { th { "Figure" } th { "Pose" } th.word { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
+    let body = html! {
+        @for figure in &figures {
+            tr {
+                th.word scope="row" { (figure.name.replace('_', " ")) }
+                td { @match figure.pose { Some(pose) => (pose), None => "all" } }
+                td.word { (words::subject(&figure.subject)) ", " (words::stations(&figure.subject)) }
+                td { @match figure.value { Some(value) => { (words::number(value, if figure.unit == "rad" { 6 } else { 3 })) " " (figure.unit) }, None => "not shown" } }
+                td { (figure.n) }
+                td { @match figure.n_needed { Some(needed) => (needed), None => "–" } }
+                td.word { (figure.reason.as_deref().unwrap_or("")) }
+            }
+        }
+    };
+    Some(html! {
+        p { "Figures of ISO 9283, from poses that were visited more than once. Where a pose has fewer visits than the standard asks for, the figure is not the standard's." }
+        (super::table(&head, &body))
+    })
+}

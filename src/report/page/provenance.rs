@@ -1,0 +1,63 @@
+//! Provenance: what the run was made from, which files it wrote, and how to read them.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Provenance};
+use super::words;
+
+pub(super) fn section(content: &Content) -> Markup {
+    let provenance = &content.provenance;
+    html! {
+        dl.list {
+            div { dt { "Run" } dd { code { (content.run) } } }
+            div { dt { "Robot" } dd { (content.robot) } }
+            div { dt { "Session" } dd { (content.session) } }
+            div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
+            div { dt { "posegrid" } dd { (provenance.version) } }
+        }
+        p.note { "The machine that computed it, and the run that this one takes the place of, stand in " code { "runs" } "." }
+        h3 { "Inputs" }
+        (files(&provenance.inputs, "Bytes"))
+        h3 { "Tables" }
+        (files(&provenance.tables, "Rows"))
+        details { summary { "Every setting, defaults filled in" } pre { (settings(provenance)) } }
+    }
+}
+
+/// Name, size and digest of each file.
+fn files(files: &[(String, u64, String)], size: &str) -> Markup {
+    let head = html! { th { "File" } th { (size) } th.word { "BLAKE3" } };
+    let body = html! {
+        @for (name, number, digest) in files {
+            tr { th.word scope="row" { (name) } td { (words::whole(*number)) } td.word { code { (digest) } } }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// The settings over several lines; as they are where they are no JSON.
+fn settings(provenance: &Provenance) -> String {
+    let value: Option<serde_json::Value> = serde_json::from_str(&provenance.settings).ok();
+    value
+        .and_then(|value| serde_json::to_string_pretty(&value).ok())
+        .unwrap_or_else(|| provenance.settings.clone())
+}
+
+pub(super) fn reading_section(content: &Content) -> Markup {
+    let query = format!(
+        "SELECT model, angles, name, value, unit, n, verdict\nFROM read_parquet('lake/accuracy/**/*.parquet')\nWHERE run = '{}';",
+        content.run
+    );
+    html! {
+        p {
+            "Everything on this page is in the run's tables, Parquet files " code { "TABLE/ROBOT/SESSION/RUN.parquet" } " beside it; "
+            "rows of this run have its name in the column " code { "run" } ". With DuckDB, for one:"
+        }
+        pre { (query) }
+        p {
+            "Figures of stations that took part in a fit flatter; only held-out ones carry a verdict. A bound is distribution-free: the "
+            "share asked for of all errors lies below it, with the confidence asked for. Stations of one block are not independent of "
+            "each other, so the number of blocks stands beside theirs. " code { "posegrid schema TABLE" } " says what each column is."
+        }
+    }
+}

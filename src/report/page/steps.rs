@@ -1,0 +1,207 @@
+//! Error against step: what each step leaves on held-out stations, its bound, and which step was chosen.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::content::{Content, Step};
+use super::words;
+use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let chosen = content.steps.iter().find(|step| step.chosen)?;
+    let is_table = |step: &&Step| step.judgement == "table";
+    let (tables, cells): (Vec<&Step>, Vec<&Step>) = content.steps.iter().partition(is_table);
+    let own: Vec<&Step> = tables
+        .iter()
+        .copied()
+        .filter(|step| is_alike(step, chosen))
+        .collect();
+    Some(html! {
+        p {
+            "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
+            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen."
+        }
+        div.pair {
+            figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
+            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
+        }
+        details {
+            summary { "Every source of node values and every interpolation" }
+            (all_rows(&tables))
+            @for reason in reasons(&tables) { p.note { "Not shown, nodes " (reason) "." } }
+        }
+        @if !cells.is_empty() {
+            details {
+                summary { "The same in a cell of its own around each held-out station" }
+                p.note { "At the station's own orientation and configuration: what a grid could do there, never a verdict." }
+                (all_rows(&cells))
+            }
+        }
+    })
+}
+
+fn is_alike(step: &Step, other: &Step) -> bool {
+    (&step.source, &step.interpolation) == (&other.source, &other.interpolation)
+}
+
+/// The steps of the chosen source and interpolation.
+fn own_rows(steps: &[&Step]) -> Markup {
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th.word { "Verdict" } };
+    let body = html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                th scope="row" { (step.step_mm) @if step.chosen { small { "chosen" } } }
+                td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
+                td { (step.held_out) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { (words::verdict(&step.verdict)) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+fn all_rows(steps: &[&Step]) -> Markup {
+    let head = html! {
+        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Judged on" }
+        th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" }
+    };
+    let body = html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                th scope="row" { (step.step_mm) }
+                td.word { (step.source) }
+                td.word { (step.interpolation) }
+                td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
+                td { (step.held_out) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.max_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { @if step.judgement == "table" { (words::verdict(&step.verdict)) } @else { "–" } }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// Why steps are not shown, each reason once.
+fn reasons(steps: &[&Step]) -> Vec<String> {
+    let not_shown = steps.iter().filter(|step| step.verdict == "not_shown");
+    let reason = |step: &&Step| {
+        let reason = step.reason.as_deref()?;
+        // How many stations each step has stands in the table already.
+        let needed = reason
+            .split_once(" held-out stations; ")
+            .map(|(_, needed)| needed);
+        let reason = needed.map_or_else(
+            || reason.to_owned(),
+            |needed| format!("too few held-out stations; {needed}"),
+        );
+        Some(format!("{}: {reason}", step.source))
+    };
+    let mut reasons: Vec<String> = not_shown.filter_map(reason).collect();
+    reasons.sort();
+    reasons.dedup();
+    reasons
+}
+
+/// Whether any step of the published kind has figures; if none, local cells are drawn.
+fn judgement(content: &Content) -> &'static str {
+    let shown = |step: &Step| step.judgement == "table" && step.mean_mm.is_some();
+    if content.steps.iter().any(shown) {
+        "table"
+    } else {
+        "local_cell"
+    }
+}
+
+fn chart(content: &Content, chosen: &Step) -> Markup {
+    let drawn: Vec<&Step> = content
+        .steps
+        .iter()
+        .filter(|step| step.judgement == judgement(content))
+        .collect();
+    let (own, others): (Vec<&Step>, Vec<&Step>) =
+        drawn.into_iter().partition(|step| is_alike(step, chosen));
+    let is_chosen = |step: &Step| (step.step_mm - chosen.step_mm).abs() < 1e-9;
+    let at = points(&own, |step| {
+        step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step))
+    });
+    let mut series = own_series(&own, chosen.uncertainty_mm.unwrap_or(0.0));
+    series.extend(other_bounds(&others));
+    series.push(Series::new("chosen", vec![Marks::Rings(at)]));
+    Chart {
+        title: "Error against step".to_owned(),
+        description: caption(content, chosen),
+        x: Axis::new("step", "mm").including(&[0.0]),
+        y: Axis::new("error norm left on held-out stations", "mm").including(&[0.0]),
+        series,
+        limits: vec![Limit {
+            name: format!("tolerance {} mm", content.tolerance.mm),
+            value: content.tolerance.mm,
+        }],
+    }
+    .svg()
+}
+
+/// Step and value, in the order of the steps.
+fn points(steps: &[&Step], value: impl Fn(&Step) -> Option<f64>) -> Vec<[f64; 2]> {
+    let point = |step: &&Step| Some([step.step_mm, value(step)?]);
+    let mut points: Vec<[f64; 2]> = steps.iter().filter_map(point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// Bound with the uncertainty above it, 95th percentile and mean.
+fn own_series(steps: &[&Step], uncertainty_mm: f64) -> Vec<Series> {
+    let bounds = points(steps, |step| step.bound_mm);
+    let guarded = bounds
+        .iter()
+        .map(|[x, bound]| [*x, *bound, bound + uncertainty_mm])
+        .collect();
+    let marks = vec![
+        Marks::Whiskers(guarded),
+        Marks::Line(bounds.clone()),
+        Marks::Points(bounds),
+    ];
+    vec![
+        Series::new("bound, with U above it", marks),
+        Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
+        Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
+    ]
+}
+
+/// Bounds of each source and interpolation that was not chosen.
+fn other_bounds(steps: &[&Step]) -> Vec<Series> {
+    let mut families: BTreeMap<String, Vec<&Step>> = BTreeMap::new();
+    for step in steps {
+        let name = format!("bound, {}, {}", step.source, step.interpolation);
+        families.entry(name).or_default().push(step);
+    }
+    let bounds = |(place, (name, steps)): (usize, (String, Vec<&Step>))| {
+        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(3 + place)
+    };
+    families.into_iter().enumerate().map(bounds).collect()
+}
+
+fn caption(content: &Content, chosen: &Step) -> String {
+    let of = if judgement(content) == "table" {
+        "Judged by the tables themselves"
+    } else {
+        "Judged by local cells, as no table has a station to be judged on"
+    };
+    let source = if chosen.source == "model" {
+        "the model"
+    } else {
+        "measured stations"
+    };
+    let step = chosen.step_mm;
+    format!(
+        "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
+        chosen.interpolation
+    )
+}
