@@ -5,6 +5,7 @@ pub mod file;
 pub mod outcome;
 pub mod plan;
 pub mod planning;
+mod promise;
 pub mod run;
 pub mod stages;
 mod words;

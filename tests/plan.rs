@@ -82,7 +82,7 @@ fn judged(arm: &Arm, a: &[Observation], b: &[Observation], places: &[usize]) -> 
 }
 
 #[test]
-fn on_a_real_arm_chosen_poses_leave_a_fifth_less_than_random_ones_and_half_the_largest_error() {
+fn on_a_real_arm_chosen_poses_leave_less_than_random_ones_and_far_smaller_largest_errors() {
     const DRAWS: usize = 5;
     let arm = common::arm("ur10");
     let Some((a, b)) = random_sessions(&arm, &NOISE) else {

@@ -258,6 +258,9 @@ pub struct ReportSection {
     pub refit_target: bool,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
+    /// The id of the plan that the sessions were measured by, where their logs do not say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plan: Option<String>,
 }
 
 /// `[output]`.
@@ -278,6 +281,7 @@ impl Default for ReportSection {
             refit_first_stations: 50,
             refit_target: false,
             leave_sessions_out: true,
+            plan: None,
         }
     }
 }

@@ -24,6 +24,8 @@ pub struct JoinedSession {
     pub joined: Joined,
     /// Its commands.
     pub commanded: Commanded,
+    /// The id of the sampling plan it was measured by, where its logs say one.
+    pub sampling_plan: Option<String>,
 }
 
 /// Everything one piece of work found.

@@ -73,6 +73,8 @@ pub struct Plan {
     pub lake: PathBuf,
     /// Whether decoded samples are published.
     pub logs: bool,
+    /// The id of the sampling plan that the sessions were measured by, where their logs do not say it.
+    pub sampling_plan: Option<String>,
 }
 
 /// What the command line says besides the pipeline file.
@@ -118,6 +120,7 @@ impl Plan {
             pieces: listed.pieces,
             left_out: listed.left_out,
             logs: file.output.logs,
+            sampling_plan: file.report.plan,
             lake: match &overrides.lake {
                 Some(lake) => lake.clone(),
                 None => lake,

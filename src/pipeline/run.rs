@@ -14,6 +14,7 @@ use thiserror::Error;
 use super::damage::{self, DamageError};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
+use super::promise;
 use super::stages::{self, StageError};
 use super::words::{notes, words};
 use crate::compensation::Validity;
@@ -142,7 +143,8 @@ pub fn run_piece(
         .collect::<Result<Vec<_>, _>>()?;
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
     let context = context(plan, &outcome, lake.current(&key)?);
-    let said = said(plan, &outcome)?;
+    let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
+    let said = said(plan, &outcome, promised.as_ref())?;
     let commit = tables::publish(&outcome, &context, &lake, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -150,18 +152,28 @@ pub fn run_piece(
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.grids.choice.verdict.clone(),
         rejected: rejected(plan, &lake, &key)?,
-        words: words(&outcome, plan.stages.tolerance.mm),
+        words: words(&outcome, plan.stages.tolerance.mm)
+            .into_iter()
+            .chain(promised)
+            .collect(),
         tables: plan.lake.clone(),
         page: page(&lake, &key)?,
     })
 }
 
 /// What the page says besides the tables.
-fn said(plan: &Plan, outcome: &Outcome<'_>) -> Result<Said, PublishError> {
+fn said(
+    plan: &Plan,
+    outcome: &Outcome<'_>,
+    promised: Option<&String>,
+) -> Result<Said, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Said {
         warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
-        notes: notes(outcome),
+        notes: notes(outcome)
+            .into_iter()
+            .chain(promised.cloned())
+            .collect(),
     })
 }
 
@@ -341,6 +353,7 @@ fn joined(
     );
     Ok(JoinedSession {
         name: files.name.clone(),
+        sampling_plan: recording.metadata.get("session.plan").cloned(),
         log_rejects: recording.rejects.clone(),
         counts: recording.counts.clone(),
         log: plan.logs.then_some(recording),

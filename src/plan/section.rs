@@ -169,11 +169,7 @@ impl Expect {
     /// Robots of this kind in a cell, seen by a tracker.
     pub fn population(&self, cell: Cell, tracker: TrackerErrors, up: [f64; 3]) -> SimulateSettings {
         let urad = |value: f64| value * 1e-6;
-        let no_poses = Poses::Joints {
-            count: 0,
-            lower: Vec::new(),
-            upper: Vec::new(),
-        };
+        let no_poses = Poses::Listed { joints: Vec::new() };
         SimulateSettings {
             geometry: GeometryErrors {
                 length_sd_mm: self.length_sd_mm,

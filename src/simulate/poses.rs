@@ -57,6 +57,7 @@ pub(super) fn commanded(
             lower,
             upper,
         } => controller.random_joints(*count, lower, upper),
+        Poses::Listed { joints } => controller.listed(joints),
     }
 }
 
@@ -223,6 +224,19 @@ impl<'a> Controller<'a> {
             })
         };
         self.drawn(count, draw)
+    }
+
+    /// Poses as they are given: whoever lists them knows that the arm reaches them.
+    fn listed(&self, joints: &[Vec<f64>]) -> Result<Vec<Commanded>, SimulateError> {
+        check_count(joints.len() as f64)?;
+        let at = |joints: &Vec<f64>| {
+            super::check_length("listed poses", self.arm.joints().len(), joints.len())?;
+            Ok(Commanded {
+                base_from_target: self.arm.flange(joints).isometry() * self.flange_from_target,
+                joints: joints.clone(),
+            })
+        };
+        joints.iter().map(at).collect()
     }
 
     /// `count` poses, each drawn from the one before until it can be reached.

@@ -64,6 +64,11 @@ pub enum Poses {
         /// Upper bounds, rad.
         upper: Vec<f64>,
     },
+    /// Given joint angles, in their order: a planned session for one.
+    Listed {
+        /// Reported angles of each pose, rad.
+        joints: Vec<Vec<f64>>,
+    },
 }
 
 /// Standard deviations of the parameter offsets.

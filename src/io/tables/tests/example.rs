@@ -106,6 +106,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
     let commanded = commanded(&stations, &ARM, &frames);
     JoinedSession {
         name: SESSION.to_owned(),
+        sampling_plan: None,
         log: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(

@@ -1,0 +1,97 @@
+//! What a sampling plan promised, held against the session that was measured by it.
+//!
+//! The plan's id stands in the pipeline file (`[report] plan`) or in the logs (metadata record `session`, key `plan`); the plan
+//! itself is in the lake. The session's errors at the poses that verify are those of models which did not see them: the
+//! whole model from commands alone, blocks held out.
+
+use super::outcome::{JoinedSession, Outcome};
+use super::planning::SESSION;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::tables::sampling_plan::promise;
+use crate::manifest::RunKey;
+use crate::report::promise::{PromiseKept, Verified, held_against};
+use crate::report::{Angles, Model, ResidualSet, Split};
+
+/// What became of a plan's promise.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Promised {
+    /// No plan is named.
+    NoPlan,
+    /// The lake has no such plan.
+    Unknown(String),
+    /// There are no errors to hold it against.
+    NoErrors(String),
+    /// It was held against the session.
+    Held(PromiseKept),
+}
+
+impl Promised {
+    /// In a line that a person reads.
+    pub(super) fn words(&self) -> Option<String> {
+        match self {
+            Self::NoPlan => None,
+            Self::Unknown(plan) => Some(format!(
+                "plan {plan}: the lake has no such plan of this robot, so its promise is not held against the session"
+            )),
+            Self::NoErrors(plan) => Some(format!(
+                "plan {plan}: no model gave errors of stations it did not see, so nothing is held against its promise"
+            )),
+            Self::Held(kept) => Some(kept.words()),
+        }
+    }
+}
+
+/// Holds the promise that the last training session was measured by against its stations.
+pub(super) fn held(
+    named: Option<&String>,
+    outcome: &Outcome<'_>,
+    lake: &Lake,
+    robot: &str,
+) -> Result<Promised, LakeError> {
+    let Some(session) = outcome.training.last() else {
+        return Ok(Promised::NoPlan);
+    };
+    let Some(plan) = named.or(session.sampling_plan.as_ref()) else {
+        return Ok(Promised::NoPlan);
+    };
+    let key = RunKey::new(robot, SESSION, plan);
+    if !lake.exists(&key)? {
+        return Ok(Promised::Unknown(plan.clone()));
+    }
+    let promise = promise(&lake.read("sampling_plan", &key)?);
+    Ok(match errors(outcome, session) {
+        Some(set) => Promised::Held(held_against(&promise, &verified(set, session))),
+        None => Promised::NoErrors(plan.clone()),
+    })
+}
+
+/// Errors of the session's stations by a model that did not see them, from commands where they are known.
+fn errors<'o>(outcome: &'o Outcome<'_>, session: &JoinedSession) -> Option<&'o ResidualSet> {
+    let wanted = [
+        (Model::Full, Angles::Commanded),
+        (Model::Full, Angles::Blended),
+        (Model::Geometric, Angles::Reported),
+    ];
+    wanted.into_iter().find_map(|(model, angles)| {
+        outcome.residuals.iter().find(|set| {
+            let subject = &set.subject;
+            (subject.model, subject.angles, subject.split) == (model, angles, Split::Blocks)
+                && subject.of_session == session.name
+        })
+    })
+}
+
+fn verified(set: &ResidualSet, session: &JoinedSession) -> Vec<Verified> {
+    let stations = &session.joined.stations;
+    let joints = |number: usize| {
+        let station = stations.iter().find(|station| station.number == number);
+        station.map(|station| station.joints.clone())
+    };
+    let verified = set.residuals.iter().filter_map(|residual| {
+        Some(Verified {
+            joints: joints(residual.station)?,
+            left_mm: residual.residual.norm(),
+        })
+    });
+    verified.collect()
+}
