@@ -101,11 +101,8 @@ fn on_a_real_arm_chosen_poses_leave_less_than_random_ones_and_far_smaller_larges
             "{count} poses: chosen {:.4} mean, {:.3} largest; random {random_mean:.4}, {random_max:.3}",
             chosen.mean, chosen.max
         );
-        // A training of 5 random subsets scatters by 0.015 mm at 50 poses and 0.008 at 100.
-        assert!(
-            chosen.mean <= 0.8 * random_mean + 0.008,
-            "{count}: {chosen:?}"
-        );
+        // Over 24 draws and both directions the mean is 15 to 28 % lower at 50 poses, 16 to 19 % at 100.
+        assert!(chosen.mean <= 0.87 * random_mean, "{count}: {chosen:?}");
         assert!(chosen.max <= 0.6 * random_max, "{count}: {chosen:?}");
     }
 }

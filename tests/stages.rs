@@ -28,6 +28,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     };
     let commanded = commanded(&joined.stations, arm, &frames);
     Some(JoinedSession {
+        sampling_plan: None,
         name: name.to_owned(),
         log: None,
         log_rejects: recording.rejects,
