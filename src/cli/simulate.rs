@@ -13,6 +13,7 @@ use clap::Args;
 use thiserror::Error;
 
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
+use crate::io::targets::{self, TargetsError};
 use crate::kinematics::{Arm, ArmError, RobotFile};
 use crate::simulate::{SimulateError, SimulateSettings, Simulated, simulate};
 
@@ -38,6 +39,9 @@ pub struct SimulateArgs {
     /// Name of the session in the logs.
     #[arg(long, default_value = "simulated")]
     pub session: String,
+    /// Id of the sampling plan that the session follows, for its logs
+    #[arg(long, value_name = "ID")]
+    pub plan: Option<String>,
     /// Name of the robot in the logs; the robot file's name where it is missing.
     #[arg(long)]
     pub robot_name: Option<String>,
@@ -77,6 +81,20 @@ pub enum SimulateCommandError {
     /// The settings ask for what cannot be.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
+    /// The poses to measure cannot be read.
+    #[error(transparent)]
+    Poses(#[from] TargetsError),
+    /// A pose without joint angles.
+    #[error(
+        "{}: target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them",
+        path.display()
+    )]
+    NoJoints {
+        /// The file.
+        path: PathBuf,
+        /// The target.
+        target: String,
+    },
     /// The folder holds a session already.
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
@@ -145,7 +163,8 @@ const FILES: [&str; 4] = [
 /// Makes the session and writes its four files.
 pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError> {
     let arm = read_arm(&args.robot)?;
-    let settings = args.settings(&arm)?;
+    let listed = args.poses.poses.as_deref().map(listed).transpose()?;
+    let settings = args.settings(&arm, listed.as_deref())?;
     if let Some(path) = FILES
         .map(|file| args.out.join(file))
         .into_iter()
@@ -165,6 +184,19 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     })
 }
 
+/// Joint angles of every target of a file.
+fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
+    let targets = targets::read(path)?.targets.into_iter();
+    let joints = targets.map(|target| {
+        let joints = target.joints.map(|joints| joints.angles);
+        joints.ok_or_else(|| SimulateCommandError::NoJoints {
+            path: path.to_owned(),
+            target: target.name,
+        })
+    });
+    joints.collect()
+}
+
 fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
     let text = fs::read_to_string(path).map_err(|source| SimulateCommandError::Read {
         path: path.to_owned(),
@@ -181,10 +213,14 @@ fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
 }
 
 impl SimulateArgs {
-    fn settings(&self, arm: &Arm) -> Result<SimulateSettings, SimulateError> {
+    fn settings(
+        &self,
+        arm: &Arm,
+        listed: Option<&[Vec<f64>]>,
+    ) -> Result<SimulateSettings, SimulateError> {
         let home = self.poses.home();
-        self.errors
-            .settings(self.seed, home, |cell| self.poses.poses(arm, cell))
+        let places = |cell: &_| self.poses.places(arm, cell, listed);
+        self.errors.settings(self.seed, home, places)
     }
 
     fn write(&self, arm: &Arm, simulated: &Simulated) -> Result<(), SimulateCommandError> {
@@ -220,7 +256,9 @@ impl SimulateArgs {
             ("length_unit", "m".to_owned()),
             ("source", format!("posegrid simulate --seed {}", self.seed)),
         ];
-        pairs.map(|(key, value)| (key.to_owned(), value)).into()
+        let plan = self.plan.clone().map(|plan| ("plan", plan));
+        let pairs = pairs.into_iter().chain(plan);
+        pairs.map(|(key, value)| (key.to_owned(), value)).collect()
     }
 }
 

@@ -1,5 +1,7 @@
 //! The flags that say where to measure and which errors there are.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use nalgebra::{Isometry3, Vector3};
 
@@ -34,6 +36,9 @@ pub(super) struct PoseFlags {
     /// Measure this many random joint configurations about home.
     #[arg(long, value_name = "N")]
     random_joints: Option<usize>,
+    /// Measure the poses of a file of targets with joint angles, in its order: what `posegrid plan --csv` writes, for one.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["grid_step", "random", "random_joints"])]
+    pub(super) poses: Option<PathBuf>,
     /// Random joint configurations: how far each joint goes to either side of home, degrees.
     #[arg(long, value_name = "DEG", value_parser = finite, default_value_t = 40.0)]
     spread_deg: f64,
@@ -48,8 +53,18 @@ impl PoseFlags {
             .collect()
     }
 
-    pub(super) fn poses(&self, arm: &Arm, cell: &Cell) -> Result<Poses, SimulateError> {
+    /// Where to measure; `listed` are the joint angles of [`Self::poses`].
+    pub(super) fn places(
+        &self,
+        arm: &Arm,
+        cell: &Cell,
+        listed: Option<&[Vec<f64>]>,
+    ) -> Result<Poses, SimulateError> {
         let home = self.home();
+        if let Some(joints) = listed {
+            let joints = joints.to_vec();
+            return Ok(Poses::Listed { joints });
+        }
         if home.len() != arm.joints().len() {
             return Err(SimulateError::Length {
                 what: "--home",

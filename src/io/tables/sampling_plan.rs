@@ -41,6 +41,7 @@ pub fn sampling_plan(
     let table = Columns::new(schema::find("sampling_plan")?, visits.len())
         .key(key)
         .column("pose", 0..visits.len())
+        .column("target", (0..visits.len()).map(|place| format!("p{place}")))
         .column("purpose", all().map(|visit| visit.purpose.name()))
         .column("repeats", all().map(repeats))
         .same("joint_names", names)
