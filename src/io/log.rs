@@ -12,6 +12,7 @@
 mod account;
 mod block;
 mod chunk;
+mod dwells;
 mod foreign;
 mod frames;
 mod packed;
@@ -35,6 +36,7 @@ use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
+pub use dwells::read_dwells;
 pub use packed::{Packed, PackedFault};
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
