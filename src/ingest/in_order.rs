@@ -88,8 +88,13 @@ impl JointsInOrder {
             topic: self.topic.clone(),
             blocks: vec![origin],
         };
+        let faulty = RowFault::in_angles(&block.angles);
         let rows = Rows::judge(stamps, &origins, SpanClock::Controller, |row| {
-            RowFault::of_angles(&block.angles, row)
+            if faulty {
+                RowFault::of_angles(&block.angles, row)
+            } else {
+                None
+            }
         });
         self.counts.kept += rows.counts.kept;
         self.counts.rejected += rows.counts.rejected;

@@ -27,6 +27,16 @@ impl RowFault {
         let finite = angles.iter().all(|column| column[row].is_finite());
         (!finite).then_some(Self::Angle)
     }
+
+    /// Whether a row of joint angles has anything wrong. Looks at all of a column's exponents at once: only those of
+    /// infinities and of what is no number are all ones.
+    pub(super) fn in_angles(angles: &[Vec<f64>]) -> bool {
+        const EXPONENT: u64 = 0x7FF << 52;
+        const CARRY: u64 = 1 << 52;
+        let carried = |seen, angle: &f64| seen | ((angle.to_bits() & EXPONENT) + CARRY);
+        let mut columns = angles.iter();
+        columns.any(|column| column.iter().fold(0, carried) >> 63 == 1)
+    }
 }
 
 impl fmt::Display for RowFault {

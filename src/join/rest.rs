@@ -16,6 +16,7 @@
 mod finder;
 mod levels;
 mod plateau;
+mod quads;
 mod quantum;
 mod ranges;
 mod sums;
@@ -78,18 +79,12 @@ pub struct Rest {
     pub span_ns: (i64, i64),
 }
 
-/// Samples that are given to the finder at once.
-const PIECE: usize = 8192;
-
 /// The stretches at rest of `columns` (each as long as `stamps_ns`, which do not decrease).
 pub fn at_rest(stamps_ns: &[i64], columns: &[Vec<f64>], rule: &RestRule) -> Rest {
     let find = |rule: &RestRule| {
         let mut finder = Finder::new(columns.len(), rule);
-        for first in (0..stamps_ns.len()).step_by(PIECE) {
-            let piece = first..(first + PIECE).min(stamps_ns.len());
-            let columns: Vec<&[f64]> = columns.iter().map(|c| &c[piece.clone()]).collect();
-            finder.push(&stamps_ns[piece.clone()], &columns);
-        }
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        finder.push(stamps_ns, &columns);
         finder.finish()
     };
     find(rule).unwrap_or_else(|Forgotten { threshold }| {

@@ -7,14 +7,17 @@
 
 use super::levels::{Levels, Samples};
 use super::plateau::{self, Ladder};
+use super::quads::{self, Quad, groups};
 use super::quantum::Steps;
 use super::ranges::Ranges;
 use super::sums::Sums;
-use super::{PIECE, Rest, RestRule};
+use super::{Rest, RestRule};
 use crate::units::{NS_PER_S, round_ns};
 
 /// Samples that tell the usual interval. A window is no longer than that: it would mean a broken clock, not a fast one.
 const OPENING: usize = 1 << 16;
+/// Samples that are looked at together, few enough to stay in the processor's cache.
+const PIECE: usize = 2048;
 /// The least samples in which rest can be told from motion.
 const MIN_WINDOW_SAMPLES: usize = 3;
 
@@ -23,8 +26,8 @@ const MIN_WINDOW_SAMPLES: usize = 3;
 pub struct Finder {
     rule: RestRule,
     ladder: Ladder,
-    /// The columns of the samples that are still needed.
-    columns: Vec<Vec<f64>>,
+    /// The values of the samples that are still needed, for each four columns.
+    values: Vec<Vec<Quad>>,
     samples: Samples,
     steps: Vec<Steps>,
     ranges: Ranges,
@@ -58,9 +61,10 @@ impl Finder {
         Self {
             rule: *rule,
             ladder: Ladder::from(rule.floor),
-            columns: vec![Vec::new(); columns],
+            values: vec![Vec::new(); groups(columns)],
             samples: Samples {
-                sums: vec![Sums::default(); columns],
+                sums: vec![Sums::default(); groups(columns)],
+                columns,
                 ..Samples::default()
             },
             steps: vec![Steps::default(); columns],
@@ -75,11 +79,22 @@ impl Finder {
         if self.samples.first == 0 && self.samples.stamps_ns.is_empty() {
             self.first_ns = stamps_ns.first().copied().unwrap_or(0);
         }
+        for first in (0..stamps_ns.len()).step_by(PIECE) {
+            let piece = first..(first + PIECE).min(stamps_ns.len());
+            let columns: Vec<&[f64]> = columns.iter().map(|c| &c[piece.clone()]).collect();
+            self.push_piece(&stamps_ns[piece], &columns);
+        }
+    }
+
+    fn push_piece(&mut self, stamps_ns: &[i64], columns: &[&[f64]]) {
+        let before = self.samples.stamps_ns.len();
         self.samples.stamps_ns.extend_from_slice(stamps_ns);
-        for (place, values) in columns.iter().enumerate() {
-            self.columns[place].extend_from_slice(values);
-            self.samples.sums[place].push(values);
-            self.steps[place].push(values);
+        quads::append(&mut self.values, columns);
+        for (sums, values) in self.samples.sums.iter_mut().zip(&self.values) {
+            sums.push(&values[before..]);
+        }
+        for (steps, values) in self.steps.iter_mut().zip(columns) {
+            steps.push(values);
         }
         let held = self.samples.stamps_ns.len();
         if self.pace.is_none() && held >= OPENING {
@@ -149,9 +164,9 @@ impl Finder {
         // The last sample's neighbour is not there yet.
         let end = (first + held - usize::from(!is_last) + 1).saturating_sub(pace.window);
         self.ranges.begin(end.saturating_sub(pace.next));
-        for column in &self.columns {
+        for values in &self.values {
             self.ranges
-                .widen(column, pace.window, (pace.next == 0, is_last));
+                .widen(values, pace.window, (pace.next == 0, is_last));
         }
         for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
             // The sample before the first window is there too.
@@ -181,8 +196,8 @@ impl Finder {
         let pace = self.pace.as_mut().expect("set before");
         // A window's first sample is smoothed by the one before it.
         let done = pace.next.saturating_sub(1) - self.samples.first;
-        for column in &mut self.columns {
-            column.drain(..done);
+        for values in &mut self.values {
+            values.drain(..done);
         }
         self.samples.stamps_ns.drain(..done);
         for sums in &mut self.samples.sums {

@@ -9,7 +9,7 @@
 
 use std::ops::Range;
 
-use super::sums::{Sum, Sums, mean};
+use super::sums::{Sum, Sums, means};
 use super::{Still, Stretch};
 
 /// Stretches that are kept before some are forgotten.
@@ -24,8 +24,10 @@ pub struct Samples {
     pub first: usize,
     /// ns.
     pub stamps_ns: Vec<i64>,
-    /// One for each column.
+    /// One for each four columns.
     pub sums: Vec<Sums>,
+    /// How many columns there are.
+    pub columns: usize,
 }
 
 impl Samples {
@@ -109,7 +111,11 @@ impl Levels {
         for place in level..self.level.max(level) {
             let by = &mut self.by[place];
             if !by.goes_on(first) {
-                by.close(self.min_stretch_ns, self.kept.contains(&place));
+                by.close(
+                    self.min_stretch_ns,
+                    self.kept.contains(&place),
+                    samples.columns,
+                );
                 by.begin(first, samples);
             }
         }
@@ -136,7 +142,11 @@ impl Levels {
             by.end(end(), self.min_stretch_ns, samples);
         }
         for (place, by) in self.by.iter_mut().enumerate() {
-            by.close(self.min_stretch_ns, self.kept.contains(&place));
+            by.close(
+                self.min_stretch_ns,
+                self.kept.contains(&place),
+                samples.columns,
+            );
         }
     }
 
@@ -205,7 +215,7 @@ impl ByThreshold {
         open.map(|open| open.end = None).is_some()
     }
 
-    fn close(&mut self, min_stretch_ns: i64, keep: bool) {
+    fn close(&mut self, min_stretch_ns: i64, keep: bool, columns: usize) {
         let Some(open) = self.open.take() else {
             return;
         };
@@ -215,8 +225,10 @@ impl ByThreshold {
         }
         self.lengths.push(end.last - open.first);
         if keep {
-            let sums = self.sums_before.iter().zip(&self.sums_to_end);
             let count = end.last - open.first + 1;
+            let sums = self.sums_before.iter().zip(&self.sums_to_end);
+            let mut means: Vec<f64> = sums.flat_map(|(from, to)| means(from, to, count)).collect();
+            means.truncate(columns);
             self.stretches.push(Still {
                 stretch: Stretch {
                     first: open.first,
@@ -226,7 +238,7 @@ impl ByThreshold {
                 end_ns: end.end_ns,
                 before_ns: open.before_ns,
                 after_ns: end.after_ns,
-                means: sums.map(|(&from, &to)| mean(from, to, count)).collect(),
+                means,
             });
         }
     }
