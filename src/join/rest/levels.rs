@@ -249,3 +249,99 @@ impl Open {
         end.end_ns.saturating_sub(self.start_ns) >= min_stretch_ns
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WINDOW: usize = 4;
+
+    /// The stretches by one threshold, straight from the definition.
+    fn by_one(ranges: &[f64], threshold: f64, min_samples: usize) -> Vec<Stretch> {
+        let mut found: Vec<Stretch> = Vec::new();
+        for (first, &range) in ranges.iter().enumerate() {
+            let last = first + WINDOW - 1;
+            match found.last_mut() {
+                _ if range > threshold => {}
+                Some(stretch) if first <= stretch.last => stretch.last = last,
+                _ => found.push(Stretch { first, last }),
+            }
+        }
+        found.retain(|stretch| stretch.last - stretch.first >= min_samples);
+        found
+    }
+
+    /// Samples 10 ns apart whose one column counts them, and windows in which more or less moves.
+    fn scene() -> (Samples, Vec<f64>) {
+        let count = 2000;
+        let mut sums = Sums::default();
+        let values: Vec<_> = (0..count).map(|i| [f64::from(i); 4]).collect();
+        sums.push(&values);
+        let samples = Samples {
+            first: 0,
+            stamps_ns: (0..i64::from(count)).map(|i| 10 * i).collect(),
+            sums: vec![sums],
+            columns: 1,
+        };
+        let range = |i: i32| {
+            let slow = (f64::from(i) * 0.05).sin() + 1.0;
+            if i % 97 == 0 {
+                f64::INFINITY
+            } else {
+                6.0 * slow * slow + f64::from(i * 7919 % 13)
+            }
+        };
+        (samples, (0..count - 3).map(range).collect())
+    }
+
+    fn levels(ranges: &[f64], samples: &Samples, forget: bool) -> Levels {
+        let thresholds = (1..=40).map(f64::from).collect();
+        let mut levels = Levels::new(thresholds, WINDOW, 60);
+        for (first, &range) in ranges.iter().enumerate() {
+            levels.window(first, range, samples);
+            if forget && first == 1000 {
+                levels.forget_all_but(20.0);
+            }
+        }
+        levels.finish(ranges.len() + WINDOW - 2, samples);
+        levels
+    }
+
+    #[test]
+    fn each_threshold_has_the_stretches_it_would_have_alone() {
+        let (samples, ranges) = scene();
+        let mut found = levels(&ranges, &samples, false);
+        for threshold in (1..=40).map(f64::from) {
+            let expected = by_one(&ranges, threshold, 6); // 60 ns
+            let stretches = found.take(threshold).expect("none is forgotten");
+            let places: Vec<Stretch> = stretches.iter().map(|still| still.stretch).collect();
+            assert_eq!(places, expected, "{threshold}");
+            for still in &stretches {
+                let Stretch { first, last } = still.stretch;
+                assert_eq!(
+                    (still.start_ns, still.end_ns),
+                    (10 * first as i64, 10 * last as i64)
+                );
+                assert_eq!(still.before_ns, (first > 0).then(|| 10 * first as i64 - 10));
+                assert_eq!(still.after_ns, (last < 1999).then(|| 10 * last as i64 + 10));
+                assert_eq!(still.means, [(first + last) as f64 / 2.0]);
+            }
+        }
+    }
+
+    #[test]
+    fn of_stretches_forgotten_the_lengths_are_known() {
+        let (samples, ranges) = scene();
+        let (all, mut near) = (
+            levels(&ranges, &samples, false),
+            levels(&ranges, &samples, true),
+        );
+        for threshold in (1..=40).map(f64::from) {
+            assert_eq!(all.lengths(threshold), near.lengths(threshold));
+        }
+        // Six thresholds on either side of 20.
+        assert!(near.take(14.0).is_some() && near.take(26.0).is_some());
+        assert!(near.take(13.0).is_none() && near.take(27.0).is_none());
+        assert!(!near.lengths(13.0).is_empty());
+    }
+}

@@ -6,13 +6,46 @@ pub type Quad = [f64; 4];
 /// The larger of each two.
 #[inline]
 pub fn largest(a: Quad, b: Quad) -> Quad {
-    std::array::from_fn(|k| if a[k] > b[k] { a[k] } else { b[k] })
+    [
+        larger(a[0], b[0]),
+        larger(a[1], b[1]),
+        larger(a[2], b[2]),
+        larger(a[3], b[3]),
+    ]
 }
 
 /// The smaller of each two.
 #[inline]
 pub fn smallest(a: Quad, b: Quad) -> Quad {
-    std::array::from_fn(|k| if a[k] < b[k] { a[k] } else { b[k] })
+    [
+        smaller(a[0], b[0]),
+        smaller(a[1], b[1]),
+        smaller(a[2], b[2]),
+        smaller(a[3], b[3]),
+    ]
+}
+
+/// The largest difference between each two.
+#[inline]
+pub fn widest(high: Quad, low: Quad) -> f64 {
+    let [a, b, c, d] = [
+        high[0] - low[0],
+        high[1] - low[1],
+        high[2] - low[2],
+        high[3] - low[3],
+    ];
+    larger(larger(a, b), larger(c, d))
+}
+
+/// Values are numbers: what `f64::max` does about others would cost as much again.
+#[inline]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }
 
 /// Groups of four that so many columns make.

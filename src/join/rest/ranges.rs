@@ -3,7 +3,7 @@
 //! The largest and the smallest value of a window are found as van Herk and Gil and Werman do: samples are cut into
 //! blocks as long as a window, and a window is the end of one block and the beginning of the next.
 
-use super::quads::{Quad, largest, smallest};
+use super::quads::{Quad, largest, smallest, widest};
 
 /// Buffers that are kept from one piece to the next.
 #[derive(Debug, Clone, Default)]
@@ -41,8 +41,8 @@ impl Ranges {
             };
             let (high, low) = self.to_block_end[first];
             let (high, low) = (largest(high, begun[0]), smallest(low, begun[1]));
-            if let Some(widest) = self.of_windows.get_mut(first) {
-                *widest = widest_of(high, low, *widest);
+            if let Some(range) = self.of_windows.get_mut(first) {
+                *range = range.max(widest(high, low));
             }
         }
     }
@@ -67,15 +67,6 @@ impl Ranges {
         let first = (sample_before + 2).saturating_sub(samples).min(end);
         self.of_windows[first..end].fill(f64::INFINITY);
     }
-}
-
-/// The largest of four ranges and another.
-fn widest_of(high: Quad, low: Quad, other: f64) -> f64 {
-    let ranges = high.into_iter().zip(low).map(|(high, low)| high - low);
-    ranges.fold(
-        other,
-        |widest, range| if range > widest { range } else { widest },
-    )
 }
 
 fn median_of_three(values: &[Quad], (is_first, is_last): (bool, bool), smooth: &mut Vec<Quad>) {

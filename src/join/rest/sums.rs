@@ -45,12 +45,11 @@ impl Sum {
     /// Knuth's exact sum of two numbers, four times.
     #[inline]
     fn plus(mut self, value: &Quad) -> Self {
-        for k in 0..4 {
-            let (high, value) = (self.high[k], value[k]);
-            let sum = high + value;
-            let of_value = sum - high;
-            self.low[k] += (high - (sum - of_value)) + (value - of_value);
-            self.high[k] = sum;
+        for ((high, low), value) in self.high.iter_mut().zip(&mut self.low).zip(value) {
+            let sum = *high + value;
+            let of_value = sum - *high;
+            *low += (*high - (sum - of_value)) + (value - of_value);
+            *high = sum;
         }
         self
     }
