@@ -78,7 +78,7 @@ struct Open {
 #[derive(Debug, Clone, Copy)]
 struct End {
     last: usize,
-    end_ns: i64,
+    at_ns: i64,
     after_ns: Option<i64>,
 }
 
@@ -102,7 +102,7 @@ impl Levels {
         // Its last sample is the first one behind the window before.
         let ended = |last| End {
             last,
-            end_ns: samples.stamp_ns(last),
+            at_ns: samples.stamp_ns(last),
             after_ns: Some(samples.stamp_ns(last + 1)),
         };
         for by in &mut self.by[self.level.min(level)..level] {
@@ -135,7 +135,7 @@ impl Levels {
     pub fn finish(&mut self, last: usize, samples: &Samples) {
         let end = || End {
             last,
-            end_ns: samples.stamp_ns(last),
+            at_ns: samples.stamp_ns(last),
             after_ns: None,
         };
         for by in &mut self.by[self.level..] {
@@ -235,7 +235,7 @@ impl ByThreshold {
                     last: end.last,
                 },
                 start_ns: open.start_ns,
-                end_ns: end.end_ns,
+                end_ns: end.at_ns,
                 before_ns: open.before_ns,
                 after_ns: end.after_ns,
                 means,
@@ -246,7 +246,7 @@ impl ByThreshold {
 
 impl Open {
     fn lasts(&self, end: End, min_stretch_ns: i64) -> bool {
-        end.end_ns.saturating_sub(self.start_ns) >= min_stretch_ns
+        end.at_ns.saturating_sub(self.start_ns) >= min_stretch_ns
     }
 }
 
@@ -318,12 +318,13 @@ mod tests {
             assert_eq!(places, expected, "{threshold}");
             for still in &stretches {
                 let Stretch { first, last } = still.stretch;
+                let at = |sample: usize| samples.stamps_ns.get(sample).copied();
                 assert_eq!(
-                    (still.start_ns, still.end_ns),
-                    (10 * first as i64, 10 * last as i64)
+                    (Some(still.start_ns), Some(still.end_ns)),
+                    (at(first), at(last))
                 );
-                assert_eq!(still.before_ns, (first > 0).then(|| 10 * first as i64 - 10));
-                assert_eq!(still.after_ns, (last < 1999).then(|| 10 * last as i64 + 10));
+                assert_eq!(still.before_ns, first.checked_sub(1).and_then(at));
+                assert_eq!(still.after_ns, at(last + 1));
                 assert_eq!(still.means, [(first + last) as f64 / 2.0]);
             }
         }

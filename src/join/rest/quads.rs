@@ -68,6 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "picked, not computed")]
     fn six_columns_are_two_groups() {
         let columns: Vec<Vec<f64>> = (0..6).map(|k| vec![f64::from(k), 10.0]).collect();
         let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();

@@ -132,7 +132,7 @@ mod tests {
             let wanted: f64 = text.parse().expect("a number");
             match short_number(text.as_bytes(), point == 0) {
                 Some(Cell::Number(number)) => {
-                    assert_eq!(number.to_bits(), wanted.to_bits(), "{text}")
+                    assert_eq!(number.to_bits(), wanted.to_bits(), "{text}");
                 }
                 Some(Cell::Integer(integer)) => assert_eq!(Ok(integer), text.parse(), "{text}"),
                 other => panic!("{text}: {other:?}"),
