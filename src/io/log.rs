@@ -8,6 +8,8 @@
 //! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
 //! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
 //! 5. [`crate::ingest::ingest`] makes the recording.
+//!
+//! Where the joint samples themselves are not wanted, they go into dwells as they are decoded ([`read_dwells`]).
 
 mod account;
 mod block;
