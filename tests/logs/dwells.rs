@@ -153,10 +153,14 @@ fn few_samples_and_none_that_can_be_used() {
         assert_eq!(one_file(&states()[..count]).0, 1, "{count}");
     }
     let mut unset = states()[..50].to_vec();
-    unset.iter_mut().for_each(|state| state.0 = 0);
+    for state in &mut unset {
+        state.0 = 0;
+    }
     assert_eq!(one_file(&unset), (2, 0)); // read again, for the error
     let mut none = states()[..50].to_vec();
-    none.iter_mut().for_each(|state| state.1[0] = f64::INFINITY);
+    for state in &mut none {
+        state.1[0] = f64::INFINITY;
+    }
     assert_eq!(one_file(&none), (2, 0));
 }
 
