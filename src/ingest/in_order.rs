@@ -64,30 +64,20 @@ impl JointsInOrder {
         }
     }
 
-    /// Takes the rows of one block of `file`, and calls `give_on` with stamps and angles (rad, a column a joint) that no
+    /// Takes the rows of one block of `file`, from byte to byte, and calls `give_on` with stamps and angles (rad, a column a joint) that no
     /// later row can come before.
     pub fn push(
         &mut self,
         block: &DecodedJoints,
         file: &str,
-        (byte_start, byte_end): (u64, u64),
+        place: (u64, u64),
         give_on: impl FnMut(&[i64], &[&[f64]]),
     ) {
         let stamps = &block.stamps;
         let (Some(&first), Some(&last)) = (stamps.first(), stamps.last()) else {
             return;
         };
-        let origin = Origin {
-            rows_end: stamps.len(),
-            file: 0,
-            byte_start,
-            byte_end,
-        };
-        let origins = Origins {
-            files: vec![file.to_owned()],
-            topic: self.topic.clone(),
-            blocks: vec![origin],
-        };
+        let origins = self.origins(stamps.len(), file, place);
         let faulty = RowFault::in_angles(&block.angles);
         let rows = Rows::judge(stamps, &origins, SpanClock::Controller, |row| {
             if faulty {
@@ -121,6 +111,21 @@ impl JointsInOrder {
             counts: self.counts,
             rejects: self.rejects,
         })
+    }
+
+    /// Where the rows of one block come from.
+    fn origins(&self, rows: usize, file: &str, (byte_start, byte_end): (u64, u64)) -> Origins {
+        let origin = Origin {
+            rows_end: rows,
+            file: 0,
+            byte_start,
+            byte_end,
+        };
+        Origins {
+            files: vec![file.to_owned()],
+            topic: self.topic.clone(),
+            blocks: vec![origin],
+        }
     }
 
     fn note_file(&mut self, file: &str, stamps: &[i64]) {

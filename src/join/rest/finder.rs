@@ -168,14 +168,7 @@ impl Finder {
             self.ranges
                 .widen(values, pace.window, (pace.next == 0, is_last));
         }
-        for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
-            // The sample before the first window is there too.
-            if pair[1].saturating_sub(pair[0]) > pace.gap_ns
-                && let Some(before) = (first + place).checked_sub(pace.next)
-            {
-                self.ranges.break_at(before, pace.window);
-            }
-        }
+        pace.mark_breaks(samples, &mut self.ranges);
         for (range, window) in self.ranges.of_windows.iter().zip(pace.next..) {
             pace.levels.window(window, *range, samples);
             pace.top = if range.is_finite() {
@@ -208,6 +201,20 @@ impl Finder {
             let threshold = self.threshold();
             let pace = self.pace.as_mut().expect("set before");
             pace.levels.forget_all_but(threshold);
+        }
+    }
+}
+
+impl Pace {
+    /// No rest reaches across a break between two samples.
+    fn mark_breaks(&self, samples: &Samples, ranges: &mut Ranges) {
+        for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
+            // The sample before the first window is there too.
+            if pair[1].saturating_sub(pair[0]) > self.gap_ns
+                && let Some(before) = (samples.first + place).checked_sub(self.next)
+            {
+                ranges.break_at(before, self.window);
+            }
         }
     }
 }
