@@ -7,6 +7,7 @@
 //! 3. Convert to rad and mm, normalise quaternions.
 
 mod decoded;
+mod in_order;
 mod rows;
 mod settings;
 
@@ -15,6 +16,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
+pub use in_order::{JointAccount, JointsInOrder};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
     Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,
@@ -201,13 +203,26 @@ pub enum IngestError {
 ///
 /// Zero positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
 pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestError> {
+    ingest_beside(decoded, mapping, None)
+}
+
+/// The same where the joint states were given on in order while the log was read: the recording is without them, but
+/// accounts for them as `joints` says.
+pub fn ingest_beside(
+    mut decoded: Decoded,
+    mapping: &Mapping,
+    joints: Option<JointAccount>,
+) -> Result<Recording, IngestError> {
     let mut recording = Recording {
-        rejects: decoded.rejects,
-        metadata: decoded.metadata,
-        counts: decoded.counts,
+        rejects: std::mem::take(&mut decoded.rejects),
+        metadata: std::mem::take(&mut decoded.metadata),
+        counts: std::mem::take(&mut decoded.counts),
         ..Recording::default()
     };
-    recording.joints = joints(decoded.joints, mapping, &mut recording)?;
+    match joints {
+        Some(account) => recording.account("joints", account.counts, account.rejects),
+        None => recording.joints = self::joints(decoded.joints, mapping, &mut recording)?,
+    }
     if let (Some(poses), Some(settings)) = (decoded.commands, &mapping.commanded) {
         let poses = self::poses(poses, settings.unit, false, "commands", &mut recording)?;
         recording.commands = CommandSamples {
@@ -247,8 +262,7 @@ fn joints(
 ) -> Result<JointSamples, IngestError> {
     let clock = SpanClock::Controller;
     let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
-        let finite = decoded.angles.iter().all(|column| column[row].is_finite());
-        (!finite).then_some(RowFault::Angle)
+        RowFault::of_angles(&decoded.angles, row)
     });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
     let to_rad = mapping.controller.unit.to_rad();
@@ -263,7 +277,7 @@ fn joints(
         angles: angles.collect(),
         stamps: stamps(rows.of(decoded.stamps)),
     };
-    recording.account("joints", rows);
+    recording.account("joints", rows.counts, rows.rejects);
     Ok(samples)
 }
 
@@ -318,7 +332,7 @@ fn poses(
         orientations,
         covariances,
     };
-    recording.account(stream, rows);
+    recording.account(stream, rows.counts, rows.rejects);
     Ok(poses)
 }
 
@@ -375,7 +389,7 @@ fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> Temp
         stamps: stamps(rows.of(decoded.stamps)),
         celsius: rows.of(decoded.celsius),
     };
-    recording.account("temperatures", rows);
+    recording.account("temperatures", rows.counts, rows.rejects);
     samples
 }
 
@@ -418,8 +432,7 @@ impl Rows {
 }
 
 impl Recording {
-    fn account(&mut self, stream: &str, rows: Rows) {
-        let counts = rows.counts;
+    fn account(&mut self, stream: &str, counts: StreamCounts, rejects: Vec<LogReject>) {
         let mut add = |name: &str, count: u64| {
             *self.counts.entry(format!("{stream}.{name}")).or_default() += count;
         };
@@ -427,6 +440,6 @@ impl Recording {
         add("rejected", counts.rejected);
         add("duplicate_stamps", counts.duplicate_stamps);
         add("backward_stamps", counts.backward_stamps);
-        self.rejects.extend(rows.rejects);
+        self.rejects.extend(rejects);
     }
 }

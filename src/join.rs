@@ -35,6 +35,7 @@ use self::dwell::ArmDwell;
 use self::fate::{Fate, Why};
 use self::observe::Observation;
 use self::pattern::Relation;
+use self::rest::Rest;
 use crate::ingest::Recording;
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
@@ -206,9 +207,23 @@ pub fn join(
     settings: &JoinSettings,
 ) -> Result<Joined, JoinError> {
     settings.check()?;
-    let seen = observe::observe(recording, arm, settings)?;
+    let joints = observe::joints_at_rest(&recording.joints, arm, settings)?;
+    join_at_rest(recording, &joints, arm, settings)
+}
+
+/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`]; the
+/// recording's own joint samples are not looked at.
+pub fn join_at_rest(
+    recording: &Recording,
+    joints: &Rest,
+    arm: &Arm,
+    settings: &JoinSettings,
+) -> Result<Joined, JoinError> {
+    settings.check()?;
+    let seen = observe::observe(recording, joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
-    let (clock, relation) = estimate_clock(&seen, &decision, recording);
+    let origin = Stamp::from_ns(joints.span_ns.0);
+    let (clock, relation) = estimate_clock(&seen, &decision, recording, origin);
     let evidence = pair::Evidence {
         recording,
         measured: &seen.measured,
@@ -218,7 +233,7 @@ pub fn join(
         gate_mm: settings
             .geometry_gate_mm
             .max(GATE_REACH * decision.median_mm),
-        same_mm: SAME_REACH * seen.target_rest.threshold,
+        same_mm: SAME_REACH * seen.still_mm,
         usual_mm: seen.usual_scatter_mm(),
         settle_s: settings
             .settle_s
@@ -233,8 +248,8 @@ pub fn join(
         rejects: fate::rejects(&fates, &recording.readings.stamps),
         counts: fate::counts(&fates),
         found: Found {
-            still_rad: seen.arm_rest.threshold,
-            still_mm: seen.target_rest.threshold,
+            still_rad: seen.still_rad,
+            still_mm: seen.still_mm,
             settle_s: evidence.settle_s,
         },
     })
@@ -250,10 +265,10 @@ fn estimate_clock(
     seen: &Observation,
     decision: &Decision,
     recording: &Recording,
+    origin: Stamp<Controller>,
 ) -> (ClockEstimate, Relation) {
-    let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s());
+    let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s);
     let relation = refined.relation;
-    let origin = recording.joints.stamps[0];
     let first_reading = recording.readings.stamps[seen.measured[0]];
     let apart_ns = first_reading.ns().saturating_sub(origin.ns());
     let estimate = ClockEstimate {
@@ -307,10 +322,9 @@ fn stations(
     evidence: &pair::Evidence,
     fates: &mut [Fate],
 ) -> Vec<Station> {
-    let stamps = &recording.joints.stamps;
     let occasion = |dwell: &ArmDwell| command::Occasion {
-        start: stamps[dwell.stretch.first],
-        end: stamps[dwell.stretch.last],
+        start: dwell.start,
+        end: dwell.end,
         flange: dwell.flange,
     };
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
@@ -319,10 +333,10 @@ fn stations(
         let (pairing, attained) = evidence.verdict(dwell, fates);
         Station {
             number,
-            start: occasions[number].start,
-            end: occasions[number].end,
+            start: dwell.start,
+            end: dwell.end,
             joints: dwell.joints.clone(),
-            joint_samples: dwell.stretch.last - dwell.stretch.first + 1,
+            joint_samples: dwell.samples,
             command,
             attained,
             pairing,

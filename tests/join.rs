@@ -2,7 +2,9 @@
 
 mod common;
 
-use posegrid::join::{JoinSettings, Joined, Pairing, join};
+use posegrid::io::log::{Limits, read_dwells, read_session};
+use posegrid::join::{JoinSettings, Joined, Pairing, join, join_at_rest};
+use posegrid::progress::Quiet;
 use posegrid::units::NS_PER_S;
 
 /// What recordings/README.md says of a session.
@@ -97,6 +99,33 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
         assert_eq!(counted, recording.readings.stamps.len() as u64);
         let rejected: u64 = joined.rejects.iter().map(|reject| reject.readings).sum();
         assert_eq!(rejected + joined.counts.kept, counted);
+    }
+}
+
+#[test]
+fn streaming_into_dwells_gives_the_same_stations_clocks_and_rejects_to_the_last_bit() {
+    for truth in SESSIONS {
+        let arm = common::arm("ur10");
+        let Some(logs) = common::logs(truth.name) else {
+            continue;
+        };
+        let settings = JoinSettings::default();
+        let (mapping, limits) = (common::mapping(&arm), Limits::default());
+        let whole = read_session(&logs, &mapping, limits, &Quiet).expect("a sound recording");
+        let rule = settings.arm_rule();
+        let (recording, joints) =
+            read_dwells(&logs, &mapping, limits, &rule, &Quiet).expect("a sound recording");
+        assert_eq!(recording.joints.stamps, [], "no sample is kept");
+        assert_eq!(recording.counts, whole.counts);
+        assert_eq!(recording.rejects, whole.rejects);
+        let streamed = join_at_rest(&recording, &joints, &arm, &settings).expect(truth.name);
+        let joined = join(&whole, &arm, &settings).expect(truth.name);
+        assert_eq!(joined.stations.len(), truth.stations);
+        assert!(streamed.stations == joined.stations, "{}", truth.name);
+        assert!(streamed.rejects == joined.rejects, "{}", truth.name);
+        assert_eq!(streamed.clock, joined.clock);
+        assert_eq!(streamed.found, joined.found);
+        assert_eq!(streamed.counts, joined.counts);
     }
 }
 

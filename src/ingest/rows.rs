@@ -21,6 +21,24 @@ pub(super) enum RowFault {
     Temperature,
 }
 
+impl RowFault {
+    /// What is wrong with a row of joint angles.
+    pub(super) fn of_angles(angles: &[Vec<f64>], row: usize) -> Option<Self> {
+        let finite = angles.iter().all(|column| column[row].is_finite());
+        (!finite).then_some(Self::Angle)
+    }
+
+    /// Whether a row of joint angles has anything wrong. Looks at all of a column's exponents at once: only those of
+    /// infinities and of what is no number are all ones.
+    pub(super) fn in_angles(angles: &[Vec<f64>]) -> bool {
+        const EXPONENT: u64 = 0x7FF << 52;
+        const CARRY: u64 = 1 << 52;
+        let carried = |seen, angle: &f64| seen | ((angle.to_bits() & EXPONENT) + CARRY);
+        let mut columns = angles.iter();
+        columns.any(|column| column.iter().fold(0, carried) >> 63 == 1)
+    }
+}
+
 impl fmt::Display for RowFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -69,6 +87,14 @@ impl Rows {
         };
         rows.counts.duplicate_stamps = rows.duplicates(stamps);
         rows
+    }
+
+    /// Adds the kept rows of a column, in order.
+    pub(super) fn append<T: Copy>(&self, column: &[T], to: &mut Vec<T>) {
+        match &self.order {
+            None => to.extend_from_slice(column),
+            Some(order) => to.extend(order.iter().map(|&row| column[row])),
+        }
     }
 
     /// A column with the kept rows only, in order.

@@ -8,10 +8,13 @@
 //! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
 //! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
 //! 5. [`crate::ingest::ingest`] makes the recording.
+//!
+//! Where the joint samples themselves are not wanted, they go into dwells as they are decoded ([`read_dwells`]).
 
 mod account;
 mod block;
 mod chunk;
+mod dwells;
 mod foreign;
 mod frames;
 mod packed;
@@ -35,6 +38,7 @@ use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
+pub use dwells::read_dwells;
 pub use packed::{Packed, PackedFault};
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};

@@ -6,9 +6,9 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::average::robust_sigma;
-use super::rest::{Rest, Stretch};
+use super::rest::{Rest, Still, Stretch};
 use crate::kinematics::Arm;
-use crate::units::NS_PER_S;
+use crate::units::{Controller, NS_PER_S, Stamp};
 
 /// When a dwell began and ended in its own clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,23 +39,21 @@ impl Span {
         self.left_s.unwrap_or(self.end_s)
     }
 
-    fn of(stamps_ns: &[i64], stretch: Stretch, rest: &Rest) -> Self {
-        let origin = stamps_ns[0];
-        let seconds = |index: usize| stamps_ns[index].saturating_sub(origin) as f64 / NS_PER_S;
+    fn of(still: &Still, rest: &Rest) -> Self {
+        let origin = rest.span_ns.0;
+        let seconds = |stamp_ns: i64| stamp_ns.saturating_sub(origin) as f64 / NS_PER_S;
         // An edge is only as sharp as the samples around it: across a break it was not seen.
-        let edge = |before: usize, after: usize| {
-            let apart = stamps_ns[after].saturating_sub(stamps_ns[before]);
+        let edge = |before_ns: i64, after_ns: i64| {
+            let apart = after_ns.saturating_sub(before_ns);
             (apart <= rest.interval_ns.saturating_mul(2))
-                .then(|| f64::midpoint(seconds(before), seconds(after)))
+                .then(|| f64::midpoint(seconds(before_ns), seconds(after_ns)))
         };
-        let Stretch { first, last } = stretch;
+        let (start_ns, end_ns) = (still.start_ns, still.end_ns);
         Self {
-            start_s: seconds(first),
-            end_s: seconds(last),
-            arrived_s: (first > 0).then(|| edge(first - 1, first)).flatten(),
-            left_s: (last + 1 < stamps_ns.len())
-                .then(|| edge(last, last + 1))
-                .flatten(),
+            start_s: seconds(start_ns),
+            end_s: seconds(end_ns),
+            arrived_s: still.before_ns.and_then(|before| edge(before, start_ns)),
+            left_s: still.after_ns.and_then(|after| edge(end_ns, after)),
         }
     }
 }
@@ -63,8 +61,12 @@ impl Span {
 /// A stretch in which every joint is still.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDwell {
-    /// Joint samples.
-    pub stretch: Stretch,
+    /// First moment at rest.
+    pub start: Stamp<Controller>,
+    /// Last moment at rest.
+    pub end: Stamp<Controller>,
+    /// How many joint samples.
+    pub samples: usize,
     /// In controller seconds.
     pub span: Span,
     /// Mean joint angles, rad.
@@ -86,40 +88,33 @@ pub struct TargetDwell {
     pub scatter_mm: [f64; 3],
 }
 
-/// The arm's dwells: `rest` of the joint columns `angles` sampled at `stamps_ns`.
-pub fn arm_dwells(stamps_ns: &[i64], angles: &[Vec<f64>], rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
-    let dwell = |&stretch: &Stretch| {
-        let mean = |column: &Vec<f64>| mean_of(&column[stretch.first..=stretch.last]);
-        let joints: Vec<f64> = angles.iter().map(mean).collect();
-        ArmDwell {
-            stretch,
-            span: Span::of(stamps_ns, stretch, rest),
-            flange: *arm.flange(&joints).isometry(),
-            joints,
-        }
+/// The arm's dwells: `rest` of its joints' angles.
+pub fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
+    let dwell = |still: &Still| ArmDwell {
+        start: Stamp::from_ns(still.start_ns),
+        end: Stamp::from_ns(still.end_ns),
+        samples: still.stretch.last - still.stretch.first + 1,
+        span: Span::of(still, rest),
+        flange: *arm.flange(&still.means).isometry(),
+        joints: still.means.clone(),
     };
     rest.stretches.iter().map(dwell).collect()
 }
 
-/// The target's dwells: `rest` of the coordinate columns `axes` sampled at `stamps_ns`.
-pub fn target_dwells(stamps_ns: &[i64], axes: &[Vec<f64>; 3], rest: &Rest) -> Vec<TargetDwell> {
-    let dwell = |&stretch: &Stretch| {
+/// The target's dwells: `rest` of the coordinate columns `axes`.
+pub fn target_dwells(axes: &[Vec<f64>; 3], rest: &Rest) -> Vec<TargetDwell> {
+    let dwell = |still: &Still| {
+        let stretch = still.stretch;
         let part = |axis: usize| axes[axis][stretch.first..=stretch.last].to_vec();
         let middle = |axis: usize| median(&mut part(axis));
         TargetDwell {
             stretch,
-            span: Span::of(stamps_ns, stretch, rest),
+            span: Span::of(still, rest),
             position: Vector3::new(middle(0), middle(1), middle(2)),
             scatter_mm: std::array::from_fn(|axis| robust_sigma(&mut part(axis))),
         }
     };
     rest.stretches.iter().map(dwell).collect()
-}
-
-/// The mean, about the first value so that equal values give exactly that value.
-fn mean_of(values: &[f64]) -> f64 {
-    let first = values[0];
-    first + values.iter().map(|value| value - first).sum::<f64>() / values.len() as f64
 }
 
 /// The median (of an even number, the mean of the middle two); 0 of nothing. Reorders `values`.

@@ -6,7 +6,7 @@ use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::{Dwells, MIN_PAIRS};
 use super::rest::{Rest, at_rest};
 use super::{JoinError, JoinSettings};
-use crate::ingest::{Recording, TargetReadings};
+use crate::ingest::{JointSamples, Recording, TargetReadings};
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp};
 
@@ -19,27 +19,42 @@ pub struct Observation {
     pub times_s: Vec<f64>,
     /// Their positions, mm.
     pub positions: Vec<Vector3<f64>>,
-    /// Rest of the joints (thresholds in rad).
-    pub arm_rest: Rest,
-    /// Rest of the target (thresholds in mm).
-    pub target_rest: Rest,
+    /// The usual sample intervals of the two logs, s.
+    pub sampling_s: [f64; 2],
+    /// Joint motion within the window of rest, rad.
+    pub still_rad: f64,
+    /// Target motion within it, mm.
+    pub still_mm: f64,
     /// Dwells of the arm.
     pub arm: Vec<ArmDwell>,
     /// Dwells of the target, in indices of `measured`.
     pub target: Vec<TargetDwell>,
 }
 
-/// Checks the recording and finds the dwells of both logs.
+/// The rest of the recording's joints, once its columns are checked.
+pub fn joints_at_rest(
+    joints: &JointSamples,
+    arm: &Arm,
+    settings: &JoinSettings,
+) -> Result<Rest, JoinError> {
+    check_joints(joints, arm)?;
+    let stamps_ns: Vec<i64> = joints.stamps.iter().map(|stamp| stamp.ns()).collect();
+    Ok(at_rest(&stamps_ns, &joints.angles, &settings.arm_rule()))
+}
+
+/// Checks the recording but for its joints, whose rest is known, and finds the dwells of both logs.
 pub fn observe(
     recording: &Recording,
+    arm_rest: &Rest,
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    check_joints(recording, arm)?;
+    check_others(recording)?;
     let readings = &recording.readings;
     check_readings(readings)?;
     let measured = measured(readings);
-    let (arm_rest, arm) = find_arm_dwells(recording, arm, settings)?;
+    enough("controller", arm_rest, ("rad", "still_rad"), settings)?;
+    let dwells = arm_dwells(arm_rest, arm);
     let (target_rest, target) = find_target_dwells(readings, &measured, settings)?;
     let first = readings.stamps[measured[0]];
     Ok(Observation {
@@ -52,9 +67,10 @@ pub fn observe(
             .map(|&i| Vector3::from(readings.positions[i]))
             .collect(),
         measured,
-        arm_rest,
-        target_rest,
-        arm,
+        sampling_s: [arm_rest, &target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S),
+        still_rad: arm_rest.threshold,
+        still_mm: target_rest.threshold,
+        arm: dwells,
         target,
     })
 }
@@ -66,11 +82,6 @@ impl Observation {
             arm: &self.arm,
             target: &self.target,
         }
-    }
-
-    /// The usual sample intervals of the two logs, s.
-    pub fn sampling_s(&self) -> [f64; 2] {
-        [&self.arm_rest, &self.target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S)
     }
 
     /// The usual standard deviation of a reading at rest per axis, mm.
@@ -106,8 +117,7 @@ fn check_readings(readings: &TargetReadings) -> Result<(), JoinError> {
     check_rows("readings", &readings.stamps, &columns)
 }
 
-fn check_joints(recording: &Recording, arm: &Arm) -> Result<(), JoinError> {
-    let joints = &recording.joints;
+fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
     if joints.angles.len() != arm.joints().len() {
         return Err(JoinError::JointCount {
             model: arm.model().to_owned(),
@@ -124,6 +134,10 @@ fn check_joints(recording: &Recording, arm: &Arm) -> Result<(), JoinError> {
             });
         }
     }
+    Ok(())
+}
+
+fn check_others(recording: &Recording) -> Result<(), JoinError> {
     let commands = &recording.commands;
     let mut columns = vec![("position", commands.positions.len())];
     columns.extend(
@@ -174,30 +188,6 @@ fn measured(readings: &TargetReadings) -> Vec<usize> {
         .collect()
 }
 
-fn find_arm_dwells(
-    recording: &Recording,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<(Rest, Vec<ArmDwell>), JoinError> {
-    let stamps_ns: Vec<i64> = recording
-        .joints
-        .stamps
-        .iter()
-        .map(|stamp| stamp.ns())
-        .collect();
-    let rule = settings.arm_rule();
-    let found = at_rest(&stamps_ns, &recording.joints.angles, &rule);
-    enough(
-        "controller",
-        &stamps_ns,
-        &found,
-        ("rad", "still_rad"),
-        settings,
-    )?;
-    let dwells = arm_dwells(&stamps_ns, &recording.joints.angles, &found, arm);
-    Ok((found, dwells))
-}
-
 fn find_target_dwells(
     readings: &TargetReadings,
     measured: &[usize],
@@ -212,14 +202,13 @@ fn find_target_dwells(
     };
     let axes: [Vec<f64>; 3] = std::array::from_fn(axis);
     let found = at_rest(&stamps_ns, &axes, &settings.target_rule());
-    enough("tracker", &stamps_ns, &found, ("mm", "still_mm"), settings)?;
-    let dwells = target_dwells(&stamps_ns, &axes, &found);
+    enough("tracker", &found, ("mm", "still_mm"), settings)?;
+    let dwells = target_dwells(&axes, &found);
     Ok((found, dwells))
 }
 
 fn enough(
     side: &'static str,
-    stamps_ns: &[i64],
     found: &Rest,
     (unit, key): (&'static str, &'static str),
     settings: &JoinSettings,
@@ -227,13 +216,12 @@ fn enough(
     if found.stretches.len() >= MIN_PAIRS {
         return Ok(());
     }
-    let first_ns = stamps_ns.first().copied().unwrap_or(0);
-    let last_ns = stamps_ns.last().copied().unwrap_or(0);
+    let (first_ns, last_ns) = found.span_ns;
     Err(JoinError::TooFewDwells {
         side,
         found: found.stretches.len(),
         needed: MIN_PAIRS,
-        samples: stamps_ns.len(),
+        samples: found.samples,
         span_s: last_ns.saturating_sub(first_ns) as f64 / NS_PER_S,
         threshold: found.threshold,
         unit,

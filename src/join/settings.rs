@@ -81,7 +81,8 @@ impl JoinSettings {
         Ok(())
     }
 
-    pub(super) fn arm_rule(&self) -> RestRule {
+    /// What counts as rest of the joints.
+    pub fn arm_rule(&self) -> RestRule {
         RestRule {
             window_s: self.window_s,
             gap_s: self.gap_s,

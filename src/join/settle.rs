@@ -23,7 +23,7 @@ const LONGEST_S: f64 = 2.0;
 
 /// The settling time in s, by the dwells of `pairs`.
 pub fn settling_s(seen: &Observation, pairs: &[Pair], relation: Relation) -> f64 {
-    let step_s = seen.sampling_s()[1].max(LEAST_AGE_STEP_S);
+    let step_s = seen.sampling_s[1].max(LEAST_AGE_STEP_S);
     let mut by_age: Vec<Vec<f64>> = Vec::new();
     for pair in pairs {
         let (arm, target) = (&seen.arm[pair.arm], &seen.target[pair.target]);

@@ -23,10 +23,11 @@ use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::log::{LogError, read_session};
+use crate::io::log::{LogError, read_dwells, read_session};
 use crate::io::page::Said;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
-use crate::join::{JoinError, join};
+use crate::join::rest::Rest;
+use crate::join::{JoinError, join, join_at_rest};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
 use crate::report::{Angles, Model, Split};
@@ -58,6 +59,9 @@ impl Done {
         self.verdict == Verdict::Meets && self.rejected.is_empty()
     }
 }
+
+/// A session's recording and, where its joint samples were not kept, where the joints rest.
+type Read = (Recording, Option<Rest>);
 
 /// Why a piece of work has no result.
 #[derive(Debug, Error)]
@@ -186,7 +190,7 @@ fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
 fn work(
     plan: &Plan,
     piece: &WorkPiece,
-    recordings: &mut BTreeMap<String, Recording>,
+    recordings: &mut BTreeMap<String, Read>,
     progress: &dyn Progress,
 ) -> Result<Work, RunError> {
     let mut inputs = vec![input(&plan.robot_file, "robot")?];
@@ -258,7 +262,7 @@ pub(super) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
 fn robot_name(
     plan: &Plan,
     piece: &WorkPiece,
-    recordings: &mut BTreeMap<String, Recording>,
+    recordings: &mut BTreeMap<String, Read>,
     progress: &dyn Progress,
 ) -> Result<String, RunError> {
     if let Some(name) = &plan.robot {
@@ -268,9 +272,9 @@ fn robot_name(
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
-    let recording = read(plan, files, progress)?;
-    let name = recording.metadata.get("session.robot").cloned();
-    recordings.insert(files.name.clone(), recording);
+    let read = read(plan, files, progress)?;
+    let name = read.0.metadata.get("session.robot").cloned();
+    recordings.insert(files.name.clone(), read);
     name.ok_or_else(none)
 }
 
@@ -305,13 +309,21 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
     })
 }
 
-fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Recording, RunError> {
-    let recording = read_session(&files.logs, &plan.mapping, plan.limits, progress)?;
+/// Reads a session; without its joint samples, unless they are to be published.
+fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Read, RunError> {
+    let (logs, mapping, limits) = (&files.logs, &plan.mapping, plan.limits);
+    let (recording, rest) = if plan.logs {
+        (read_session(logs, mapping, limits, progress)?, None)
+    } else {
+        let rule = plan.join.arm_rule();
+        let (recording, rest) = read_dwells(logs, mapping, limits, &rule, progress)?;
+        (recording, Some(rest))
+    };
     damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
         session: files.name.clone(),
         damage,
     })?;
-    Ok(recording)
+    Ok((recording, rest))
 }
 
 /// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
@@ -330,18 +342,22 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
 fn joined(
     plan: &Plan,
     files: &SessionFiles,
-    recording: Option<Recording>,
+    read_before: Option<Read>,
     progress: &dyn Progress,
 ) -> Result<JoinedSession, RunError> {
-    let recording = match recording {
-        Some(recording) => recording,
+    let (recording, rest) = match read_before {
+        Some(read) => read,
         None => read(plan, files, progress)?,
     };
     let wrong = |source| RunError::Join {
         session: files.name.clone(),
         source: Box::new(source),
     };
-    let joined = join(&recording, &plan.arm, &plan.join).map_err(wrong)?;
+    let joined = match &rest {
+        Some(rest) => join_at_rest(&recording, rest, &plan.arm, &plan.join),
+        None => join(&recording, &plan.arm, &plan.join),
+    };
+    let joined = joined.map_err(wrong)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,

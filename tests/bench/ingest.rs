@@ -2,8 +2,10 @@
 //!
 //! `cargo bench --bench ingest` writes the log (2.0 M joint states of 6 joints, 0.2 M poses, zstd) into a temporary
 //! folder and prints user CPU seconds of each step side by side, from one run. Without `--bench` (as `cargo test`
-//! calls it) a small log shows that it works.
+//! calls it) a small log shows that it works. `-- dwells` measures only the streaming into dwells, `-- dwells long` also
+//! on a log ten times as long.
 
+mod dwells;
 mod forms;
 #[expect(
     dead_code,
@@ -47,8 +49,11 @@ fn main() {
         2_000
     };
     let folder = tempfile::tempdir().expect("a temporary folder");
+    if std::env::args().any(|arg| arg == "dwells") {
+        return dwells::measure_all(folder.path(), joint_states);
+    }
     let path = folder.path().join("log.mcap");
-    write_log(&path, joint_states);
+    write_log(&path, joint_states, |i| i as f64 * 1e-4);
     let stored = fs::metadata(&path).expect("just written").len();
     // Also warms the page cache: its first touch is no step's own.
     let unpacked = decompress(&path);
@@ -84,6 +89,7 @@ fn main() {
     });
     println!("peak memory {} MB", peak_memory_mb());
     forms::measure_all(folder.path(), joint_states / 4);
+    dwells::measure_all(folder.path(), joint_states);
 }
 
 fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {
@@ -221,7 +227,8 @@ fn mapping() -> Mapping {
     }
 }
 
-fn write_log(path: &Path, joint_states: u64) {
+/// `motion` tells how far the joints have come at each joint state, rad.
+fn write_log(path: &Path, joint_states: u64, motion: impl Fn(u64) -> f64) {
     let file = BufWriter::new(File::create(path).expect("a temporary file"));
     let options = WriteOptions::new()
         .compression(Some(Compression::Zstd))
@@ -253,15 +260,10 @@ fn write_log(path: &Path, joint_states: u64) {
             &mut log,
             joints,
             ns,
-            &joint_state(ns, i as f64 * 1e-4, &mut noise),
+            &joint_state(ns, motion(i), &mut noise),
         );
         if i % 10 == 0 {
-            write(
-                &mut log,
-                pose,
-                ns,
-                &pose_stamped(ns, i as f64 * 1e-4, &mut noise),
-            );
+            write(&mut log, pose, ns, &pose_stamped(ns, motion(i), &mut noise));
         }
         if i % 100_000 == 0 {
             write(

@@ -12,7 +12,7 @@ use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     Recording, TimeSource, TrackerSettings,
 };
-use posegrid::io::log::{Limits, read_recording};
+use posegrid::io::log::{Limits, SessionLogs, read_session};
 use posegrid::join::{Attained, Command, Pairing, Station};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::progress::Quiet;
@@ -116,11 +116,20 @@ fn truth_station(row: &csv::StringRecord) -> Station {
 
 /// A recording read from its two logs; `None`, said loudly, where it is absent.
 pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
-    let (controller, tracker) = (
-        recording(&format!("{name}/controller.mcap"))?,
-        recording(&format!("{name}/tracker.mcap"))?,
-    );
-    let mapping = Mapping {
+    let (logs, mapping) = (logs(name)?, mapping(arm));
+    let recording = read_session(&logs, &mapping, Limits::default(), &Quiet);
+    Some(recording.expect("a sound recording"))
+}
+
+/// The two logs of a recording; `None`, said loudly, where they are absent.
+pub fn logs(name: &str) -> Option<SessionLogs> {
+    let log = |side: &str| recording(&format!("{name}/{side}.mcap"));
+    Some(SessionLogs::of_two(&log("controller")?, &log("tracker")?))
+}
+
+/// How the recordings are read.
+pub fn mapping(arm: &Arm) -> Mapping {
+    Mapping {
         controller: ControllerSettings {
             topic: "/joint_states".to_owned(),
             time: TimeSource::Header,
@@ -148,9 +157,5 @@ pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
             .iter()
             .map(|joint| joint.name.clone())
             .collect(),
-    };
-    Some(
-        read_recording(&controller, &tracker, &mapping, Limits::default(), &Quiet)
-            .expect("a sound recording"),
-    )
+    }
 }

@@ -3,6 +3,7 @@
 mod build;
 mod conformance;
 mod damage;
+mod dwells;
 mod encodings;
 mod files;
 mod fuzz;

@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::account::Account;
+use super::dwells::JointDwells;
 use super::scan::scan;
 use super::streams::{Stream, Streams, Wanted};
 use super::summary::Ending;
@@ -103,6 +104,17 @@ pub fn decode_session(
     limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Decoded, LogError> {
+    decode_all(logs, mapping, limits, &mut None, progress)
+}
+
+/// The same; joint states go to `dwells`, where there are such, instead of into columns.
+pub(super) fn decode_all(
+    logs: &SessionLogs,
+    mapping: &Mapping,
+    limits: Limits,
+    dwells: &mut Option<JointDwells>,
+    progress: &dyn Progress,
+) -> Result<Decoded, LogError> {
     let (of_controller, of_tracker) = wanted(mapping);
     let by_side = BTreeMap::from([
         (Side::Controller, of_controller),
@@ -111,7 +123,8 @@ pub fn decode_session(
     let mut parts = Vec::new();
     for file in logs.files() {
         let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
-        parts.push(read(&file, wanted.collect(), mapping, limits, progress)?);
+        let wanted = wanted.collect();
+        parts.push(read(&file, wanted, mapping, limits, dwells, progress)?);
     }
     for (side, wanted) in &by_side {
         require(*side, wanted, &parts)?;
@@ -141,6 +154,7 @@ fn read<'m>(
     wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     limits: Limits,
+    dwells: &mut Option<JointDwells>,
     progress: &dyn Progress,
 ) -> Result<Part<'m>, LogError> {
     let name = file.path.display().to_string();
@@ -155,7 +169,9 @@ fn read<'m>(
         });
     }
     let mut streams = Streams::new(&name, wanted, mapping);
+    streams.dwells = dwells.take();
     let account = scan(&file.path, &name, limits, &mut streams, progress)?;
+    *dwells = streams.dwells.take();
     Ok(Part {
         role: file.role(),
         sides: file.sides.clone(),

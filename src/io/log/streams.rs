@@ -10,6 +10,7 @@ mod suggest;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::block::Extent;
+use super::dwells::JointDwells;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
@@ -51,6 +52,8 @@ pub struct Streams<'m> {
     met: BTreeSet<Stream>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
+    /// Where joint states go instead of into columns, if anywhere.
+    pub dwells: Option<JointDwells>,
     pub joints: DecodedJoints,
     pub commands: DecodedPoses,
     pub readings: DecodedPoses,
@@ -80,6 +83,7 @@ impl<'m> Streams<'m> {
             mapping,
             met: BTreeSet::new(),
             paths: BTreeMap::new(),
+            dwells: None,
             joints: DecodedJoints {
                 origins: origins(Stream::Joints),
                 angles: vec![Vec::new(); mapping.joints.len()],
@@ -219,7 +223,10 @@ impl Visitor for Streams<'_> {
     }
 
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
-        append_joints(&mut self.joints, &mut part.joints, extent);
+        match &mut self.dwells {
+            Some(dwells) => dwells.take(&part.joints, &self.file, extent),
+            None => append_joints(&mut self.joints, &mut part.joints, extent),
+        }
         append_poses(&mut self.commands, &mut part.commands, extent);
         append_poses(&mut self.readings, &mut part.readings, extent);
         self.temperatures

@@ -9,11 +9,17 @@
 //! A wide string is a count and its characters, of four bytes each as Fast DDS writes them for ROS 2 or of two as
 //! Cyclone DDS does. No message tells which, so a message with a wide string in it is read both ways: it is used when
 //! one way alone fits it, or when both give the same values.
+//!
+//! A message laid out as the one before is not walked again ([`layout`]).
+
+mod layout;
 
 use super::cdr_plan::{Repeat, Step};
 use super::row::{Cell, Span, number, place};
 use super::value::without_end_mark;
 use super::{CdrPlan, MessageFault, Primitive, Row};
+
+pub(super) use layout::Layout;
 
 /// Bytes of a wide character as the implementations have them.
 const WIDE: [u8; 2] = [4, 2];
@@ -27,6 +33,8 @@ struct Cursor<'m> {
     widest: usize,
     version_2: bool,
     wide: u8,
+    /// Takes down what the layout follows from.
+    layout: Layout,
 }
 
 impl CdrPlan {
@@ -34,6 +42,9 @@ impl CdrPlan {
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+        if row.fill_as_before(&self.identity, message) {
+            return Ok(());
+        }
         row.begin(message, self.wanted)?;
         if !self.wide {
             return self.read_as(message, WIDE[0], row);
@@ -42,7 +53,7 @@ impl CdrPlan {
         let mut other = Row::default();
         other.begin(message, self.wanted)?;
         match (first, self.read_as(message, WIDE[1], &mut other)) {
-            (Ok(()), Ok(())) if *row != other => Err(MessageFault::WideText),
+            (Ok(()), Ok(())) if !row.says_same(&other) => Err(MessageFault::WideText),
             (Ok(()), _) => Ok(()),
             (Err(_), Ok(())) => {
                 *row = other;
@@ -71,9 +82,17 @@ impl CdrPlan {
             widest: if version_2 { 4 } else { 8 },
             version_2,
             wide,
+            layout: row.take_layout(),
         };
         cursor.run(steps, row)?;
-        cursor.finish()
+        cursor.finish()?;
+        if !self.wide && !row.has_lists() {
+            cursor
+                .layout
+                .keep(&self.identity, message, cursor.big_endian);
+        }
+        row.put_layout(cursor.layout);
+        Ok(())
     }
 }
 
@@ -93,8 +112,15 @@ impl Cursor<'_> {
                 Step::SkipWideText => self.wide_text()?,
                 Step::Repeat(ref repeat) => self.collection(|cursor| cursor.repeat(repeat, row))?,
                 Step::Delimited(ref steps) => self.delimited(|cursor| cursor.run(steps, row))?,
-                Step::Number { slot, of } => row.set(slot, self.number(of)?),
-                Step::Text { slot } => row.set(slot, Cell::Text(self.text()?)),
+                Step::Number { slot, of } => {
+                    row.set(slot, self.number(of)?);
+                    self.layout.number(self.at - of.size(), slot, of);
+                }
+                Step::Text { slot } => {
+                    // Whether its end mark is there is not told by its count.
+                    self.layout.depends_on_more();
+                    row.set(slot, Cell::Text(self.text()?));
+                }
                 Step::AddNumber { slot, of } => row.list(slot).set_last(self.number(of)?),
                 Step::AddText { slot } => row.list(slot).set_last(Cell::Text(self.text()?)),
                 Step::Numbers { slot, of, count } => {
@@ -127,7 +153,10 @@ impl Cursor<'_> {
                     let elements = &self.bytes[start..end];
                     for &(index, slot) in picks {
                         let element = elements.chunks_exact(of.size()).nth(index);
-                        let cell = element.map(|bytes| number(bytes, of, self.big_endian));
+                        let cell = element.map(|bytes| {
+                            self.layout.number(start + index * of.size(), slot, of);
+                            number(bytes, of, self.big_endian)
+                        });
                         row.set(slot, cell.unwrap_or_default());
                     }
                 }
@@ -219,6 +248,7 @@ impl Cursor<'_> {
             .and_then(|rest| rest.first_chunk::<4>())
             .ok_or(MessageFault::Short)?;
         self.at = start + 4;
+        self.layout.count(start, *bytes);
         Ok(if self.big_endian {
             u32::from_be_bytes(*bytes)
         } else {
@@ -258,9 +288,12 @@ impl Cursor<'_> {
     }
 
     /// Some writers fill a message up to a multiple of four, or with zeros.
-    fn finish(&self) -> Result<(), MessageFault> {
+    fn finish(&mut self) -> Result<(), MessageFault> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         if rest.len() < 4 || rest.iter().all(|&byte| byte == 0) {
+            if rest.len() >= 4 {
+                self.layout.depends_on_more();
+            }
             Ok(())
         } else {
             Err(MessageFault::LeftOver)
@@ -285,6 +318,58 @@ mod tests {
     fn plan(text: &str, wanted: &[&str]) -> CdrPlan {
         let definition = parse("a/B", text).expect("sound text");
         CdrPlan::resolve(&definition, &paths(wanted)).expect("fields exist")
+    }
+
+    #[test]
+    fn a_row_filled_again_and_again_is_as_one_filled_for_the_first_time() {
+        let wanted = [
+            "header.stamp.sec",
+            "header.stamp.nanosec",
+            "name",
+            "position[1]",
+        ];
+        let plans = [
+            plan(JOINTS, &wanted),
+            plan(JOINTS, &["position", "velocity"]),
+            plan(JOINTS, &["header.frame_id", "name"]),
+        ];
+        let mut messages = vec![joint_message(true), joint_message(false)];
+        for (at, byte) in [
+            (4, 8),      // another stamp
+            (16, b'\0'), // the frame's end mark, and what stands in front of it
+            (16, b'c'),
+            (32, b'k'), // another name
+            (48, 77),   // another position
+            (40, 1),    // one position: the rest does not fit any more
+            (60, 9),    // a velocity that is not there
+            (1, 7),     // version 2, in which numbers lie elsewhere
+        ] {
+            let mut message = joint_message(true);
+            message[at] = byte;
+            messages.push(message);
+        }
+        messages.push([joint_message(true), vec![0; 8]].concat());
+        messages.push([joint_message(true), vec![0, 0, 0, 0, 1, 0, 0, 0]].concat());
+        messages.push(joint_message(true)[..40].to_vec());
+        let mut again = Row::default();
+        for (first, second) in
+            (0..messages.len()).flat_map(|i| (0..messages.len()).map(move |j| (i, j)))
+        {
+            for (plan, then) in [(0, 0), (0, 1), (1, 1), (2, 2), (1, 0)] {
+                let mut fresh = Row::default();
+                let (plan, then) = (&plans[plan], &plans[then]);
+                let _ = plan.read(&messages[first], &mut again);
+                for message in [&messages[second], &messages[second]] {
+                    let found = then.read(message, &mut again);
+                    assert_eq!(found, then.read(message, &mut fresh), "{first} {second}");
+                    assert!(
+                        found.is_err() || again.says_same(&fresh),
+                        "{first} {second}"
+                    );
+                    fresh = Row::default();
+                }
+            }
+        }
     }
 
     fn fault(plan: &CdrPlan, message: &[u8]) -> Result<(), MessageFault> {

@@ -5,6 +5,8 @@
 //!
 //! Fields after the last wanted one are still walked: a message that does not end where its schema says is damaged.
 
+use std::sync::Arc;
+
 use super::path::{Segment, Want, by_element};
 use super::{
     Definition, Extensibility, Field, FieldPath, FieldType, MessageType, Primitive, SchemaError,
@@ -25,6 +27,8 @@ pub struct CdrPlan {
     /// Some field is a wide string.
     pub(super) wide: bool,
     pub(super) wanted: usize,
+    /// Tells whether a message was read by this plan.
+    pub(super) identity: Arc<()>,
 }
 
 /// One step over the bytes of a message. `slot` is the place of the path among the wanted ones.
@@ -119,6 +123,7 @@ impl CdrPlan {
             delimited: vec![Step::Delimited(delimited)],
             wide,
             wanted: wanted.len(),
+            identity: Arc::new(()),
         })
     }
 }

@@ -7,6 +7,7 @@
 //! 1. [`JsonPlan::new`]: paths → tree.
 //! 2. [`JsonPlan::read`]: payload → the wanted values in a row.
 
+mod bytes;
 mod read;
 mod scan;
 mod schema;

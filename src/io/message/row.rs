@@ -3,6 +3,9 @@
 //! A decoder fills a [`Row`]: numbers are copied, strings and CDR's arrays stay where they lie in the message and are
 //! lent out of it afterwards ([`Row::value`]).
 
+use std::sync::Arc;
+
+use super::cdr::Layout;
 use super::value::{Gathered, Text};
 use super::{MessageFault, Numbers, Primitive, Texts, Value};
 
@@ -10,12 +13,14 @@ use super::{MessageFault, Numbers, Primitive, Texts, Value};
 const MOST_ELEMENTS: usize = 100_000;
 
 /// One message's wanted values.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub struct Row {
     cells: Vec<Cell>,
     lists: Vec<List>,
     /// Some list was begun.
     listed: bool,
+    /// How the message was laid out, where it was in CDR.
+    layout: Layout,
 }
 
 /// What was found for one wanted path; places are byte ranges of the message, in which a message has to be shorter than
@@ -167,6 +172,7 @@ impl Row {
     /// Empties it for a message with so many wanted values.
     #[inline]
     pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
+        self.layout.forget();
         if u32::try_from(message.len()).is_err() {
             return Err(MessageFault::Long);
         }
@@ -176,6 +182,38 @@ impl Row {
             self.cells.fill(Cell::Absent);
         }
         Ok(())
+    }
+
+    /// Fills it from a message laid out as the one before, which the same plan read; tells whether it is.
+    #[inline]
+    pub(super) fn fill_as_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
+        let alike = self.layout.is_of(plan, message);
+        if alike {
+            let cells = &mut self.cells;
+            self.layout
+                .numbers_of(message, |slot, cell| cells[slot] = cell);
+        }
+        alike
+    }
+
+    /// Lends the layout out, to be written.
+    pub(super) fn take_layout(&mut self) -> Layout {
+        std::mem::take(&mut self.layout)
+    }
+
+    pub(super) fn put_layout(&mut self, layout: Layout) {
+        self.layout = layout;
+    }
+
+    /// Whether some list was begun.
+    pub(super) const fn has_lists(&self) -> bool {
+        self.listed
+    }
+
+    /// Whether it holds the same values as another.
+    pub(super) fn says_same(&self, other: &Self) -> bool {
+        let mut listed = (0..self.cells.len()).filter(|&slot| self.cells[slot] == Cell::List);
+        self.cells == other.cells && listed.all(|slot| self.lists[slot] == other.lists[slot])
     }
 
     fn resize(&mut self, wanted: usize) {

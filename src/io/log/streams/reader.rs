@@ -55,7 +55,8 @@ pub struct Reader {
 #[derive(Debug, Default)]
 pub struct Part {
     pub(super) joints: DecodedJoints,
-    row: Row,
+    /// One for each stream: its messages are alike.
+    rows: [Row; 4],
     order: JointOrder,
     pub(super) commands: DecodedPoses,
     pub(super) readings: DecodedPoses,
@@ -106,9 +107,10 @@ impl Reader {
         part: &mut Part,
     ) -> Result<(), RowFault> {
         let recipe = &self.recipe;
-        recipe.plan.read(message.payload, &mut part.row)?;
+        let row = &mut part.rows[self.stream as usize];
+        recipe.plan.read(message.payload, row)?;
         let values = Values {
-            row: &part.row,
+            row,
             payload: message.payload,
         };
         let (stamp, mut first) = self.stamp(message, values)?;

@@ -1,5 +1,6 @@
 //! JSON's signs, strings and numbers; what is passed over.
 
+use super::bytes;
 use crate::io::message::MessageFault;
 use crate::io::message::row::{Cell, Span};
 
@@ -50,8 +51,7 @@ impl Scan<'_> {
         let mut escaped = false;
         loop {
             let rest = self.bytes.get(self.at..).unwrap_or_default();
-            let stop = rest.iter().position(|byte| matches!(byte, b'"' | b'\\'));
-            let stop = self.at + stop.ok_or(MessageFault::Short)?;
+            let stop = self.at + bytes::quote_or_backslash(rest).ok_or(MessageFault::Short)?;
             if self.bytes[stop] == b'"' {
                 self.at = stop + 1;
                 return Ok(Span::new(start, stop, escaped));
@@ -96,7 +96,11 @@ impl Scan<'_> {
     fn number(&mut self) -> Result<Cell, MessageFault> {
         let start = self.at;
         let whole = self.skip_number()?;
-        let text = str::from_utf8(&self.bytes[start..self.at]).map_err(|_| MessageFault::Json)?;
+        let written = &self.bytes[start..self.at];
+        if let Some(exact) = bytes::short_number(written, whole) {
+            return Ok(exact);
+        }
+        let text = str::from_utf8(written).map_err(|_| MessageFault::Json)?;
         if whole && let Ok(integer) = text.parse() {
             return Ok(Cell::Integer(integer));
         }
@@ -133,9 +137,7 @@ impl Scan<'_> {
     #[inline]
     fn digits(&mut self) -> Result<(), MessageFault> {
         let start = self.at;
-        let rest = &self.bytes[start..];
-        let other = rest.iter().position(|byte| !byte.is_ascii_digit());
-        self.at += other.unwrap_or(rest.len());
+        self.at += bytes::digits(&self.bytes[start..]);
         match self.bytes.get(self.at) {
             _ if self.at > start => Ok(()),
             None => Err(MessageFault::Short),

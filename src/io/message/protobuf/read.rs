@@ -137,6 +137,7 @@ fn oust(targets: &[Target], row: &mut Row) {
 }
 
 impl Target {
+    #[inline]
     fn set(self, cell: Cell, row: &mut Row) {
         match self {
             Self::Slot(slot) => row.set(slot, cell),

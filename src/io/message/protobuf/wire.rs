@@ -52,6 +52,8 @@ impl<'m> Wire<'m> {
         self.long_varint(first)
     }
 
+    /// Most numbers have one byte: the others stay out of the way of those.
+    #[cold]
     fn long_varint(&mut self, first: u8) -> Result<u64, MessageFault> {
         let mut number = u64::from(first & 0x7F);
         for shift in (7..70).step_by(7) {
@@ -84,8 +86,13 @@ impl<'m> Wire<'m> {
     }
 
     /// Passes over the value of a field.
+    #[inline]
     pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Result<(), MessageFault> {
-        self.skip_within(number, wire_type, MOST_LEVELS)
+        match wire_type {
+            wire_type::VARINT => self.varint().map(drop),
+            wire_type::FIXED_64 => self.fixed::<8>().map(drop),
+            _ => self.skip_within(number, wire_type, MOST_LEVELS),
+        }
     }
 
     fn skip_within(

@@ -1,0 +1,239 @@
+//! Samples in order of time, piece by piece → the stretches at rest.
+//!
+//! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one, and says how many samples make
+//!    a window.
+//! 2. From then on windows are judged as soon as their samples are there ([`Levels`]), and the samples let go.
+//! 3. At the end the threshold is chosen, and the stretches by it are the result.
+
+use super::levels::{Levels, Samples};
+use super::plateau::{self, Ladder};
+use super::quads::{self, Quad, groups};
+use super::quantum::Steps;
+use super::ranges::Ranges;
+use super::sums::Sums;
+use super::{Rest, RestRule};
+use crate::units::{NS_PER_S, round_ns};
+
+/// Samples that tell the usual interval. A window is no longer than that: it would mean a broken clock, not a fast one.
+const OPENING: usize = 1 << 16;
+/// Samples that are looked at together, few enough to stay in the processor's cache.
+const PIECE: usize = 2048;
+/// The least samples in which rest can be told from motion.
+const MIN_WINDOW_SAMPLES: usize = 3;
+
+/// Finds the stretches at rest of samples that come in order of time.
+#[derive(Debug, Clone)]
+pub struct Finder {
+    rule: RestRule,
+    ladder: Ladder,
+    /// The values of the samples that are still needed, for each four columns.
+    values: Vec<Vec<Quad>>,
+    samples: Samples,
+    steps: Vec<Steps>,
+    ranges: Ranges,
+    pace: Option<Pace>,
+    first_ns: i64,
+}
+
+/// What follows from the usual interval.
+#[derive(Debug, Clone)]
+struct Pace {
+    interval_ns: i64,
+    gap_ns: i64,
+    window: usize,
+    levels: Levels,
+    /// The window that comes next, by its first sample.
+    next: usize,
+    /// The largest motion in a window.
+    top: f64,
+}
+
+/// The threshold was found, but not in time to keep its stretches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forgotten {
+    /// In the columns' unit.
+    pub threshold: f64,
+}
+
+impl Finder {
+    /// For samples of so many columns.
+    pub fn new(columns: usize, rule: &RestRule) -> Self {
+        Self {
+            rule: *rule,
+            ladder: Ladder::from(rule.floor),
+            values: vec![Vec::new(); groups(columns)],
+            samples: Samples {
+                sums: vec![Sums::default(); groups(columns)],
+                columns,
+                ..Samples::default()
+            },
+            steps: vec![Steps::default(); columns],
+            ranges: Ranges::default(),
+            pace: None,
+            first_ns: 0,
+        }
+    }
+
+    /// Takes the next samples: stamps that do not decrease, and as many values in each column.
+    pub fn push(&mut self, stamps_ns: &[i64], columns: &[&[f64]]) {
+        if self.samples.first == 0 && self.samples.stamps_ns.is_empty() {
+            self.first_ns = stamps_ns.first().copied().unwrap_or(0);
+        }
+        for first in (0..stamps_ns.len()).step_by(PIECE) {
+            let piece = first..(first + PIECE).min(stamps_ns.len());
+            let columns: Vec<&[f64]> = columns.iter().map(|c| &c[piece.clone()]).collect();
+            self.push_piece(&stamps_ns[piece], &columns);
+        }
+    }
+
+    fn push_piece(&mut self, stamps_ns: &[i64], columns: &[&[f64]]) {
+        let before = self.samples.stamps_ns.len();
+        self.samples.stamps_ns.extend_from_slice(stamps_ns);
+        quads::append(&mut self.values, columns);
+        for (sums, values) in self.samples.sums.iter_mut().zip(&self.values) {
+            sums.push(&values[before..]);
+        }
+        for (steps, values) in self.steps.iter_mut().zip(columns) {
+            steps.push(values);
+        }
+        let held = self.samples.stamps_ns.len();
+        if self.pace.is_none() && held >= OPENING {
+            self.set_pace(OPENING);
+        }
+        if let Some(pace) = &self.pace
+            && held >= 2 * pace.window + PIECE
+        {
+            self.judge(false);
+        }
+    }
+
+    /// The stretches at rest of all samples.
+    pub fn finish(mut self) -> Result<Rest, Forgotten> {
+        let held = self.samples.stamps_ns.len();
+        let samples = self.samples.first + held;
+        if self.pace.is_none() {
+            self.set_pace(held.max(1));
+        }
+        if held > 0 {
+            self.judge(true);
+        }
+        let threshold = self.threshold();
+        let pace = self.pace.as_mut().expect("set above");
+        let last_ns = self.samples.stamps_ns.last().copied().unwrap_or(0);
+        Ok(Rest {
+            stretches: pace.levels.take(threshold).ok_or(Forgotten { threshold })?,
+            threshold,
+            interval_ns: pace.interval_ns,
+            samples,
+            span_ns: (self.first_ns, last_ns),
+        })
+    }
+
+    /// The threshold that is right for all samples so far.
+    fn threshold(&self) -> f64 {
+        let pace = self.pace.as_ref().expect("set before anything is judged");
+        self.rule.threshold.unwrap_or_else(|| {
+            let quantum = self.steps.iter().map(Steps::quantum).fold(0.0, f64::max);
+            let count = |rung| plateau::count(pace.levels.lengths(self.ladder.rungs()[rung]));
+            self.ladder.choose(quantum, pace.top, count)
+        })
+    }
+
+    fn set_pace(&mut self, most_window: usize) {
+        let stamps_ns = &self.samples.stamps_ns;
+        let interval_ns = usual_interval_ns(&stamps_ns[..stamps_ns.len().min(OPENING)]);
+        let window = window_samples(self.rule.window_s, interval_ns).min(most_window);
+        let given = self.rule.threshold.map(|threshold| vec![threshold]);
+        let thresholds = given.unwrap_or_else(|| self.ladder.thresholds());
+        let min_stretch_ns = round_ns(self.rule.min_stretch_s * NS_PER_S);
+        self.pace = Some(Pace {
+            interval_ns,
+            gap_ns: round_ns(self.rule.gap_s * NS_PER_S).max(interval_ns.saturating_mul(5)),
+            window,
+            levels: Levels::new(thresholds, window, min_stretch_ns),
+            next: 0,
+            top: 0.0,
+        });
+    }
+
+    /// Judges all windows whose samples are there, and lets go of what no later one needs.
+    fn judge(&mut self, is_last: bool) {
+        let pace = self.pace.as_mut().expect("set before");
+        let samples = &self.samples;
+        let (first, held) = (samples.first, samples.stamps_ns.len());
+        // The last sample's neighbour is not there yet.
+        let end = (first + held - usize::from(!is_last) + 1).saturating_sub(pace.window);
+        self.ranges.begin(end.saturating_sub(pace.next));
+        for values in &self.values {
+            self.ranges
+                .widen(values, pace.window, (pace.next == 0, is_last));
+        }
+        pace.mark_breaks(samples, &mut self.ranges);
+        for (range, window) in self.ranges.of_windows.iter().zip(pace.next..) {
+            pace.levels.window(window, *range, samples);
+            pace.top = if range.is_finite() {
+                pace.top.max(*range)
+            } else {
+                pace.top
+            };
+        }
+        pace.next = end.max(pace.next);
+        if is_last {
+            pace.levels.finish(first + held - 1, samples);
+        } else {
+            self.let_go();
+        }
+    }
+
+    fn let_go(&mut self) {
+        let pace = self.pace.as_mut().expect("set before");
+        // A window's first sample is smoothed by the one before it.
+        let done = pace.next.saturating_sub(1) - self.samples.first;
+        for values in &mut self.values {
+            values.drain(..done);
+        }
+        self.samples.stamps_ns.drain(..done);
+        for sums in &mut self.samples.sums {
+            sums.drop_front(done);
+        }
+        self.samples.first += done;
+        if pace.levels.are_too_many() {
+            let threshold = self.threshold();
+            let pace = self.pace.as_mut().expect("set before");
+            pace.levels.forget_all_but(threshold);
+        }
+    }
+}
+
+impl Pace {
+    /// No rest reaches across a break between two samples.
+    fn mark_breaks(&self, samples: &Samples, ranges: &mut Ranges) {
+        for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
+            // The sample before the first window is there too.
+            if pair[1].saturating_sub(pair[0]) > self.gap_ns
+                && let Some(before) = (samples.first + place).checked_sub(self.next)
+            {
+                ranges.break_at(before, self.window);
+            }
+        }
+    }
+}
+
+/// The median interval between samples, ns; at least one.
+fn usual_interval_ns(stamps_ns: &[i64]) -> i64 {
+    let mut steps: Vec<i64> = stamps_ns
+        .windows(2)
+        .map(|pair| pair[1].saturating_sub(pair[0]))
+        .collect();
+    if steps.is_empty() {
+        return 1;
+    }
+    let middle = steps.len() / 2;
+    (*steps.select_nth_unstable(middle).1).max(1)
+}
+
+fn window_samples(window_s: f64, interval_ns: i64) -> usize {
+    let intervals = (window_s * NS_PER_S / interval_ns as f64).round();
+    let intervals = usize::try_from(round_ns(intervals)).map_or(0, |count| count.min(OPENING));
+    (intervals + 1).max(MIN_WINDOW_SAMPLES)
+}

@@ -1,0 +1,150 @@
+//! The threshold, read from the number of stretches at each rung of a ladder of thresholds.
+
+use crate::join::pattern::MIN_PAIRS;
+
+/// Ratio of neighbouring thresholds on the ladder.
+const LADDER_RATIO: f64 = 1.5;
+/// Rungs of the ladder: from the resolution of an encoder (1e-7 rad) to a million turns, of a tracker beyond its reach.
+const RUNGS: usize = 80;
+/// Stretch counts within this share of each other belong to one plateau: some tiny moves may drown.
+const PLATEAU_TOLERANCE: f64 = 0.02;
+/// A plateau this many rungs wide (a factor of 3.4) is no accident.
+const PLATEAU_RUNGS: usize = 4;
+/// The ladder ends this far above the largest motion: where samples were taken only at rest, breaks in time alone end
+/// the stretches, and that is a plateau too.
+const ABOVE_ALL: f64 = 10.0;
+/// How far above its start the threshold stands in a wide plateau.
+const ABOVE_PLATEAU_START: f64 = 6.0;
+/// A quantised value at rest flickers between neighbours, and noise may reach one further.
+const FLICKER: f64 = 2.5;
+
+/// The rungs, lowest first.
+#[derive(Debug, Clone)]
+pub struct Ladder(Vec<f64>);
+
+impl Ladder {
+    /// The ladder that begins at `floor`.
+    pub fn from(floor: f64) -> Self {
+        let rungs = std::iter::successors(Some(floor), |rung| Some(rung * LADDER_RATIO));
+        Self(rungs.take(RUNGS).collect())
+    }
+
+    /// The rungs' thresholds.
+    pub fn rungs(&self) -> &[f64] {
+        &self.0
+    }
+
+    /// Every threshold that may be chosen, sorted.
+    pub fn thresholds(&self) -> Vec<f64> {
+        let between = self.0.windows(2).map(|pair| (pair[0] * pair[1]).sqrt());
+        let above = self.0.iter().map(|rung| rung * ABOVE_PLATEAU_START);
+        let mut all: Vec<f64> = self.0.iter().copied().chain(between).chain(above).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    /// The threshold by a plateau of `count`, the number of stretches at a rung; the ladder's first rung above the
+    /// flicker of `quantum` where nothing ever moves. `top` is the largest motion.
+    pub fn choose(&self, quantum: f64, top: f64, count: impl Fn(usize) -> usize) -> f64 {
+        let flicker = FLICKER * quantum;
+        let begin = self.0.partition_point(|&rung| rung < flicker);
+        let begin = begin.min(self.0.len() - 1);
+        let end = ABOVE_ALL * top.max(self.0[begin]);
+        let ladder: Vec<f64> = self.0[begin..]
+            .iter()
+            .copied()
+            .take_while(|&rung| rung < end)
+            .collect();
+        let counts: Vec<usize> = (0..ladder.len()).map(|rung| count(begin + rung)).collect();
+        chosen_plateau(&counts).map_or(self.0[begin], |(first, last)| {
+            let (low, high) = (usize::midpoint(first, last), (first + last).div_ceil(2));
+            let middle = if low == high {
+                ladder[low]
+            } else {
+                (ladder[low] * ladder[high]).sqrt()
+            };
+            middle.min(ladder[first] * ABOVE_PLATEAU_START)
+        })
+    }
+}
+
+/// How many stretches of such lengths count: those not shorter than half of the long ones (their 90 % quantile).
+/// Turning points of moves look like rest for a moment.
+pub fn count(lengths: &[usize]) -> usize {
+    if lengths.is_empty() {
+        return 0;
+    }
+    let mut sorted = lengths.to_vec();
+    let long = *sorted.select_nth_unstable(lengths.len() * 9 / 10).1;
+    lengths.iter().filter(|&&length| 2 * length >= long).count()
+}
+
+/// First and last rung of the plateau to stand on: the lowest of those at least [`PLATEAU_RUNGS`] wide that have the
+/// dwells of a session and half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
+/// their own above the right one, columns frozen for a while below it.
+fn chosen_plateau(counts: &[usize]) -> Option<(usize, usize)> {
+    let plateaus: Vec<(usize, usize)> = (0..counts.len())
+        .filter(|&first| counts[first] >= 2)
+        .map(|first| (first, plateau_end(counts, first)))
+        .collect();
+    let width = |&(first, last): &(usize, usize)| last - first;
+    // `max_by_key` would take the last of equals; the lowest is the stricter one.
+    let widest = plateaus.iter().rev().max_by_key(|plateau| width(plateau))?;
+    let enough = (counts[widest.0] / 2).max(MIN_PAIRS);
+    let good = |plateau: &&(usize, usize)| {
+        width(plateau) + 1 >= PLATEAU_RUNGS && counts[plateau.0] >= enough
+    };
+    Some(*plateaus.iter().find(good).unwrap_or(widest))
+}
+
+/// The last rung from `first` on with like counts.
+fn plateau_end(counts: &[usize], first: usize) -> usize {
+    let allowed = (counts[first] as f64 * PLATEAU_TOLERANCE).max(1.0);
+    let alike = |&&count: &&usize| count >= 2 && (count.abs_diff(counts[first]) as f64) <= allowed;
+    first + counts[first..].iter().take_while(alike).count() - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_threshold_that_is_chosen_is_among_those_followed() {
+        let ladder = Ladder::from(1e-3);
+        let thresholds = ladder.thresholds();
+        assert!(thresholds.is_sorted());
+        for first in 0..60 {
+            for last in first..70 {
+                // Twenty stretches on a plateau, none elsewhere.
+                let count = |rung: usize| {
+                    if (first..=last).contains(&rung) {
+                        20
+                    } else {
+                        0
+                    }
+                };
+                let chosen = ladder.choose(0.0, f64::MAX / 100.0, count);
+                assert!(thresholds.contains(&chosen), "{first} {last}");
+                assert!(chosen >= ladder.0[first] && chosen <= ladder.0[last]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_ladder_begins_above_the_flicker() {
+        let ladder = Ladder::from(1e-3);
+        // Everywhere six stretches: the plateau begins where the ladder does, at the rung above 2.5 quanta of 0.01.
+        let chosen = ladder.choose(0.01, 1.0, |_| 6);
+        assert!(
+            (0.025 * 6.0..0.025 * 9.0 + 1e-9).contains(&chosen),
+            "{chosen}"
+        );
+    }
+
+    #[test]
+    fn short_stretches_are_turning_points() {
+        // The 90 % quantile of eleven is 40: 12 is shorter than half of it.
+        assert_eq!(count(&[40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 12]), 10);
+        assert_eq!(count(&[]), 0);
+    }
+}

@@ -1,0 +1,83 @@
+//! Sums of columns up to each sample, so exact that the mean of any stretch follows from two of them.
+
+use super::quads::Quad;
+
+/// The sums of four columns up to each sample of a piece.
+#[derive(Debug, Clone)]
+pub struct Sums(Vec<Sum>);
+
+/// The sums up to one sample, in two parts: the second is what the first one's rounding leaves.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Sum {
+    high: Quad,
+    low: Quad,
+}
+
+impl Default for Sums {
+    /// Of no sample.
+    fn default() -> Self {
+        Self(vec![Sum::default()])
+    }
+}
+
+impl Sums {
+    /// Adds the next values.
+    pub fn push(&mut self, values: &[Quad]) {
+        let mut sum = self.0[self.0.len() - 1];
+        self.0.extend(values.iter().map(|value| {
+            sum = sum.plus(value);
+            sum
+        }));
+    }
+
+    /// Forgets the sums up to the first samples.
+    pub fn drop_front(&mut self, samples: usize) {
+        self.0.drain(..samples);
+    }
+
+    /// The sums of all values before the ones at `place`.
+    pub fn before(&self, place: usize) -> Sum {
+        self.0[place]
+    }
+}
+
+impl Sum {
+    /// Knuth's exact sum of two numbers, four times.
+    #[inline]
+    fn plus(mut self, value: &Quad) -> Self {
+        for ((high, low), value) in self.high.iter_mut().zip(&mut self.low).zip(value) {
+            let sum = *high + value;
+            let of_value = sum - *high;
+            *low += (*high - (sum - of_value)) + (value - of_value);
+            *high = sum;
+        }
+        self
+    }
+}
+
+/// The means of the `count` values between two sums.
+pub fn means(from: &Sum, to: &Sum, count: usize) -> Quad {
+    let mean = |k: usize| ((to.high[k] - from.high[k]) + (to.low[k] - from.low[k])) / count as f64;
+    std::array::from_fn(mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_exact_behind_a_million_other_values() {
+        let mut sums = Sums::default();
+        let others: Vec<Quad> = (0..1_000_000)
+            .map(|k| [(f64::from(k) * 0.37).sin(); 4])
+            .collect();
+        sums.push(&others);
+        sums.push(&[0.1, 0.2, 0.3, 0.1, 0.1].map(|value| [value, 0.0, 1.0, -value]));
+        let between = |from, to| means(&sums.before(from), &sums.before(to), to - from);
+        let mean = between(1_000_000, 1_000_003);
+        assert!((mean[0] - 0.2).abs() < 1e-16 && (mean[3] + 0.2).abs() < 1e-16);
+        assert!((between(1_000_003, 1_000_005)[0] - 0.1).abs() < 1e-17);
+        sums.drop_front(1_000_000);
+        assert!((means(&sums.before(0), &sums.before(3), 3)[0] - 0.2).abs() < 1e-16);
+    }
+}

@@ -1,0 +1,181 @@
+//! Joint states that stream into dwells: what is found and accounted for has to be, bit for bit, what the whole log gives.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use mcap::{Compression, WriteOptions};
+use posegrid::ingest::{JointSamples, Recording};
+use posegrid::io::log::{Limits, LogError, SessionLogs, read_dwells, read_session};
+use posegrid::join::JoinSettings;
+use posegrid::join::rest::{Rest, at_rest};
+use posegrid::progress::{Progress, Quiet};
+
+use crate::build::{Cdr, Folder, Log, mapping};
+
+/// 2 ms apart, 200 s: far more samples than are held back or looked at before the first is judged.
+const SAMPLES: usize = 100_000;
+/// A rest of 0.6 s and a move of 0.4 s, in samples.
+const PERIOD: usize = 500;
+const REST: usize = 300;
+
+/// One joint state: stamp, angles.
+type State = (i64, [f64; 2]);
+
+fn states() -> Vec<State> {
+    let angle = |i: usize| {
+        let (station, within) = (i / PERIOD, i % PERIOD);
+        let share = within.saturating_sub(REST) as f64 / (PERIOD - REST) as f64;
+        let noise = ((i * 7919) % 1009) as f64 * 1e-8;
+        (station as f64 + share * share * (3.0 - 2.0 * share)) * 0.02 + noise
+    };
+    let stamp = |i: usize| 100_000_000_000 + i64::try_from(i).expect("few") * 2_000_000;
+    (0..SAMPLES)
+        .map(|i| (stamp(i), [angle(i), -0.5 * angle(i)]))
+        .collect()
+}
+
+/// A log of these joint states, with one command and one reading.
+fn log(states: &[State]) -> Vec<u8> {
+    let options = WriteOptions::new()
+        .compression(Some(Compression::Zstd))
+        .chunk_size(Some(100_000));
+    let mut log = Log::with(options);
+    let joints = log.channel("/joints", "JointState");
+    let command = log.channel("/command", "PoseStamped");
+    let reading = log.channel("/reading", "PointStamped");
+    let stamp = states[0].0;
+    let pose = Cdr::stamped(stamp).numbers(&[0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
+    log.write(command, 0, &pose.done());
+    let point = Cdr::stamped(stamp).numbers(&[3.0, 0.0, 4.0]);
+    log.write(reading, 0, &point.done());
+    for (place, (stamp, angles)) in (0..).zip(states) {
+        let message = Cdr::stamped(*stamp).joints(&["a", "b"], angles).done();
+        log.write(joints, place, &message);
+    }
+    log.done()
+}
+
+/// Counts how often a file is begun.
+#[derive(Default)]
+struct Begun(AtomicUsize);
+
+impl Progress for Begun {
+    fn begin(&self, _: &str, _: u64) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+    fn advance(&self, _: u64) {}
+    fn end(&self) {}
+}
+
+fn whole(logs: &SessionLogs) -> Result<(Recording, Rest), LogError> {
+    let mut recording = read_session(logs, &mapping(), Limits::default(), &Quiet)?;
+    let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
+    let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
+    let rest = at_rest(&stamps_ns, &angles, &JoinSettings::default().arm_rule());
+    Ok((recording, rest))
+}
+
+/// Reads both ways, compares, and tells how many files were begun and how many dwells found.
+fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
+    let logs = SessionLogs {
+        controller: parts.to_vec(),
+        tracker: parts.to_vec(),
+    };
+    let begun = Begun::default();
+    let rule = JoinSettings::default().arm_rule();
+    let streamed = read_dwells(&logs, &mapping(), Limits::default(), &rule, &begun);
+    let whole = whole(&logs);
+    assert_eq!(format!("{streamed:?}"), format!("{whole:?}"));
+    let dwells = streamed.map_or(0, |(_, rest)| rest.stretches.len());
+    (begun.0.into_inner(), dwells)
+}
+
+fn one_file(states: &[State]) -> (usize, usize) {
+    let folder = Folder::new();
+    both_ways(&[folder.file("log.mcap", &log(states))])
+}
+
+const DWELLS: usize = SAMPLES / PERIOD;
+
+#[test]
+fn a_sound_log_is_read_once() {
+    assert_eq!(one_file(&states()), (1, DWELLS));
+}
+
+#[test]
+fn disorder_within_reach_repeats_and_angles_that_are_none_change_nothing() {
+    let mut states = states();
+    // Blocks of 97 backwards, a stretch of 3000 samples 5000 places late, stamps twice, angles that are no numbers.
+    states[10_000..30_000]
+        .chunks_mut(97)
+        .for_each(<[State]>::reverse);
+    states[40_000..48_000].rotate_left(3000);
+    for place in (55_000..60_000).step_by(10) {
+        states[place].0 = states[place - 1].0;
+    }
+    for place in [7, 20_000, 99_999] {
+        states[place].1[1] = f64::NAN;
+    }
+    assert_eq!(one_file(&states), (1, DWELLS));
+}
+
+#[test]
+fn a_clock_that_goes_back_far_is_read_as_a_whole() {
+    let mut states = states();
+    // 80 s back, over what was rest and motion.
+    for state in &mut states[70_000..] {
+        state.0 -= 80_000_000_000;
+    }
+    let (begun, dwells) = one_file(&states);
+    assert_eq!(begun, 2);
+    assert!(dwells > 0);
+}
+
+#[test]
+fn breaks_dropped_samples_and_a_changing_rate_are_the_same_both_ways() {
+    let mut states = states();
+    for state in &mut states[33_333..] {
+        state.0 += 5_000_000_000;
+    }
+    let mut place = 0;
+    states.retain(|_| {
+        place += 1;
+        place % 7 != 0 && (place < 80_000 || place % 10 == 0)
+    });
+    let (begun, dwells) = one_file(&states);
+    assert_eq!(begun, 1);
+    assert!(dwells > DWELLS / 2, "{dwells}");
+}
+
+#[test]
+fn few_samples_and_none_that_can_be_used() {
+    for count in [1, 2, 3, 40, 700] {
+        assert_eq!(one_file(&states()[..count]).0, 1, "{count}");
+    }
+    let mut unset = states()[..50].to_vec();
+    for state in &mut unset {
+        state.0 = 0;
+    }
+    assert_eq!(one_file(&unset), (2, 0)); // read again, for the error
+    let mut none = states()[..50].to_vec();
+    for state in &mut none {
+        state.1[0] = f64::INFINITY;
+    }
+    assert_eq!(one_file(&none), (2, 0));
+}
+
+#[test]
+fn a_split_recording_streams_if_its_parts_are_given_in_order() {
+    let states = states();
+    let folder = Folder::new();
+    // Cut within a dwell; the parts overlap by 40 samples.
+    let (first, second) = (&states[..50_120], &states[50_080..]);
+    let parts = [
+        folder.file("0.mcap", &log(first)),
+        folder.file("1.mcap", &log(second)),
+    ];
+    assert_eq!(both_ways(&parts), (2, DWELLS));
+    let backwards = parts.map(|path| Path::new(&path).to_owned());
+    let backwards: Vec<_> = backwards.into_iter().rev().collect();
+    assert_eq!(both_ways(&backwards), (4, DWELLS));
+}
