@@ -48,7 +48,7 @@ pub struct PlanArgs {
 #[derive(Debug, Error)]
 enum PlanCommandError {
     #[error(transparent)]
-    Planning(#[from] PlanningError),
+    Planning(#[from] Box<PlanningError>),
     #[error("{} exists already; choose another --csv, or remove it first", .0.display())]
     Exists(PathBuf),
     #[error(transparent)]
@@ -93,8 +93,8 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     if let Some(csv) = args.csv.as_ref().filter(|csv| csv.exists()) {
         return Err(PlanCommandError::Exists(csv.clone()));
     }
-    let planning = Planning::load(&args.pipeline, args.lake.as_deref())?;
-    let planned = planning.make(&bars.of("plan"))?;
+    let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
+    let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let table = Lake::new(&planning.lake).read("sampling_plan", &planned.key)?;
         let write = |sink: &mut io::BufWriter<std::fs::File>| -> Result<(), CsvCause> {

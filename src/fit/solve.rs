@@ -9,10 +9,6 @@ use nalgebra::{DMatrix, DVector};
 use super::loss::Loss;
 use super::problem::{Normal, Problem};
 
-pub mod frozen;
-
-pub use frozen::{Frozen, FrozenSolution};
-
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convergence {

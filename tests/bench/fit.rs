@@ -11,9 +11,8 @@ use std::time::Instant;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Query};
-use posegrid::fit::solve::Frozen;
 use posegrid::fit::{
-    self, Calibration, FitSettings, Freedom, Noise, Observation, Problem, TrackerUncertainty,
+    self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
 };
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::join::{JoinSettings, join};
@@ -42,8 +41,6 @@ fn main() {
     let base = median_ms(repeats, || identified(&arm, stations).frames.len());
     let what = format!("identify: {} stations, {unknowns} unknowns", stations.len());
     row(&what, base, base);
-    let again = frozen_ms(&arm, stations, &calibration, repeats);
-    row("the same poses measured again, Jacobian held", again, base);
 
     let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
     row(&format!("whole model: {most} stations"), large, base);
@@ -148,21 +145,6 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
 fn identified(arm: &Arm, stations: &[Observation]) -> Calibration {
     let settings = FitSettings::default();
     fit::identify(arm, stations, 1, Freedom::Geometry, &settings).expect("a fit")
-}
-
-/// One more fit at the poses of `stations`, the Jacobian of the nominal arm held.
-fn frozen_ms(arm: &Arm, stations: &[Observation], found: &Calibration, repeats: usize) -> f64 {
-    let prior = FitSettings::default().prior();
-    let problem = Problem::new(
-        stations,
-        arm.chain(),
-        &found.frames,
-        Freedom::Geometry,
-        prior,
-    );
-    let frozen = Frozen::new(&problem, found.nominal_structure.rank);
-    let measured: Vec<_> = stations.iter().map(|o| o.position).collect();
-    median_ms(repeats, || frozen.solve(&measured).offsets.len())
 }
 
 fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullModel {
