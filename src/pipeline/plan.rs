@@ -217,7 +217,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
         fit: fit.clone(),
         full: file.fit.full.clone(),
         up: placed.up,
-        flange_from_tool: placed.flange_from_other_tool,
+        flange_from_tool: placed.flange_from_tool,
         raw_command: placed.raw_command,
         similarity: file.similarity.clone(),
         grid: file.grid.clone(),
@@ -266,8 +266,8 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
 struct Placed {
     up: Option<UnitVector3<f64>>,
     command_frames: Option<CommandFrames>,
-    /// The tool, where it is not the measured target.
-    flange_from_other_tool: Option<Isometry3<f64>>,
+    /// The controller's tool, which commands are for. It may be meant to be the target; where the target sits is measured.
+    flange_from_tool: Option<Isometry3<f64>>,
     raw_command: Option<RawCommandBase>,
 }
 
@@ -291,7 +291,7 @@ impl Placed {
         let mut placed = Self {
             up: file.robot.up.map(|up| upwards(path, up)).transpose()?,
             command_frames: None,
-            flange_from_other_tool: None,
+            flange_from_tool: None,
             raw_command: None,
         };
         let Some(section) = &file.commanded else {
@@ -308,10 +308,11 @@ impl Placed {
             )?,
             flange_from_tool: tool,
         });
+        placed.flange_from_tool = tool;
         if section.target_is_tool {
             placed.raw_command = base;
-        } else {
-            placed.flange_from_other_tool = Some(tool.ok_or_else(|| no_tool(path))?);
+        } else if tool.is_none() {
+            return Err(no_tool(path));
         }
         Ok(placed)
     }

@@ -35,7 +35,7 @@ pub struct StageSettings {
     pub full: FullSettings,
     /// Against gravity in the base frame, where the mounting is known.
     pub up: Option<UnitVector3<f64>>,
-    /// The controller's own tool at the flange, where it is not the target itself.
+    /// The controller's own tool at the flange, which commands are for; without one it is the fitted target.
     pub flange_from_tool: Option<Isometry3<f64>>,
     /// Where errors against the raw command can be given: the base they are given in.
     pub raw_command: Option<RawCommandBase>,
