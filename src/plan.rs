@@ -71,6 +71,19 @@ impl SamplingPlan {
     }
 }
 
+/// What every robot of a plan is tried with.
+#[derive(Clone, Copy)]
+pub struct Trial<'t> {
+    /// The nominal arm.
+    pub arm: &'t Arm,
+    /// What places poses.
+    pub placer: &'t Placer<'t>,
+    /// What the plan follows from.
+    pub settings: &'t PlanSettings,
+    /// Who listens.
+    pub progress: &'t dyn Progress,
+}
+
 /// Makes a plan.
 pub fn plan(
     arm: &Arm,
@@ -78,12 +91,18 @@ pub fn plan(
     progress: &dyn Progress,
 ) -> Result<SamplingPlan, PlanError> {
     let placer = Placer::new(arm, settings)?;
+    let trial = Trial {
+        arm,
+        placer: &placer,
+        settings,
+        progress,
+    };
     let at_table = Region {
         cone_rad: 0.0,
         ..settings.region
     };
     let pool = fresh_poses(&placer, &at_table, settings)?;
-    let steps = steps::judge(arm, &placer, &pool, settings, progress)?;
+    let steps = steps::judge(&trial, &pool)?;
     let step = steps::largest_that_holds(&steps);
     let least = settings
         .grid
@@ -92,14 +111,13 @@ pub fn plan(
         .copied()
         .fold(f64::INFINITY, f64::min);
     let step_mm = step.map_or(least, |row| steps[row].step_mm);
-    let robots = INFLUENCE_ROBOTS;
-    let influences = influence::study(arm, &placer, &pool, step_mm, robots, settings, progress)?;
+    let influences = influence::study(&trial, &pool, step_mm, INFLUENCE_ROBOTS)?;
     let pool = fresh_poses(&placer, &settings.region, settings)?;
-    let designs = Designs::new(arm, &placer, settings, progress)?;
-    let mut rows = compare::judge(arm, &placer, &designs, &pool, settings, progress);
-    let poses = sized(arm, &placer, &designs, &pool, &mut rows, settings, progress);
-    let session = Session::new(arm, &placer, &designs, poses, settings)?;
-    let promise = session::promise(arm, &placer, &session, &pool, settings, progress);
+    let designs = Designs::new(&trial)?;
+    let mut rows = compare::judge(&trial, &designs, &pool);
+    let poses = sized(&trial, &designs, &pool, &mut rows);
+    let session = Session::new(&trial, &designs, poses)?;
+    let promise = session::promise(&trial, &session, &pool);
     Ok(SamplingPlan {
         steps,
         step,
@@ -125,15 +143,12 @@ pub fn fresh_poses(
 /// The number of poses of the smallest chosen design that holds: those of the table, then sizes halved between the largest
 /// that does not and the smallest that does. The largest of the table where none holds.
 fn sized(
-    arm: &Arm,
-    placer: &Placer<'_>,
+    trial: &Trial<'_>,
     designs: &Designs,
     pool: &[Commanded],
     rows: &mut Vec<DesignRow>,
-    settings: &PlanSettings,
-    progress: &dyn Progress,
 ) -> usize {
-    let most = settings.poses.iter().copied().max().unwrap_or(0);
+    let most = trial.settings.poses.iter().copied().max().unwrap_or(0);
     for _ in 0..BISECTIONS {
         let chosen = || rows.iter().filter(|row| row.kind == Kind::GreedyVariance);
         let Some(holds) = chosen()
@@ -152,7 +167,7 @@ fn sized(
             return holds;
         }
         let kinds = [(Kind::GreedyVariance, middle)];
-        let found = compare::judge_sizes(arm, placer, designs, pool, &kinds, settings, progress);
+        let found = compare::judge_sizes(trial, designs, pool, &kinds);
         rows.extend(found);
     }
     let chosen = rows.iter().filter(|row| row.kind == Kind::GreedyVariance);

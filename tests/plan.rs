@@ -26,7 +26,9 @@ use posegrid::pipeline::planning::Planning;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::plan::design::{Candidate, Design};
 use posegrid::plan::outcomes::RobotOutcome;
-use posegrid::plan::{Kind, Placer, PlanSettings, Purpose, fresh_poses, plan, session, steps};
+use posegrid::plan::{
+    Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
+};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
 use posegrid::report::promise::share_interval;
@@ -224,15 +226,13 @@ fn keep(planning: &Planning, robots: usize) -> (usize, f64) {
     };
     let placer = Placer::new(arm, &fresh).expect("the same cell");
     let pool = fresh_poses(&placer, &fresh.region, &fresh).expect("poses in reach");
-    let found = session::tried(
+    let trial = Trial {
         arm,
-        &placer,
-        &made.session,
-        &pool,
-        &fresh,
-        0..robots,
-        &Quiet,
-    );
+        placer: &placer,
+        settings: &fresh,
+        progress: &Quiet,
+    };
+    let found = session::tried(&trial, &made.session, &pool, 0..robots);
     let keeps = |outcome: &RobotOutcome| match outcome {
         RobotOutcome::Judged(left) => left.bound.is_some_and(|bound| bound <= promised),
         RobotOutcome::NoFit(_) => false,

@@ -16,14 +16,13 @@ use super::place::{Drawn, Placer};
 use super::robots::{Fitted, Robot};
 use super::settings::{PlanSettings, Region};
 use super::steps::{Grid, test_poses};
-use super::{PlanError, sight};
+use super::{PlanError, Trial, sight};
 use crate::figures::Figures;
 use crate::fit::full::FullModel;
 use crate::fit::{ErrorModel, Frames, Observation, Predictor, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::Lattice;
 use crate::kinematics::Arm;
-use crate::progress::Progress;
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// Poses that stand for the region while a design is chosen.
@@ -101,12 +100,13 @@ pub struct Designs {
 
 impl Designs {
     /// Draws candidates and orders them, as many as the plan may have poses.
-    pub fn new(
-        arm: &Arm,
-        placer: &Placer<'_>,
-        settings: &PlanSettings,
-        progress: &dyn Progress,
-    ) -> Result<Self, PlanError> {
+    pub fn new(trial: &Trial<'_>) -> Result<Self, PlanError> {
+        let Trial {
+            arm,
+            placer,
+            settings,
+            progress,
+        } = *trial;
         let most = settings.poses.iter().copied().max().unwrap_or(0);
         if settings.candidates < most {
             return Err(PlanError::FewCandidates {
@@ -302,31 +302,28 @@ fn visit_covariances(model: &FullModel, region: &[Vec<f64>]) -> Vec<Matrix3<f64>
 }
 
 /// Judges every design at every number of poses of the settings on the plan's robots.
-pub fn judge(
-    arm: &Arm,
-    placer: &Placer<'_>,
-    designs: &Designs,
-    pool: &[Commanded],
-    settings: &PlanSettings,
-    progress: &dyn Progress,
-) -> Vec<DesignRow> {
+pub fn judge(trial: &Trial<'_>, designs: &Designs, pool: &[Commanded]) -> Vec<DesignRow> {
+    let counts = &trial.settings.poses;
     let sizes: Vec<(Kind, usize)> = Kind::ALL
         .into_iter()
-        .flat_map(|kind| settings.poses.iter().map(move |&count| (kind, count)))
+        .flat_map(|kind| counts.iter().map(move |&count| (kind, count)))
         .collect();
-    judge_sizes(arm, placer, designs, pool, &sizes, settings, progress)
+    judge_sizes(trial, designs, pool, &sizes)
 }
 
 /// Judges designs at these numbers of poses on the plan's robots.
 pub fn judge_sizes(
-    arm: &Arm,
-    placer: &Placer<'_>,
+    trial: &Trial<'_>,
     designs: &Designs,
     pool: &[Commanded],
     sizes: &[(Kind, usize)],
-    settings: &PlanSettings,
-    progress: &dyn Progress,
 ) -> Vec<DesignRow> {
+    let Trial {
+        arm,
+        placer,
+        settings,
+        progress,
+    } = *trial;
     let mut asked: Vec<(Kind, Vec<Commanded>)> = Vec::new();
     for &(kind, count) in sizes {
         let poses = designs.poses(kind, count, placer, settings);

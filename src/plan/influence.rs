@@ -6,15 +6,14 @@
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::PlanError;
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
 use super::robots::Robot;
 use super::settings::PlanSettings;
 use super::steps::{Grid, Measured, families, test_poses};
+use super::{PlanError, Trial};
 use crate::grid::{Interpolation, Lattice, Source};
 use crate::kinematics::{Arm, SingularityFactors};
-use crate::progress::Progress;
 use crate::simulate::{Commanded, Ingredient, Stream, Visit};
 
 /// Shares of a step by which the grid is moved along each axis.
@@ -91,14 +90,17 @@ struct Case<'c> {
 
 /// Studies a grid of one step on the plan's robots, at most `robots` of them.
 pub fn study(
-    arm: &Arm,
-    placer: &Placer<'_>,
+    trial: &Trial<'_>,
     pool: &[Commanded],
     step_mm: f64,
     robots: usize,
-    settings: &PlanSettings,
-    progress: &dyn Progress,
 ) -> Result<Vec<InfluenceRow>, PlanError> {
+    let Trial {
+        arm,
+        placer,
+        settings,
+        progress,
+    } = *trial;
     let grid = Grid::new(placer, settings, step_mm)?;
     let cases = cases(arm, placer, &grid, settings);
     let robots = robots.min(settings.robots);

@@ -8,13 +8,10 @@ use rayon::prelude::*;
 use super::compare::{Designs, Kind, left_at};
 use super::order::{Revisits, Visit, visiting_order, with_repeats};
 use super::outcomes::{Outcomes, RobotOutcome};
-use super::place::Placer;
 use super::robots::{Robot, stations};
 use super::settings::PlanSettings;
 use super::steps::test_poses;
-use super::{PlanError, sight};
-use crate::kinematics::Arm;
-use crate::progress::Progress;
+use super::{PlanError, Trial, sight};
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// Fewer poses than this determine no arm.
@@ -69,13 +66,8 @@ pub struct Session {
 impl Session {
     /// The first `poses` choices of the variance design, fresh poses that verify, and drift checks, in an order of short
     /// travel.
-    pub fn new(
-        arm: &Arm,
-        placer: &Placer<'_>,
-        designs: &Designs,
-        poses: usize,
-        settings: &PlanSettings,
-    ) -> Result<Self, PlanError> {
+    pub fn new(trial: &Trial<'_>, designs: &Designs, poses: usize) -> Result<Self, PlanError> {
+        let (arm, settings) = (trial.arm, trial.settings);
         let choices = designs.by_variance.iter().take(poses).enumerate();
         let mut visits: Vec<PlannedVisit> = choices
             .map(|(place, choice)| PlannedVisit {
@@ -87,7 +79,9 @@ impl Session {
         let mut stream = Stream::new(settings.seed, Ingredient::Verify);
         let suits = |joints: &[f64]| sight::verdict(arm, joints, &settings.constraints);
         let count = settings.verify_poses;
-        let (fresh, _) = placer.random(&settings.region, count, &mut stream, &suits)?;
+        let (fresh, _) = trial
+            .placer
+            .random(&settings.region, count, &mut stream, &suits)?;
         visits.extend(fresh.into_iter().map(|command| PlannedVisit {
             purpose: Purpose::Verify,
             command,
@@ -145,31 +139,28 @@ impl Session {
 }
 
 /// What the session gives on robots that took no part in choosing it.
-pub fn promise(
-    arm: &Arm,
-    placer: &Placer<'_>,
-    session: &Session,
-    pool: &[Commanded],
-    settings: &PlanSettings,
-    progress: &dyn Progress,
-) -> Outcomes {
+pub fn promise(trial: &Trial<'_>, session: &Session, pool: &[Commanded]) -> Outcomes {
+    let settings = trial.settings;
     let first = settings.robots.max(settings.whole_model_robots);
     let fresh = first..first + settings.whole_model_robots;
-    let robots = tried(arm, placer, session, pool, settings, fresh, progress);
+    let robots = tried(trial, session, pool, fresh);
     Outcomes::of(robots.iter(), settings.robots_meet)
 }
 
 /// The session on these robots of the plan's population: each measures all of it, is identified on all but what verifies,
 /// and is judged at fresh poses on another day.
 pub fn tried(
-    arm: &Arm,
-    placer: &Placer<'_>,
+    trial: &Trial<'_>,
     session: &Session,
     pool: &[Commanded],
-    settings: &PlanSettings,
     robots: Range<usize>,
-    progress: &dyn Progress,
 ) -> Vec<RobotOutcome> {
+    let Trial {
+        arm,
+        placer,
+        settings,
+        progress,
+    } = *trial;
     let commands: Vec<Commanded> = session.visits.iter().map(|v| v.command.clone()).collect();
     progress.begin("robots for the promise", robots.len() as u64);
     let of_robot = |number: usize| {

@@ -13,17 +13,15 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
-use super::PlanError;
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
 use super::robots::{Fitted, Robot, stations};
 use super::settings::PlanSettings;
+use super::{PlanError, Trial};
 use crate::fit::full::FullSettings;
 use crate::fit::{FitError, Predictor, ToolErrors};
 use crate::grid::judge::{by_nodes, node_errors};
 use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
-use crate::kinematics::Arm;
-use crate::progress::Progress;
 use crate::simulate::{Commanded, Visit};
 
 /// A grid of one step, placed.
@@ -112,13 +110,13 @@ fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
 }
 
 /// Judges every step of the settings on the plan's robots.
-pub fn judge(
-    arm: &Arm,
-    placer: &Placer<'_>,
-    pool: &[Commanded],
-    settings: &PlanSettings,
-    progress: &dyn Progress,
-) -> Result<Vec<StepRow>, PlanError> {
+pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, PlanError> {
+    let Trial {
+        arm,
+        placer,
+        settings,
+        progress,
+    } = *trial;
     let grids: Vec<Grid> = settings
         .grid
         .steps_mm

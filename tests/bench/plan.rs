@@ -6,7 +6,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use posegrid::pipeline::planning::Planning;
-use posegrid::plan::{Designs, Placer, PlanSettings, compare, fresh_poses, robots::Robot, steps};
+use posegrid::plan::{
+    Designs, Placer, PlanSettings, Trial, compare, fresh_poses, robots::Robot, steps,
+};
 use posegrid::progress::Quiet;
 use rayon::prelude::*;
 
@@ -25,6 +27,12 @@ fn main() {
     };
     let placer = Placer::new(arm, &settings).expect("a box in reach");
     let pool = fresh_poses(&placer, &settings.region, &settings).expect("poses in reach");
+    let trial = Trial {
+        arm,
+        placer: &placer,
+        settings: &settings,
+        progress: &Quiet,
+    };
     let seconds = |begin: Instant| begin.elapsed().as_secs_f64();
 
     let grids: Vec<steps::Grid> = settings
@@ -46,7 +54,7 @@ fn main() {
     println!("simulating {stations} stations of {ROBOTS} robots: {simulated:.1} s");
 
     let begin = Instant::now();
-    let rows = steps::judge(arm, &placer, &pool, &settings, &Quiet).expect("steps in the box");
+    let rows = steps::judge(&trial, &pool).expect("steps in the box");
     let judged = seconds(begin);
     println!(
         "{ROBOTS} robots × {} steps × 200 fresh poses, measured, fitted and judged ({} rows): {judged:.1} s, {:.2} times the simulation alone",
@@ -56,7 +64,7 @@ fn main() {
     );
 
     let begin = Instant::now();
-    let designs = Designs::new(arm, &placer, &settings, &Quiet).expect("enough candidates");
+    let designs = Designs::new(&trial).expect("enough candidates");
     println!(
         "choosing {} of {} poses, twice: {:.1} s",
         designs.by_variance.len(),
@@ -64,7 +72,7 @@ fn main() {
         seconds(begin)
     );
     let begin = Instant::now();
-    let rows = compare::judge(arm, &placer, &designs, &pool, &settings, &Quiet);
+    let rows = compare::judge(&trial, &designs, &pool);
     println!(
         "the whole model on {WHOLE_MODEL_ROBOTS} robots × {} designs: {:.1} s",
         rows.len(),
