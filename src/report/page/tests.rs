@@ -8,8 +8,10 @@ use super::content::{
     Calibration, Clock, Content, Count, Figure, JointError, Parameter, Provenance, Reject,
     Residual, Residuals, Session, Step, Subject, Variogram, VariogramEntry,
 };
-use super::{STYLE, chart, html};
+use super::html;
+use super::shell::STYLE;
 use crate::grid::{Tolerance, Verdict};
+use crate::report::chart;
 
 /// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that turns the
 /// direction of text: `gpj.exe` would read `exe.jpg`.
