@@ -15,7 +15,7 @@ use crate::report::chart;
 
 /// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that turns the
 /// direction of text: `gpj.exe` would read `exe.jpg`.
-const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
+pub(super) const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
 
 fn subject(model: &str, name: &str) -> Subject {
     Subject {
@@ -223,7 +223,7 @@ fn content(name: &str) -> Content {
 }
 
 /// Parses the page as XML, which every element closed and every value escaped makes it.
-fn parsed(page: &str) -> Document<'_> {
+pub(super) fn parsed(page: &str) -> Document<'_> {
     let options = ParsingOptions {
         allow_dtd: true,
         ..ParsingOptions::default()

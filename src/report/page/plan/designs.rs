@@ -24,7 +24,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Here no grid stands between: the whole model is identified from the measured poses, and its predictions from commands "
-            "alone correct fresh poses. " em { "Lowest variance" } " chooses each next pose where it lowers the model's own predicted variance over the box "
+            "alone correct fresh poses. " em { "Greedy variance" } " chooses each next pose where it lowers the model's own predicted variance over the box "
             "most; what the model expects beside it was known before any robot was drawn. Figures are of " (first.robots) " simulated robots."
         }
         div.pair {
@@ -122,8 +122,8 @@ fn all_rows(content: &Content, rows: &[&Figure]) -> Markup {
     html! {
         (super::table(&head, &body))
         p.note {
-            "Expected: what the error model says before measuring, from the sizes of errors that it allows any arm; it is above what the "
-            "robots gave where they are better than that."
+            "Expected: what the error model says before measuring, from the sizes of errors that it allows any arm. Far above what the "
+            "robots gave it is cautious, below it promises too much; the plan's promise rests on the robots."
         }
     }
 }

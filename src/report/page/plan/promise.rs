@@ -29,9 +29,13 @@ impl Standing {
     /// Class, sign and headline; the sign tells them apart without colour too.
     const fn words(self) -> (&'static str, &'static str, &'static str) {
         match self {
-            Self::Met => ("met", "✓", "Tolerance met, as planned"),
-            Self::NotMet => ("not-met", "✗", "Tolerance not met by this plan"),
-            Self::NotShown => ("not-shown", "?", "Not shown to meet the tolerance"),
+            Self::Met => ("met", "✓", "The plan meets the tolerance"),
+            Self::NotMet => ("not-met", "✗", "The plan does not meet the tolerance"),
+            Self::NotShown => (
+                "not-shown",
+                "?",
+                "The plan is not shown to meet the tolerance",
+            ),
         }
     }
 }
@@ -116,7 +120,7 @@ fn facts(content: &Content, promise: &Promise) -> Markup {
                 (promise.meet) " of " (promise.robots) " robots meet it"
             }))
             (fact("Poses to identify", &html! { (whole(count("identify"))) }, &html! {
-                (whole(count("drift_check"))) " visits again for drift"
+                (whole(count("drift_check"))) " again, for drift"
             }))
             (fact("Poses to verify", &html! { (whole(count("verify"))) }, &html! { "they take no part in the fit" }))
         }

@@ -29,7 +29,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "95th percentiles are means over robots; the bound is what the asked share of robots stays below, with the asked confidence."
         }
         div.pair {
-            figure { (chart(content, &steps, &own, chosen)) figcaption { (caption(shown)) } }
+            figure { (chart(content, &steps, &own, chosen)) figcaption { (caption(shown, &own)) } }
             div { (own_rows(&own)) }
         }
         details {
@@ -58,7 +58,7 @@ fn sentence(chosen: Option<&Figure>) -> Markup {
     };
     html! {
         "The largest step that holds, with all smaller ones, is " strong { (row.step_mm.unwrap_or(0.0)) " mm" } ": "
-        (row.poses) " poses, node values " (words::family(row)) ". " (row.meet) " of " (row.robots)
+        (row.poses) " poses, " (words::origin(row)) ". " (row.meet) " of " (row.robots)
         " robots meet the tolerance: at least " (percent(row.share_at_least)) " % of all, " (percent(row.share_asked)) " % are asked for."
     }
 }
@@ -174,10 +174,19 @@ fn other_bounds(steps: &[&Figure], own: &[&Figure]) -> Vec<Series> {
     families.into_iter().enumerate().map(bounds).collect()
 }
 
-fn caption(shown: &Figure) -> String {
+fn caption(shown: &Figure, own: &[&Figure]) -> String {
+    let unjudged = own.iter().filter(|row| row.mean_mm.is_none());
+    let steps: Vec<String> = unjudged
+        .filter_map(|row| Some(row.step_mm?.to_string()))
+        .collect();
+    let none = if steps.is_empty() {
+        String::new()
+    } else {
+        format!(" No pose could be judged at {} mm.", steps.join(", "))
+    };
     format!(
-        "Node values {}, on {} simulated robots; fresh poses at the table's orientation.",
-        words::family(shown),
-        shown.robots
+        "On {} simulated robots; drawn are {}.{none}",
+        shown.robots,
+        words::origin(shown)
     )
 }

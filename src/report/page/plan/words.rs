@@ -8,18 +8,30 @@ use crate::report::page::words::{self, fixed, optional, percent};
 /// How the measured poses are chosen.
 pub(super) fn design(word: &str) -> String {
     match word {
-        "greedy_variance" => "lowest variance".to_owned(),
         "d_optimal" => "D-optimal".to_owned(),
         other => words::plain(other),
     }
 }
 
-/// Where node values come from and how those inside a cell follow.
+/// Where node values come from and how those inside a cell follow, in a few words.
 pub(super) fn family(figure: &Figure) -> String {
     let source = words::plain(&figure.source);
     match &figure.interpolation {
         Some(interpolation) => format!("{source}, {interpolation}"),
         None => source,
+    }
+}
+
+/// The same for a sentence.
+pub(super) fn origin(figure: &Figure) -> String {
+    let source = match figure.source.as_str() {
+        "measured" => "as measured".to_owned(),
+        "model" => "from the model".to_owned(),
+        other => words::plain(other),
+    };
+    match &figure.interpolation {
+        Some(interpolation) => format!("node values {source}, {interpolation} inside a cell"),
+        None => format!("node values {source}"),
     }
 }
 
@@ -40,7 +52,7 @@ pub(super) fn robots_head() -> Markup {
 pub(super) fn robots(figure: &Figure) -> Markup {
     html! {
         td { (figure.meet) " of " (figure.robots) }
-        td { data value=(figure.share_at_least) { (fixed(100.0 * figure.share_at_least, 1)) } " %" }
+        td { data value=(figure.share_at_least) { (fixed(100.0 * figure.share_at_least, 1)) } "\u{a0}%" }
     }
 }
 
