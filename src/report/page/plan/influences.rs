@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::content::{Content, Figure};
 use super::words;
 use crate::report::chart::{Axis, Chart, Series};
-use crate::report::page::words::{fixed, whole};
+use crate::report::page::words::{fixed, optional, whole};
 
 /// A study: its name in the table, its heading, the axis of what is varied, and what that means.
 struct Study {
@@ -150,7 +150,7 @@ fn number(value: f64) -> String {
 fn all_rows(study: &Study, rows: &[&Figure]) -> Markup {
     let (quantity, unit) = study.axis;
     let head = html! {
-        th { (quantity) @if !unit.is_empty() { ", " (unit) } } th.word { "Node values" } th { "Poses" } th { "Not reached" }
+        th { "Value" small { (quantity) @if !unit.is_empty() { ", " (unit) } } } th.word { "Node values" } th { "Poses" } th { "Not reached" }
         th { "Mean" } th { "p95" } th { "Judged" } (words::robots_head()) th { "Poses refused" } th { "Outside" }
     };
     let body = html! {
@@ -160,7 +160,7 @@ fn all_rows(study: &Study, rows: &[&Figure]) -> Markup {
                 td.word { (words::family(row)) }
                 td { (whole(row.poses.unsigned_abs())) }
                 td { (row.not_reached) }
-                @for value in [row.mean_mm, row.p95_mm] { td { (crate::report::page::words::optional(value, 3)) } }
+                @for value in [row.mean_mm, row.p95_mm] { td { (optional(value, 3)) } }
                 td { (row.judged) }
                 (words::robots(row))
                 td { (whole(row.refused.unsigned_abs())) }
@@ -170,6 +170,6 @@ fn all_rows(study: &Study, rows: &[&Figure]) -> Markup {
     };
     html! {
         (super::table(&head, &body))
-        p.note { "Judged: robots with enough fresh poses for a bound; without one a robot does not count as meeting the tolerance." }
+        p.note { "Judged: robots with enough fresh poses for a bound; where there are none, no robot is said to meet the tolerance or not." }
     }
 }

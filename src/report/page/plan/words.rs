@@ -48,11 +48,15 @@ pub(super) fn robots_head() -> Markup {
     html! { th { "Robots that meet it" } th { "At least" } }
 }
 
-/// How many robots meet the tolerance, and which share that shows at least.
+/// How many robots meet the tolerance, and which share that shows at least; nothing where none could be judged.
 pub(super) fn robots(figure: &Figure) -> Markup {
     html! {
-        td { (figure.meet) " of " (figure.robots) }
-        td { data value=(figure.share_at_least) { (fixed(100.0 * figure.share_at_least, 1)) } "\u{a0}%" }
+        @if figure.judged == 0 {
+            td { "–" } td { "–" }
+        } @else {
+            td { (figure.meet) "\u{a0}of\u{a0}" (figure.robots) }
+            td { data value=(figure.share_at_least) { (fixed(100.0 * figure.share_at_least, 1)) } "\u{a0}%" }
+        }
     }
 }
 
