@@ -84,6 +84,7 @@ fn figure(row: &Row<'_>) -> Figure {
 fn visit(row: &Row<'_>) -> Visit {
     Visit {
         pose: row.whole("pose"),
+        target: row.text("target"),
         purpose: row.text("purpose"),
         repeats: row.optional_whole("repeats"),
         joints_rad: row.numbers("joints_rad"),

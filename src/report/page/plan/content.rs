@@ -109,6 +109,8 @@ impl Figure {
 pub struct Visit {
     /// Place in the order of visits, from 0.
     pub pose: i64,
+    /// Its name where the plan is a file of targets.
+    pub target: String,
     /// `identify`, `verify` or `drift_check`.
     pub purpose: String,
     /// The visit whose pose a drift check repeats.

@@ -115,7 +115,7 @@ fn counts(content: &Content) -> Markup {
 
 fn rows(content: &Content) -> Markup {
     let head = html! {
-        th { "Visit" } th.word { "Purpose" }
+        th { "Target" } th.word { "Purpose" }
         @for joint in &content.joints { th { (joint) ", °" } }
         @for axis in AXES { th { (axis) ", mm" } }
         th { "Chosen as" }
@@ -123,8 +123,8 @@ fn rows(content: &Content) -> Markup {
     let body = html! {
         @for visit in content.visits.iter().take(MOST_LISTED) {
             tr {
-                th scope="row" { (visit.pose) }
-                td.word { (words::purpose(&visit.purpose)) @if let Some(of) = visit.repeats { ", of " (of) } }
+                th scope="row" { (visit.target) }
+                td.word { (words::purpose(&visit.purpose)) @if let Some(first) = repeated(content, visit) { ", of " (first) } }
                 @for angle in &visit.joints_rad { td { (fixed(angle.to_degrees(), 3)) } }
                 @for place in visit.at { td { (fixed(place, 1)) } }
                 td { @match visit.chosen_as { Some(place) => (place), None => "–" } }
@@ -132,4 +132,13 @@ fn rows(content: &Content) -> Markup {
         }
     };
     super::table(&head, &body)
+}
+
+/// The name of the visit whose pose this one repeats.
+fn repeated<'c>(content: &'c Content, visit: &Visit) -> Option<&'c str> {
+    let first = content
+        .visits
+        .iter()
+        .find(|own| Some(own.pose) == visit.repeats)?;
+    Some(&first.target)
 }

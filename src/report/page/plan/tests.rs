@@ -87,6 +87,7 @@ fn visit(pose: i32, purpose: &str) -> Visit {
     let chosen = (purpose == "identify").then_some(i64::from(pose));
     Visit {
         pose: i64::from(pose),
+        target: format!("p{pose}"),
         purpose: purpose.to_owned(),
         repeats: (purpose == "drift_check").then_some(0),
         joints_rad: vec![0.1 * t, -0.5],
@@ -218,6 +219,7 @@ fn figures_carry_the_values_of_the_tables() {
         assert_eq!(values.get(value), Some(&shown), "{value}");
     }
     // The second visit: 0.1 rad and -0.5 rad in degrees.
+    assert!(page.contains(", of p0"));
     assert!(page.contains("<td>5.730</td><td>\u{2212}28.648</td>"));
 }
 
