@@ -41,7 +41,6 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
 /// Every row says it; the first is asked.
 fn promise(row: &Row<'_>) -> Promise {
     Promise {
-        step_mm: row.optional_number("step_mm"),
         mean_mm: row.optional_number("promised_mean_mm"),
         bound_mm: row.optional_number("promised_bound_mm"),
         share: row.number("promised_share"),

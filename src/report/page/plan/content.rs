@@ -26,8 +26,6 @@ pub struct Content {
 /// What every row of `sampling_plan` says of the whole plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Promise {
-    /// The largest step of a uniform grid that holds, mm.
-    pub step_mm: Option<f64>,
     /// What mean errors stay below, mm.
     pub mean_mm: Option<f64>,
     /// What bounds stay below, mm.

@@ -150,7 +150,7 @@ fn number(value: f64) -> String {
 fn all_rows(study: &Study, rows: &[&Figure]) -> Markup {
     let (quantity, unit) = study.axis;
     let head = html! {
-        th { "Value" small { (quantity) @if !unit.is_empty() { ", " (unit) } } } th.word { "Node values" } th { "Poses" } th { "Not reached" }
+        th { "Value: " (quantity) @if !unit.is_empty() { ", " (unit) } } th.word { "Node values" } th { "Poses" } th { "Not reached" }
         th { "Mean" } th { "p95" } th { "Judged" } (words::robots_head()) th { "Poses refused" } th { "Outside" }
     };
     let body = html! {

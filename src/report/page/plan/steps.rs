@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::content::{Content, Figure};
 use super::words;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
-use crate::report::page::words::{percent, whole};
+use crate::report::page::words::{fixed, percent, whole};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let steps: Vec<&Figure> = content
@@ -59,7 +59,7 @@ fn sentence(chosen: Option<&Figure>) -> Markup {
     html! {
         "The largest step that holds, with all smaller ones, is " strong { (row.step_mm.unwrap_or(0.0)) " mm" } ": "
         (row.poses) " poses, " (words::origin(row)) ". " (row.meet) " of " (row.robots)
-        " robots meet the tolerance: at least " (percent(row.share_at_least)) " % of all, " (percent(row.share_asked)) " % are asked for."
+        " robots meet the tolerance: at least " (fixed(100.0 * row.share_at_least, 1)) " % of all, " (percent(row.share_asked)) " % are asked for."
     }
 }
 

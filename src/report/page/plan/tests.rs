@@ -18,7 +18,7 @@ fn figure(study: &str, design: &str) -> Figure {
         poses: 25,
         not_reached: 0,
         robots: 60,
-        no_fit: 0,
+        no_fit: 1,
         judged: 60,
         refused: 0,
         outside: 0,
@@ -105,7 +105,6 @@ fn content(name: &str) -> Content {
         robot: text(),
         plan: "00ff".to_owned(),
         promise: Some(Promise {
-            step_mm: Some(500.0),
             mean_mm: Some(0.136_375),
             bound_mm: Some(0.254_125),
             share: 0.95,
@@ -227,6 +226,7 @@ fn figures_carry_the_values_of_the_tables() {
 fn what_could_not_be_judged_is_said() {
     let page = html(&content("kr210"));
     assert!(page.contains("No pose could be judged at 1000 mm."));
+    assert!(page.contains("<small>1 not fitted</small>"));
     assert!(page.contains("Too few fresh poses for a bound, so read with care, at 0.25."));
 }
 

@@ -54,7 +54,10 @@ pub(super) fn robots(figure: &Figure) -> Markup {
         @if figure.judged == 0 {
             td { "–" } td { "–" }
         } @else {
-            td { (figure.meet) "\u{a0}of\u{a0}" (figure.robots) }
+            td {
+                (figure.meet) "\u{a0}of\u{a0}" (figure.robots)
+                @if figure.no_fit > 0 { small { (figure.no_fit) " not fitted" } }
+            }
             td { data value=(figure.share_at_least) { (fixed(100.0 * figure.share_at_least, 1)) } "\u{a0}%" }
         }
     }
