@@ -179,6 +179,11 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
         "{:?}",
         plan.promise
     );
+    let page = planned.page.as_ref().expect("a page beside the tables");
+    let page = std::fs::read_to_string(page).expect("the page");
+    let promised = plan.promise.mean_bound_mm.expect("a promise");
+    assert!(page.contains(&format!("<data value=\"{promised}\">")));
+    assert!(page.contains(&planned.key.run) && page.len() < 500_000);
     let again = small(lake.path()).make(&Quiet).expect("the same plan");
     assert!(again.already_there && again.plan.promise == plan.promise);
     let other = tempfile::tempdir().expect("a folder");
@@ -186,6 +191,7 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
     let bytes = |lake: &Path| {
         let mut files = files(&lake.join("sampling_plan"));
         files.extend(self::files(&lake.join("plan_figures")));
+        files.extend(self::files(&lake.join("report")));
         files
             .iter()
             .map(|path| std::fs::read(path).expect("a table"))

@@ -26,7 +26,7 @@ use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 #[command(after_help = "\
 The section [plan] of the pipeline file says what robot to expect and where the tracker will stand. Robots are drawn from
 that, measured, fitted and compensated by the code that runs at night, on every step of [grid] and on poses chosen by the
-error model. The plan goes into the lake as the tables sampling_plan and plan_figures.
+error model. The plan goes into the lake as the tables sampling_plan and plan_figures, and a page.
 
 Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
   posegrid plan pipelines/plan-kr210.toml --csv poses.csv
@@ -126,6 +126,9 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
         text.push('\n');
     };
     line(format!("plan {}{known}", planned.key.run));
+    if let Some(page) = &planned.page {
+        line(format!("page: {}", near(page).display()));
+    }
     line(format!("tables: {}", near(&planning.lake).display()));
     if let Some(csv) = &args.csv {
         line(format!("poses: {}", csv.display()));

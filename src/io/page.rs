@@ -2,9 +2,10 @@
 //!
 //! Inputs are the tables themselves and what only the run's row in `runs` says besides; output is a
 //! [`report::page::Content`](crate::report::page::Content). A figure on the page is the value of a cell, so page and tables
-//! cannot differ.
+//! cannot differ. [`plan`] is the same for the page of a plan.
 
 mod calibration;
+pub mod plan;
 mod row;
 mod session;
 
@@ -84,7 +85,7 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
             .filter_map(|(name, trained)| of_session(tables, name, trained))
             .collect(),
         counts: about.counts.iter().map(count).collect(),
-        provenance: provenance(about),
+        provenance: made_from(about.work, about.written),
     }
 }
 
@@ -219,7 +220,7 @@ fn count(count: &StageCount) -> Count {
     }
 }
 
-fn provenance(about: &About<'_>) -> Provenance {
+fn made_from(work: &Work, written: &[Written]) -> Provenance {
     let input =
         |input: &crate::manifest::Input| (input.name.clone(), input.bytes, input.digest.clone());
     let table = |file: &Written| {
@@ -230,10 +231,10 @@ fn provenance(about: &About<'_>) -> Provenance {
         )
     };
     Provenance {
-        pipeline: about.work.pipeline.clone(),
+        pipeline: work.pipeline.clone(),
         version: VERSION.to_owned(),
-        inputs: about.work.inputs.iter().map(input).collect(),
-        tables: about.written.iter().map(table).collect(),
-        settings: about.work.settings.clone(),
+        inputs: work.inputs.iter().map(input).collect(),
+        tables: written.iter().map(table).collect(),
+        settings: work.settings.clone(),
     }
 }

@@ -1,7 +1,7 @@
 //! Planning: the `[plan]` section of a pipeline file → a published plan.
 //!
 //! Inputs: the pipeline file at a path, no log. Output: [`Planned`]; in the lake, the tables `sampling_plan` and
-//! `plan_figures` and the row of `runs` that makes them exist. The plan's id is that run; the same file gives the same plan.
+//! `plan_figures`, the plan's page made of them, and the row of `runs` that makes them exist. The plan's id is that run; the same file gives the same plan.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,9 +11,10 @@ use thiserror::Error;
 
 use super::file::PipelineFile;
 use super::plan::{PlanError, files};
-use super::run::{RunError, input};
+use super::run::{self, RunError, input};
 use crate::fit::{Noise, TrackerUncertainty};
 use crate::io::lake::{Commit, Lake, LakeError};
+use crate::io::page::{self, plan::About};
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::{self, ManifestError, Outcome, RunKey, StageCount, Work};
@@ -21,6 +22,7 @@ use crate::plan::section::{ConstraintsSection, PlanSection};
 use crate::plan::sight::{Constraints, KeepOut, Sight};
 use crate::plan::{self, PlanSettings, Region, SamplingPlan};
 use crate::progress::Progress;
+use crate::report;
 use crate::simulate::settings::{Cell, TrackerErrors};
 
 /// The session under which a plan stands in the lake.
@@ -46,6 +48,8 @@ pub struct Planned {
     pub key: RunKey,
     /// What it says.
     pub plan: SamplingPlan,
+    /// Where its page is; plans of versions that wrote none have none.
+    pub page: Option<PathBuf>,
     /// Whether the lake had it already.
     pub already_there: bool,
 }
@@ -128,32 +132,47 @@ impl Planning {
         let key = self.work.key();
         let plan = plan::plan(&self.arm, &self.settings, progress)?;
         let lake = Lake::new(&self.lake);
-        let replaces = lake.current(&key)?;
-        let Some(mut run) = lake.start(&key)? else {
-            return Ok(Planned {
-                key,
-                plan,
-                already_there: true,
-            });
-        };
-        let frame = &self.command_from_base;
-        run.publish(&sampling_plan::sampling_plan(
-            &plan,
-            &self.settings,
-            &self.arm,
-            frame,
-            &key,
-        )?)?;
-        run.publish(&sampling_plan::plan_figures(&plan, &self.settings, &key)?)?;
-        let row = self
-            .work
-            .runs_table(&counts(&plan), run.written(), &ending(&plan, replaces))?;
-        let commit = run.commit(&row)?;
+        let commit = self.publish(&plan, &lake, &key)?;
+        let page = run::page(&lake, &key).map_err(Box::new)?;
         Ok(Planned {
             key,
             plan,
+            page,
             already_there: commit == Commit::AlreadyThere,
         })
+    }
+
+    /// Writes the tables of a plan, its page, and then its row of `runs`.
+    fn publish(
+        &self,
+        plan: &SamplingPlan,
+        lake: &Lake,
+        key: &RunKey,
+    ) -> Result<Commit, PlanningError> {
+        let replaces = lake.current(key)?;
+        let Some(mut run) = lake.start(key)? else {
+            return Ok(Commit::AlreadyThere);
+        };
+        let frame = &self.command_from_base;
+        let tables = [
+            sampling_plan::sampling_plan(plan, &self.settings, &self.arm, frame, key)?,
+            sampling_plan::plan_figures(plan, &self.settings, key)?,
+        ];
+        for table in &tables {
+            run.publish(table)?;
+        }
+        let counts = counts(plan);
+        let about = About {
+            work: &self.work,
+            counts: &counts,
+            written: run.written(),
+        };
+        let html = report::page::plan::html(&page::plan::content(&tables, &about));
+        run.publish_page(&html)?;
+        let row = self
+            .work
+            .runs_table(&counts, run.written(), &ending(plan, replaces))?;
+        Ok(run.commit(&row)?)
     }
 }
 

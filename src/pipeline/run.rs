@@ -181,7 +181,8 @@ fn said(
     })
 }
 
-fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
+/// Where the page of a run is, if it has one.
+pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
     let page = lake.page(key)?;
     Ok(page.is_file().then_some(page))
 }

@@ -7,8 +7,8 @@
 //! 4. accuracy before and after, ISO 9283 figures where there are; 5. similarity; 6. joint curves; 7. parameters and what
 //!    could not be told apart; 8. clocks, pairing and rejects; 9. how the models came out; 10. provenance.
 //!
-//! Names come from logs and settings and may be anything: maud escapes every value, and at the end what a reader would
-//! not see or what would turn the direction of the text is written out ([`visible`]).
+//! The frame around the sections, and what becomes of names that may be anything, is `shell`; the page of a plan, [`plan`],
+//! stands in the same.
 
 mod accuracy;
 pub mod content;
@@ -16,7 +16,9 @@ mod joints;
 mod logs;
 mod models;
 mod parameters;
+pub mod plan;
 mod provenance;
+mod shell;
 mod similarity;
 mod space;
 mod steps;
@@ -25,13 +27,11 @@ mod tests;
 mod verdict;
 mod words;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 pub use content::Content;
 
-use super::chart;
-
-const STYLE: &str = include_str!("page/page.css");
+use shell::{Shell, table};
 
 /// A section: its anchor, its heading, and what makes its content; `None` where the run has nothing for it.
 type Section = (&'static str, &'static str, fn(&Content) -> Option<Markup>);
@@ -57,61 +57,14 @@ const SECTIONS: [Section; 12] = [
 
 /// The page.
 pub fn html(content: &Content) -> String {
-    let sections: Vec<_> = SECTIONS
-        .into_iter()
-        .filter_map(|(id, heading, of)| Some((id, heading, of(content)?)))
-        .collect();
-    let title = format!("{} · {}", content.robot, content.session);
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                // Written with a slash, the page is well-formed XML too, and any parser can check it.
-                (PreEscaped("<meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>"))
-                title { (title) " · posegrid" }
-                style { (PreEscaped(chart::STYLE)) (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    (verdict::header(content))
-                    nav aria-label="Sections" {
-                        @for (id, heading, _) in &sections { a href={ "#" (id) } { (heading) } " " }
-                    }
-                    @for (id, heading, section) in &sections {
-                        section id=(id) { h2 { (heading) } (section) }
-                    }
-                    footer { p { "posegrid " (content.provenance.version) " · run " code { (content.run) } } }
-                }
-            }
-        }
-    };
-    visible(page.into_string())
-}
-
-/// The same page with every character written out that a reader would not see: controls, and marks that turn the direction
-/// of text, which could make a name in a log read as something else. Our own markup has none.
-pub fn visible(page: String) -> String {
-    if !page.contains(is_hidden) {
-        return page;
-    }
-    let shown = |c: char| {
-        if is_hidden(c) {
-            c.escape_unicode().to_string()
-        } else {
-            c.to_string()
-        }
-    };
-    page.chars().map(shown).collect()
-}
-
-fn is_hidden(c: char) -> bool {
-    let turns = matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fffe}' | '\u{ffff}');
-    turns || (c.is_control() && c != '\n')
-}
-
-/// A table that scrolls by itself where the screen is narrow.
-fn table(head: &Markup, body: &Markup) -> Markup {
-    html! {
-        div.scroll { table { thead { tr { (head) } } tbody { (body) } } }
-    }
+    let sections = SECTIONS.into_iter().filter_map(|(id, heading, of)| {
+        let body = of(content)?;
+        Some(shell::Section { id, heading, body })
+    });
+    shell::page(&Shell {
+        title: format!("{} · {}", content.robot, content.session),
+        header: verdict::header(content),
+        sections: sections.collect(),
+        footer: html! { "posegrid " (content.provenance.version) " · run " code { (content.run) } },
+    })
 }

@@ -25,7 +25,7 @@ pub(super) fn section(content: &Content) -> Markup {
 }
 
 /// Name, size and digest of each file.
-fn files(files: &[(String, u64, String)], size: &str) -> Markup {
+pub(super) fn files(files: &[(String, u64, String)], size: &str) -> Markup {
     let head = html! { th { "File" } th { (size) } th.word { "BLAKE3" } };
     let body = html! {
         @for (name, number, digest) in files {
@@ -36,7 +36,7 @@ fn files(files: &[(String, u64, String)], size: &str) -> Markup {
 }
 
 /// The settings over several lines; as they are where they are no JSON.
-fn settings(provenance: &Provenance) -> String {
+pub(super) fn settings(provenance: &Provenance) -> String {
     let value: Option<serde_json::Value> = serde_json::from_str(&provenance.settings).ok();
     value
         .and_then(|value| serde_json::to_string_pretty(&value).ok())

@@ -8,12 +8,14 @@ use super::content::{
     Calibration, Clock, Content, Count, Figure, JointError, Parameter, Provenance, Reject,
     Residual, Residuals, Session, Step, Subject, Variogram, VariogramEntry,
 };
-use super::{STYLE, chart, html};
+use super::html;
+use super::shell::STYLE;
 use crate::grid::{Tolerance, Verdict};
+use crate::report::chart;
 
 /// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that turns the
 /// direction of text: `gpj.exe` would read `exe.jpg`.
-const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
+pub(super) const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
 
 fn subject(model: &str, name: &str) -> Subject {
     Subject {
@@ -221,7 +223,7 @@ fn content(name: &str) -> Content {
 }
 
 /// Parses the page as XML, which every element closed and every value escaped makes it.
-fn parsed(page: &str) -> Document<'_> {
+pub(super) fn parsed(page: &str) -> Document<'_> {
     let options = ParsingOptions {
         allow_dtd: true,
         ..ParsingOptions::default()

@@ -87,11 +87,11 @@ fn facts(content: &Content, step: &Step) -> Markup {
     }
 }
 
-fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
+pub(super) fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
     html! { div { dt { (name) } dd { (value) small { (beside) } } } }
 }
 
-fn mm(value: Option<f64>) -> Markup {
+pub(super) fn mm(value: Option<f64>) -> Markup {
     html! { @match value { Some(value) => { (words::number(value, 3)) " mm" }, None => "not shown" } }
 }
 
