@@ -80,7 +80,7 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     match made(args, bars) {
         Ok((planned, words)) => {
             messages::result(words);
-            if planned.plan.is_met() { DONE } else { NOT_MET }
+            if planned.is_met { DONE } else { NOT_MET }
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -110,22 +110,29 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
 }
 
 fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
-    let plan = &planned.plan;
     let settings = &planning.settings;
     let mut text = String::new();
-    steps(&mut text, plan, settings);
-    designs(&mut text, plan);
-    session(&mut text, plan, settings);
-    let known = if planned.already_there {
-        ", made before"
+    match &planned.plan {
+        Some(plan) => {
+            steps(&mut text, plan, settings);
+            designs(&mut text, plan);
+            session(&mut text, plan, settings);
+        }
+        None => {
+            text += "the lake has this plan already: same file, same robot, same version; nothing was done\n";
+        }
+    }
+    let verdict = if planned.is_met {
+        "shown to be met"
     } else {
-        ""
+        "not shown to be met"
     };
     let mut line = |words: String| {
         text += &words;
         text.push('\n');
     };
-    line(format!("plan {}{known}", planned.key.run));
+    line(format!("tolerance {} mm: {verdict}", settings.tolerance.mm));
+    line(format!("plan {}", planned.key.run));
     if let Some(page) = &planned.page {
         line(format!("page: {}", near(page).display()));
     }
@@ -225,10 +232,4 @@ fn session(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
         ),
     };
     writeln!(text, "{words}").expect("a string");
-    let verdict = if plan.is_met() {
-        "shown to be met"
-    } else {
-        "not shown to be met"
-    };
-    writeln!(text, "tolerance {} mm: {verdict}", settings.tolerance.mm).expect("a string");
 }

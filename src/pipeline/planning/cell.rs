@@ -1,0 +1,216 @@
+//! The cell as a pipeline file states it → what a plan is made with.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use crate::fit::{Noise, TrackerUncertainty};
+use crate::kinematics::{Arm, SingularityFactors};
+use crate::pipeline::file::PipelineFile;
+use crate::pipeline::plan::PlanError;
+use crate::plan::section::{ConstraintsSection, PlanSection};
+use crate::plan::sight::{Constraints, KeepOut, Sight};
+use crate::plan::{PlanSettings, Region};
+use crate::simulate::settings::{Cell, TrackerErrors};
+
+/// A placement as a transform; the key says where it stands in the file.
+pub(super) fn placed(
+    path: &Path,
+    key: &'static str,
+    placement: &crate::geometry::Placement,
+) -> Result<Isometry3<f64>, PlanError> {
+    placement.isometry().map_err(|source| PlanError::Placement {
+        path: path.to_owned(),
+        key,
+        source,
+    })
+}
+
+/// Frames of the cell as the file states them.
+pub(super) struct Placed<'p> {
+    path: &'p Path,
+    tracker_from_base: Isometry3<f64>,
+    flange_from_target: Isometry3<f64>,
+}
+
+impl<'p> Placed<'p> {
+    pub(super) fn new(
+        path: &'p Path,
+        file: &PipelineFile,
+        section: &PlanSection,
+    ) -> Result<Self, PlanError> {
+        let tool = file
+            .commanded
+            .as_ref()
+            .and_then(|section| section.flange_from_tool);
+        let tool = tool
+            .map(|tool| placed(path, "[commanded] flange_from_tool", &tool))
+            .transpose()?;
+        let target = file.fit.geometric.target.map(|target| target.xyz_mm);
+        let flange_from_target = match (target, tool) {
+            (Some(xyz_mm), tool) => Isometry3::from_parts(
+                Translation3::from(xyz_mm),
+                tool.map_or_else(UnitQuaternion::identity, |tool| tool.rotation),
+            ),
+            (None, Some(tool)) => tool,
+            (None, None) => {
+                return Err(PlanError::Missing {
+                    path: path.to_owned(),
+                    key: "[fit] target",
+                    reason: "a plan has to know where the target will sit at the flange: give its xyz_mm and sd_mm, or \
+                             [commanded] flange_from_tool where the tool is the target",
+                });
+            }
+        };
+        Ok(Self {
+            path,
+            tracker_from_base: placed(
+                path,
+                "[plan] tracker_from_base",
+                &section.tracker_from_base,
+            )?,
+            flange_from_target,
+        })
+    }
+
+    /// Everything that the plan follows from.
+    pub(super) fn settings(
+        &self,
+        arm: &Arm,
+        file: &PipelineFile,
+        section: &PlanSection,
+    ) -> Result<PlanSettings, PlanError> {
+        let missing = |key, reason| PlanError::Missing {
+            path: self.path.to_owned(),
+            key,
+            reason,
+        };
+        let bounds = file.grid.bounds.ok_or_else(|| {
+            missing("[grid] box", "a plan has no stations to take a box from: give low_mm and high_mm in the base frame")
+        })?;
+        let home: Vec<f64> = section
+            .home_deg
+            .iter()
+            .map(|deg| deg.to_radians())
+            .collect();
+        let at_home = arm.flange(&home).isometry() * self.flange_from_target;
+        let orientation = file
+            .grid
+            .orientation_xyzw
+            .map_or(at_home.rotation, |[x, y, z, w]| {
+                // The table's orientation is the tool's: that of the target here.
+                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+            });
+        let fit = &file.fit.geometric;
+        let up = file.robot.up;
+        Ok(PlanSettings {
+            seed: section.seed,
+            flange_from_target: self.flange_from_target,
+            region: Region {
+                bounds,
+                orientation,
+                cone_rad: section.cone_deg.to_radians(),
+            },
+            candidate_cone_rad: section
+                .candidate_cone_deg
+                .max(section.cone_deg)
+                .to_radians(),
+            constraints: self.constraints(arm, &home, &section.constraints)?,
+            grid: file.grid.clone(),
+            tolerance: file.tolerance,
+            population: section.expect.population(
+                self.cell(fit.orientations),
+                tracker(&file.tracker.uncertainty),
+                up.unwrap_or([0.0, 0.0, 1.0]),
+            ),
+            noise: Noise {
+                tracker: file.tracker.uncertainty,
+                repeatability_mm: fit.repeatability_mm,
+                orientations: fit.orientations,
+            },
+            fit: fit.clone(),
+            full: file.fit.full.clone(),
+            up: up.map(|up| Unit::new_normalize(Vector3::from(up))),
+            robots: section.robots,
+            whole_model_robots: section.whole_model_robots,
+            test_poses: section.test_poses,
+            robots_meet: section.robots_meet,
+            candidates: section.candidates,
+            poses: section.poses.clone(),
+            drift_check_every: section.drift_check_every,
+            verify_poses: section.verify_poses,
+            home,
+        })
+    }
+
+    fn cell(&self, six_dof: bool) -> Cell {
+        let rpy = |placement: &Isometry3<f64>| {
+            let (roll, pitch, yaw) = placement.rotation.euler_angles();
+            [roll, pitch, yaw]
+        };
+        Cell {
+            tracker_from_base_mm: self.tracker_from_base.translation.vector.into(),
+            tracker_from_base_rpy: rpy(&self.tracker_from_base),
+            flange_from_target_mm: self.flange_from_target.translation.vector.into(),
+            flange_from_target_rpy: rpy(&self.flange_from_target),
+            six_dof,
+            ..Cell::default()
+        }
+    }
+
+    fn constraints(
+        &self,
+        arm: &Arm,
+        home: &[f64],
+        section: &ConstraintsSection,
+    ) -> Result<Constraints, PlanError> {
+        let nominal = vec![0.0; arm.chain().parameters().len()];
+        let factors = SingularityFactors::of(arm, &nominal, home);
+        let sight = section.sight.map(|sight| {
+            let facing = Unit::try_new(Vector3::from(sight.facing), 1e-6);
+            let facing = facing.ok_or_else(|| PlanError::Setting {
+                path: self.path.to_owned(),
+                key: "[plan.constraints] sight.facing".to_owned(),
+                found: format!("{:?}", sight.facing),
+                wanted: "a direction, for example [0, 0, 1]".to_owned(),
+            })?;
+            Ok::<Sight, PlanError>(Sight {
+                tracker: Point3::from(self.tracker_from_base.inverse().translation.vector),
+                facing,
+                acceptance_rad: sight.acceptance_deg.to_radians(),
+                range_mm: sight.range_mm,
+                link_radius_mm: sight.link_radius_mm,
+            })
+        });
+        let boxes = section.keep_out.iter().map(|keep_out| KeepOut {
+            name: keep_out.name.clone(),
+            least_mm: keep_out.low_mm,
+            most_mm: keep_out.high_mm,
+        });
+        Ok(Constraints {
+            configuration: factors.as_ref().map(SingularityFactors::configuration),
+            least_singularity_factor: factors.map_or(0.0, |_| section.least_singularity_factor),
+            limit_margin_rad: section.limit_margin_deg.to_radians(),
+            flange_from_target: self.flange_from_target,
+            keep_out: boxes.collect(),
+            keep_out_margin_mm: section.keep_out_margin_mm,
+            tracker: sight.transpose()?,
+        })
+    }
+}
+
+/// The instrument as simulated sessions have it.
+fn tracker(uncertainty: &TrackerUncertainty) -> TrackerErrors {
+    let simulated = TrackerErrors::adm();
+    TrackerErrors {
+        radial_mm: uncertainty.range_um * 1e-3,
+        radial_per_mm: uncertainty.range_um_per_m * 1e-6,
+        transverse_mm: uncertainty.transverse_um * 1e-3,
+        transverse_per_mm: uncertainty.transverse_um_per_m * 1e-6,
+        divisor: uncertainty.divisor,
+        orientation_rad: uncertainty
+            .orientation_rad
+            .unwrap_or(simulated.orientation_rad),
+        ..simulated
+    }
+}
