@@ -35,7 +35,7 @@ struct Wrong {
     wanted: String,
 }
 
-fn wrong(key: &'static str, found: impl ToString, wanted: &str) -> Wrong {
+fn wrong(key: &'static str, found: &impl ToString, wanted: &str) -> Wrong {
     Wrong {
         key,
         found: found.to_string(),
@@ -50,13 +50,13 @@ fn first<T: ToString + Copy>(
     wanted: &str,
 ) -> Option<Wrong> {
     let bad = values.iter().find(|(_, value)| !holds(*value))?;
-    Some(wrong(bad.0, bad.1, wanted))
+    Some(wrong(bad.0, &bad.1, wanted))
 }
 
 fn home(section: &PlanSection, joints: usize) -> Option<Wrong> {
     let found = section.home_deg.len();
     let wanted = format!("one angle for each of the arm's {joints} joints, degrees");
-    (found != joints).then(|| wrong("home_deg", format!("{found} angles"), &wanted))
+    (found != joints).then(|| wrong("home_deg", &format!("{found} angles"), &wanted))
 }
 
 fn counts(section: &PlanSection) -> Option<Wrong> {
@@ -78,7 +78,7 @@ fn poses(section: &PlanSection) -> Option<Wrong> {
     let sizes = LEAST_POSES..=MOST_POSES;
     let good = !section.poses.is_empty() && section.poses.iter().all(|n| sizes.contains(n));
     let wanted = "one number of poses or more, each from 10 to 2000, for example [25, 50, 100]";
-    (!good).then(|| wrong("poses", format!("{:?}", section.poses), wanted))
+    (!good).then(|| wrong("poses", &format!("{:?}", section.poses), wanted))
 }
 
 fn angles(section: &PlanSection) -> Option<Wrong> {
