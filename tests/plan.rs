@@ -183,6 +183,11 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
     let page = std::fs::read_to_string(page).expect("the page");
     let promised = plan.promise.mean_bound_mm.expect("a promise");
     assert!(page.contains(&format!("<data value=\"{promised}\">")));
+    let means = plan.steps.iter().map(|row| &row.outcomes);
+    let means = means.chain(plan.designs.iter().map(|row| &row.outcomes));
+    for mean in means.filter_map(|outcomes| Some(outcomes.mean?.mean)) {
+        assert!(page.contains(&format!("<data value=\"{mean}\">")), "{mean}");
+    }
     assert!(page.contains(&planned.key.run) && page.len() < 500_000);
     let again = small(lake.path()).make(&Quiet).expect("the same plan");
     assert!(again.plan.is_none() && again.is_met == planned.is_met && again.key == planned.key);
