@@ -25,9 +25,10 @@ use posegrid::pipeline::outcome::JoinedSession;
 use posegrid::pipeline::planning::Planning;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::plan::design::{Candidate, Design};
+use posegrid::plan::influence::Study;
 use posegrid::plan::outcomes::RobotOutcome;
 use posegrid::plan::{
-    Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
+    InfluenceRow, Kind, Placer, PlanSettings, Purpose, Trial, fresh_poses, plan, session, steps,
 };
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
@@ -160,6 +161,17 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
         .map(|row| row.outcomes.refused.values().sum::<usize>())
         .sum();
     assert_eq!(refused, 4 * 8 * 80);
+    // Moved grids are judged where all of them are: every fresh pose lies inside.
+    let shifts: Vec<&InfluenceRow> = plan
+        .influences
+        .iter()
+        .filter(|row| matches!(row.study, Study::Shift(_)))
+        .collect();
+    assert_eq!(shifts.len(), 4 * 4);
+    for row in shifts {
+        let all = &row.outcomes;
+        assert!(all.outside == 0 && all.judged == all.robots, "{row:?}");
+    }
     let kinds: Vec<Kind> = plan.designs.iter().map(|row| row.kind).collect();
     assert!(
         Kind::ALL.iter().all(|kind| kinds.contains(kind)),

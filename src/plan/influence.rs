@@ -3,16 +3,18 @@
 //!
 //! Inputs: as in [`super::steps`], one step. Output: a row for each study and value, source and interpolation.
 
+use std::borrow::Cow;
+
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
 use super::robots::Robot;
-use super::settings::PlanSettings;
+use super::settings::{PlanSettings, Region};
 use super::steps::{Grid, Measured, families, test_poses};
 use super::{PlanError, Trial};
-use crate::grid::{Interpolation, Lattice, Source};
+use crate::grid::{Interpolation, Lattice, Source, WorkBox};
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::simulate::{Commanded, Ingredient, Stream, Visit};
 
@@ -24,6 +26,9 @@ const TURNS_DEG: [f64; 6] = [0.0, 2.0, 5.0, 10.0, 20.0, 30.0];
 const FLIPPED: [f64; 4] = [0.0, 0.05, 0.2, 0.5];
 /// Edges of the least singularity factor of a fresh pose.
 const FACTORS: [f64; 6] = [0.0, 0.1, 0.2, 0.3, 0.5, f64::INFINITY];
+
+/// Fresh poses that grids moved by a share of their step are judged at, to take each robot's own from.
+const INFLUENCE_POOL: usize = 2000;
 
 /// What is varied.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,12 +85,21 @@ pub struct InfluenceRow {
 /// One study and value: the grid to measure and the fresh poses that judge it.
 struct Case<'c> {
     study: Study,
-    grid: std::borrow::Cow<'c, Grid>,
-    /// Which of a robot's fresh poses judge.
-    suits: Box<dyn Fn(&Commanded) -> bool + Sync + 'c>,
-    /// How fresh poses are turned.
-    turn_rad: f64,
+    grid: Cow<'c, Grid>,
+    fresh: Fresh<'c>,
     not_reached: usize,
+}
+
+/// Which fresh poses judge a robot.
+enum Fresh<'c> {
+    /// Its share of the plan's.
+    Plans,
+    /// Its share of others.
+    Of(&'c [Commanded]),
+    /// The plan's, turned by this angle, rad.
+    Turned(f64),
+    /// Those of the plan's whose least singularity factor is between these.
+    Factor(f64, f64),
 }
 
 /// Studies a grid of one step on the plan's robots, at most `robots` of them.
@@ -102,14 +116,17 @@ pub fn study(
         progress,
     } = *trial;
     let grid = Grid::new(placer, settings, step_mm)?;
-    let cases = cases(arm, placer, &grid, settings);
+    let common = in_all_shifts(&grid, placer, settings)?;
+    let mut cases = shifts(&grid, &common, placer, settings);
+    cases.extend(of_one_grid(&grid, placer));
     let robots = robots.min(settings.robots);
     progress.begin("robots × influences", (robots * cases.len()) as u64);
     let of_robot = |number: usize| {
         let mut robot = Robot::draw(arm, settings, number);
         let tests = test_poses(pool, settings, number);
         let of_case = |case: &Case<'_>| {
-            let outcomes = on_robot(&mut robot, case, placer, &tests, number, settings);
+            let fresh = case.fresh.poses(trial, &tests, number);
+            let outcomes = on_robot(&mut robot, case, &fresh, trial);
             progress.advance(1);
             outcomes
         };
@@ -120,80 +137,97 @@ pub fn study(
     Ok(rows(&cases, &found, settings))
 }
 
-fn cases<'c>(
-    arm: &'c Arm,
+/// The grid moved by each of [`SHIFTS`], judged at `common`, which all of them cover; none where there are no three nodes
+/// along each axis.
+fn shifts<'c>(
+    grid: &Grid,
+    common: &'c [Commanded],
     placer: &Placer<'_>,
-    grid: &'c Grid,
     settings: &PlanSettings,
 ) -> Vec<Case<'c>> {
-    let mut cases = Vec::new();
-    let all = |_: &Commanded| true;
-    for share in SHIFTS {
-        if let Some(shifted) = shifted(grid, share, placer, settings) {
-            let common = Common::of(grid);
-            cases.push(Case {
-                study: Study::Shift(share),
-                grid: std::borrow::Cow::Owned(shifted),
-                suits: Box::new(move |pose| common.holds(pose)),
-                turn_rad: 0.0,
-                not_reached: 0,
-            });
-        }
-    }
-    for turn_deg in TURNS_DEG {
-        cases.push(Case {
-            study: Study::Turn(turn_deg.to_radians()),
-            grid: std::borrow::Cow::Borrowed(grid),
-            suits: Box::new(all),
-            turn_rad: turn_deg.to_radians(),
+    let case = |share: f64| {
+        Some(Case {
+            study: Study::Shift(share),
+            grid: Cow::Owned(shifted(grid, share, placer, settings)?),
+            fresh: Fresh::Of(common),
             not_reached: 0,
-        });
-    }
-    for share in FLIPPED {
+        })
+    };
+    SHIFTS.into_iter().filter_map(case).collect()
+}
+
+/// Turned fresh poses, flipped wrists and singularities, on the grid where it is.
+fn of_one_grid<'c>(grid: &'c Grid, placer: &Placer<'_>) -> Vec<Case<'c>> {
+    let as_it_is = |study, fresh| Case {
+        study,
+        grid: Cow::Borrowed(grid),
+        fresh,
+        not_reached: 0,
+    };
+    let turned = TURNS_DEG.map(f64::to_radians);
+    let turned = turned.map(|turn_rad| as_it_is(Study::Turn(turn_rad), Fresh::Turned(turn_rad)));
+    let flipped = FLIPPED.map(|share| {
         let (flipped, not_reached) = flipped(grid, share, placer);
-        cases.push(Case {
+        Case {
             study: Study::Flipped(share),
-            grid: std::borrow::Cow::Owned(flipped),
-            suits: Box::new(all),
-            turn_rad: 0.0,
+            grid: Cow::Owned(flipped),
+            fresh: Fresh::Plans,
             not_reached,
-        });
-    }
-    for edges in FACTORS.windows(2) {
-        let [low, high] = [edges[0], edges[1]];
-        cases.push(Case {
-            study: Study::Singularity(low, high),
-            grid: std::borrow::Cow::Borrowed(grid),
-            suits: Box::new(move |pose| {
-                least_factor(arm, &pose.joints).is_some_and(|factor| (low..high).contains(&factor))
-            }),
-            turn_rad: 0.0,
-            not_reached: 0,
-        });
-    }
-    cases
-}
-
-/// The part of the box that grids moved by any of [`SHIFTS`] all cover: a step less on the low side.
-#[derive(Clone, Copy)]
-struct Common {
-    low: Vector3<f64>,
-    high: Vector3<f64>,
-}
-
-impl Common {
-    fn of(grid: &Grid) -> Self {
-        let lattice = &grid.placed.lattice;
-        let last = lattice.position(lattice.node_count() - 1).coords;
-        Self {
-            low: lattice.origin.coords + Vector3::from(lattice.step),
-            high: last - Vector3::from(lattice.step) * 0.25,
         }
-    }
+    });
+    let factors = FACTORS.windows(2).map(|edges| {
+        let [low, high] = [edges[0], edges[1]];
+        as_it_is(Study::Singularity(low, high), Fresh::Factor(low, high))
+    });
+    turned.into_iter().chain(flipped).chain(factors).collect()
+}
 
-    fn holds(&self, pose: &Commanded) -> bool {
-        let place = pose.base_from_target.translation.vector;
-        (0..3).all(|axis| (self.low[axis]..=self.high[axis]).contains(&place[axis]))
+/// Fresh poses in the part of the box that the grids of all [`SHIFTS`] cover.
+fn in_all_shifts(
+    grid: &Grid,
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> Result<Vec<Commanded>, PlanError> {
+    let lattice = &grid.placed.lattice;
+    let furthest = SHIFTS.into_iter().fold(0.0, f64::max);
+    let least = SHIFTS
+        .into_iter()
+        .filter(|&share| share > 0.0)
+        .fold(1.0, f64::min);
+    let edge = |axis: usize, steps: f64| lattice.origin[axis] + steps * lattice.step[axis];
+    let last = |axis: usize| lattice.counts[axis] as f64 - 2.0;
+    let bounds = WorkBox {
+        low_mm: [0, 1, 2].map(|axis| edge(axis, furthest)),
+        high_mm: [0, 1, 2].map(|axis| edge(axis, last(axis) + least)),
+    };
+    if (0..3).any(|axis| bounds.size(axis) <= 0.0) {
+        return Ok(Vec::new());
+    }
+    let region = Region {
+        bounds,
+        cone_rad: 0.0,
+        ..settings.region
+    };
+    let mut stream = Stream::new(settings.seed, Ingredient::TestPoses);
+    let count = INFLUENCE_POOL.max(settings.test_poses);
+    Ok(placer.random(&region, count, &mut stream, &|_| Ok(()))?.0)
+}
+
+impl Fresh<'_> {
+    /// The poses of one robot, `tests` being those of the plan.
+    fn poses(&self, trial: &Trial<'_>, tests: &[Commanded], number: usize) -> Vec<Commanded> {
+        match *self {
+            Self::Plans => tests.to_vec(),
+            Self::Of(others) => test_poses(others, trial.settings, number),
+            Self::Turned(turn_rad) => turned(tests, turn_rad, trial, number),
+            Self::Factor(low, high) => {
+                let factor = |test: &Commanded| least_factor(trial.arm, &test.joints);
+                let between = |test: &&Commanded| {
+                    factor(test).is_some_and(|factor| (low..high).contains(&factor))
+                };
+                tests.iter().filter(between).cloned().collect()
+            }
+        }
     }
 }
 
@@ -250,22 +284,11 @@ fn least_factor(arm: &Arm, joints: &[f64]) -> Option<f64> {
 fn on_robot(
     robot: &mut Robot<'_>,
     case: &Case<'_>,
-    placer: &Placer<'_>,
-    tests: &[Commanded],
-    number: usize,
-    settings: &PlanSettings,
+    fresh: &[Commanded],
+    trial: &Trial<'_>,
 ) -> Vec<RobotOutcome> {
-    let own: Vec<Commanded> = tests
-        .iter()
-        .filter(|test| (case.suits)(test))
-        .cloned()
-        .collect();
-    let own = if case.turn_rad > 0.0 {
-        turned(&own, case.turn_rad, placer, number, settings)
-    } else {
-        own
-    };
-    let visits: Vec<Visit> = robot.session(&own);
+    let (placer, settings) = (trial.placer, trial.settings);
+    let visits: Vec<Visit> = robot.session(fresh);
     match Measured::new(robot, &case.grid, placer, settings) {
         Ok(measured) => measured.left(&case.grid, &visits, placer, settings),
         Err(error) => vec![RobotOutcome::NoFit(error); families(settings).len()],
@@ -273,19 +296,15 @@ fn on_robot(
 }
 
 /// Fresh poses turned by an angle about random axes; those that the arm then cannot reach are left out.
-fn turned(
-    poses: &[Commanded],
-    turn_rad: f64,
-    placer: &Placer<'_>,
-    number: usize,
-    settings: &PlanSettings,
-) -> Vec<Commanded> {
-    let mut stream = Stream::new(settings.seed ^ (number as u64 + 1), Ingredient::TestPoses);
+fn turned(poses: &[Commanded], turn_rad: f64, trial: &Trial<'_>, number: usize) -> Vec<Commanded> {
+    let seed = trial.settings.seed ^ (number as u64 + 1);
+    let mut stream = Stream::new(seed, Ingredient::TestPoses);
     let turn = |pose: &Commanded| {
         let axis = nalgebra::Unit::new_normalize(stream.normal3());
         let place: Isometry3<f64> = pose.base_from_target;
         let turned = UnitQuaternion::from_axis_angle(&axis, turn_rad) * place.rotation;
-        placer
+        trial
+            .placer
             .commanded(posed(&place.translation.vector.into(), &turned))
             .ok()
     };
