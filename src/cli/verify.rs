@@ -6,6 +6,7 @@
 mod words;
 
 use std::fmt::Write as _;
+use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::PathBuf;
 
@@ -15,7 +16,9 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
-use crate::pipeline::verify::{PastRun, Selected, Selection, Verdict, Verified, select, verify};
+use crate::pipeline::verify::{
+    PastRun, Selected, Selection, Verdict, Verified, clean, select, verify,
+};
 use crate::progress::Progress;
 
 /// Recompute what past runs claim: their files, their inputs, and every value of every table.
@@ -46,7 +49,7 @@ pub struct VerifyArgs {
     pub pipeline: Vec<PathBuf>,
     /// Only so many of the runs
     #[arg(long, value_name = "N")]
-    pub sample: Option<usize>,
+    pub sample: Option<NonZeroUsize>,
     /// Which sample
     #[arg(long, value_name = "SEED", default_value = "0", requires = "sample")]
     pub seed: u64,
@@ -57,7 +60,7 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
     let selection = Selection {
         pipelines: args.pipeline.clone(),
         names: args.names.clone(),
-        sample: args.sample,
+        sample: args.sample.map(NonZeroUsize::get),
         seed: args.seed,
     };
     let lake = Lake::new(&args.lake);
@@ -68,6 +71,7 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
             return BAD_USAGE;
         }
     };
+    clean();
     let verdicts = all(&selected, &lake, bars);
     messages::result(words::summary(&verdicts, &selected));
     exit_code(&verdicts)

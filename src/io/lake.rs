@@ -15,7 +15,7 @@ mod error;
 mod name;
 mod rows;
 mod run;
-mod temporary;
+pub(crate) mod temporary;
 
 use std::fs;
 use std::io;

@@ -27,7 +27,7 @@ use crate::manifest::{RunKey, Work};
 use crate::progress::Progress;
 
 use super::plan::PlanError;
-pub use again::{ComparedFile, FileOutcome};
+pub use again::{ComparedFile, FileOutcome, clean};
 pub use altered::{ChangedInput, Output};
 pub use claim::Claim;
 pub use selection::{PastRun, Selected, Selection, select};

@@ -1,7 +1,9 @@
 //! Past runs recomputed: what is the same, and what is told when a file, an input, a setting or a value is not.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::Path;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use arrow::array::{
@@ -11,9 +13,27 @@ use arrow::datatypes::{Field, Float64Type};
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::file::properties::WriterProperties;
-use posegrid::manifest::digest;
+use posegrid::manifest::{Work, digest};
+use posegrid::pipeline::verify::Claim;
 
 use super::cell::{Cell, Ended, ended, posegrid, undisturbed};
+
+/// One step, and the box that a plan needs, as it has no stations to take one from.
+const BOX: &str =
+    "steps_mm = [500]\nbox = { low_mm = [1000, -500, 600], high_mm = [2000, 500, 1600] }";
+/// The smallest plan there is, of no use but to be made twice.
+const PLAN: &str = "[plan]
+seed = 4
+home_deg = [0, -75, 100, 25, 55, -15]
+tracker_from_base = { xyz_mm = [4200, -900, -650], euler_deg = [0, 0, 149], euler_order = \"fixed-xyz\" }
+poses = [10]
+robots = 2
+whole_model_robots = 1
+test_poses = 10
+candidates = 30
+verify_poses = 2
+
+[tolerance]";
 
 /// A cell with the sessions, and the lake, of the undisturbed one.
 fn copied() -> Cell {
@@ -73,21 +93,93 @@ fn rewrite(path: &Path, change: impl Fn(&str, &ArrayRef) -> Option<ArrayRef>) {
     writer.close().expect("written");
 }
 
+/// A column of one list of texts, each changed.
+fn texts(array: &ArrayRef, change: impl Fn(&str) -> String) -> ArrayRef {
+    let field = Field::new("element", arrow::datatypes::DataType::Utf8, false);
+    let mut list = ListBuilder::new(StringBuilder::new()).with_field(field);
+    let texts = array.as_list::<i32>().value(0);
+    for text in texts.as_string::<i32>().iter().flatten() {
+        list.values().append_value(change(text));
+    }
+    list.append(true);
+    Arc::new(list.finish())
+}
+
+/// A column with the same text in each row.
+fn same_text(text: &str, rows: usize) -> ArrayRef {
+    Arc::new(StringArray::from(vec![text; rows]))
+}
+
+/// The row of the number that is farthest from zero.
+fn largest(numbers: &Float64Array) -> usize {
+    let size = |row: &usize| numbers.value(*row).abs();
+    let rows = 0..numbers.len();
+    rows.max_by(|a, b| size(a).total_cmp(&size(b)))
+        .expect("rows")
+}
+
+/// A column of numbers with the largest of them a thousandth larger.
+fn a_thousandth_more(array: &ArrayRef) -> ArrayRef {
+    let numbers = array.as_primitive::<Float64Type>();
+    let changed = largest(numbers);
+    let more = |row| if row == changed { 1.001 } else { 1.0 };
+    let all = numbers.iter().enumerate();
+    let changed = all.map(|(row, x)| x.map(|x| x * more(row)));
+    Arc::new(changed.collect::<Float64Array>())
+}
+
+/// Makes a session's run one of another version, which did not know `[similarity]` yet: named as that version named it.
+fn of_version(cell: &Cell, session: &str, version: &str) {
+    let claim = Claim::of(&cell.table("runs", session)).expect("a row");
+    let mut settings: serde_json::Value = serde_json::from_str(&claim.settings).expect("JSON");
+    let section = settings
+        .as_object_mut()
+        .expect("sections")
+        .remove("similarity");
+    assert!(section.is_some(), "{}", claim.settings);
+    let work = Work {
+        robot: claim.key.robot,
+        session: claim.key.session,
+        pipeline: claim.pipeline,
+        sessions: claim.sessions,
+        test_sessions: claim.test_sessions,
+        inputs: claim.inputs,
+        settings: settings.to_string(),
+    };
+    let run = work.key_by_version(version).run;
+    let mut digests = BTreeMap::new();
+    for file in &claim.files {
+        let path = cell.table_file(&file.table, session);
+        if file.table != "report" {
+            rewrite(&path, |column, array| {
+                (column == "run").then(|| same_text(&run, array.len()))
+            });
+        }
+        digests.insert(file.digest.clone(), digest_of(&path));
+        let ending = path.extension().expect("it has one").to_string_lossy();
+        fs::rename(&path, path.with_file_name(format!("{run}.{ending}"))).expect("writable");
+    }
+    let row = cell.table_file("runs", session);
+    rewrite(&row, |column, array| match column {
+        "run" => Some(same_text(&run, 1)),
+        "version" => Some(same_text(version, 1)),
+        "settings" => Some(same_text(&work.settings, 1)),
+        "settings_digest" => {
+            let (digest, _) = digest(work.settings.as_bytes()).expect("in memory");
+            Some(same_text(&digest, 1))
+        }
+        "table_digests" => Some(texts(array, |before| digests[before].clone())),
+        _ => None,
+    });
+    fs::rename(&row, row.with_file_name(format!("{run}.parquet"))).expect("writable");
+}
+
 /// Puts the digest of a changed table's file into the session's row of `runs`.
 fn claim_digest(cell: &Cell, table: &str, session: &str, before: &str) {
     let (after, _) = digest(File::open(cell.table_file(table, session)).expect("there")).unwrap();
     rewrite(&cell.table_file("runs", session), |column, array| {
-        (column == "table_digests").then(|| -> ArrayRef {
-            let field = Field::new("element", arrow::datatypes::DataType::Utf8, false);
-            let mut list = ListBuilder::new(StringBuilder::new()).with_field(field);
-            let texts = array.as_list::<i32>().value(0);
-            for text in texts.as_string::<i32>().iter().flatten() {
-                let text = if text == before { &after } else { text };
-                list.values().append_value(text);
-            }
-            list.append(true);
-            Arc::new(list.finish())
-        })
+        let changed = |text: &str| if text == before { &*after } else { text }.to_owned();
+        (column == "table_digests").then(|| texts(array, changed))
     });
 }
 
@@ -112,7 +204,7 @@ fn the_same_work_is_the_same_byte_for_byte() {
     );
     // A sample is drawn, and what is not drawn is told.
     let sample = verify(undisturbed(), &["--sample", "1", "--seed", "3"]);
-    sample.expect(0, &["1 runs: 1 the same; 1 not drawn"]);
+    sample.expect(0, &["1 run: 1 the same; 1 not drawn"]);
 }
 
 #[test]
@@ -196,15 +288,12 @@ fn a_changed_value_is_told_by_column_even_when_its_digest_was_changed_with_it() 
     let cell = copied();
     let path = cell.table_file("parameters", "mon");
     let before = digest_of(&path);
-    let offset = cell.table("parameters", "mon").f64("offset").value(4);
+    let table = cell.table("parameters", "mon");
+    let offsets = table.f64("offset");
+    let offset = offsets.value(largest(offsets));
     // A thousandth more in one row.
     rewrite(&path, |column, array| {
-        (column == "offset").then(|| -> ArrayRef {
-            let numbers = array.as_primitive::<Float64Type>().iter().enumerate();
-            let more = |row| if row == 4 { 1.001 } else { 1.0 };
-            let changed = numbers.map(|(row, x)| x.map(|x| x * more(row)));
-            Arc::new(changed.collect::<Float64Array>())
-        })
+        (column == "offset").then(|| a_thousandth_more(array))
     });
     claim_digest(&cell, "parameters", "mon", &before);
     let ended = verify(&cell, &["mon"]);
@@ -217,7 +306,7 @@ fn a_changed_value_is_told_by_column_even_when_its_digest_was_changed_with_it() 
             "parameters/mon: column offset: 1 of ",
             &format!("by at most {:.3e}", (published - offset).abs()),
             "(relative 9.990e-4",
-            &format!("{published} published, {offset} computed"),
+            &format!("{published:?} published, {offset:?} computed"),
         ],
     );
     let columns = ended.results.matches(": column ").count();
@@ -246,12 +335,11 @@ fn a_file_written_anew_with_the_same_values_is_told_as_such() {
 #[test]
 fn a_row_that_says_something_else_than_was_computed_is_told() {
     let cell = copied();
-    let text = |to: &'static str| -> ArrayRef { Arc::new(StringArray::from(vec![to])) };
     rewrite(&cell.table_file("runs", "mon"), |column, _| {
-        (column == "verdict").then(|| text("not_met"))
+        (column == "verdict").then(|| same_text("not_met", 1))
     });
     rewrite(&cell.table_file("runs", "tue"), |column, _| {
-        (column == "settings").then(|| text("{}"))
+        (column == "settings").then(|| same_text("{}", 1))
     });
     let ended = verify(&cell, &[]);
     ended.expect(
@@ -288,4 +376,83 @@ fn what_cannot_be_verified_is_told() {
     bare(&lake).expect(1, &["2 runs: 2 not recomputed"]);
     bare(&cell.path("nowhere")).expect(2, &["there is no lake in", "no such folder"]);
     bare(&cell.path("sessions")).expect(2, &["it has no row in runs"]);
+}
+
+#[test]
+fn a_version_that_computes_differently_is_told_with_the_largest_difference() {
+    let cell = copied();
+    // That version's page said something else, as it named the version.
+    for session in ["mon", "tue"] {
+        fs::write(cell.table_file("report", session), "<!doctype html>").expect("writable");
+    }
+    of_version(&cell, "mon", "0.0.9");
+    rewrite(&cell.table_file("parameters", "tue"), |column, array| {
+        (column == "offset").then(|| a_thousandth_more(array))
+    });
+    of_version(&cell, "tue", "0.0.9");
+    let ended = verify(&cell, &[]);
+    ended.expect(
+        3,
+        &[
+            "computed by version 0.0.9, this is ",
+            "setting similarity.bins: 15, the row says nothing",
+            "the same values in other bytes, largest relative difference 0.0e0",
+            "parameters/tue: column offset: 1 of ",
+            "relative 9.990e-4",
+            "report/tue: pages are not compared across versions",
+            "2 runs: 1 the same values in other bytes, 1 differs",
+        ],
+    );
+    let columns = ended.results.matches(": column ").count();
+    assert_eq!(columns, 1, "no other column: {}", ended.results);
+}
+
+#[test]
+fn a_plan_is_verified_like_a_session() {
+    let cell = Cell::new()
+        .with("steps_mm = [180, 240, 360]", BOX)
+        .with("[tolerance]", PLAN);
+    let planned = ended(posegrid().arg("plan").arg(cell.pipeline()));
+    planned.expect(3, &["plan ", "tables: "]);
+    let same = verify(&cell, &["plan"]);
+    same.expect(0, &["/plan run ", ": the same\n", "2 files computed again"]);
+    let cell = cell.with("seed = 4", "seed = 5");
+    let other = verify(&cell, &[]);
+    other.expect(
+        3,
+        &["settings differ", "setting plan.seed: 5, the row says 4"],
+    );
+}
+
+#[test]
+fn what_an_interrupted_verify_leaves_is_removed_by_the_next() {
+    let temporary = undisturbed().path("temporary of an interrupted one");
+    fs::create_dir(&temporary).expect("writable");
+    let command = || {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("posegrid"));
+        command
+            .env("TMPDIR", &temporary)
+            .arg("verify")
+            .arg(undisturbed().path("lake"));
+        command
+            .arg("--pipeline")
+            .arg(undisturbed().pipeline())
+            .arg("mon");
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    let left = || fs::read_dir(&temporary).expect("there").count();
+    let mut child = command().spawn().expect("started");
+    while left() == 0 && child.try_wait().expect("our own child").is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    child.kill().expect("killed, or gone");
+    child.wait().expect("our own child");
+    assert_eq!(
+        left(),
+        1,
+        "killed in the middle, as soon as its folder was there"
+    );
+    assert!(command().status().expect("started").success());
+    assert_eq!(left(), 0);
 }

@@ -56,7 +56,8 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
         .iter()
         .map(|(word, count)| format!("{count} {word}"))
         .collect();
-    let mut text = format!("\n{} runs: {}", verdicts.len(), counts.join(", "));
+    let runs = if verdicts.len() == 1 { "run" } else { "runs" };
+    let mut text = format!("\n{} {runs}: {}", verdicts.len(), counts.join(", "));
     if selected.not_drawn > 0 {
         write!(text, "; {} not drawn", selected.not_drawn).expect("a string");
     }
@@ -87,8 +88,9 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
         Recomputed::No(_) => {}
         Recomputed::OtherWork => lines.push("not computed again, as it is other work".to_owned()),
         Recomputed::Yes { same, others } => {
+            let files = if *same == 1 { "file" } else { "files" };
             lines.push(format!(
-                "{same} files computed again, byte for byte the same"
+                "{same} {files} computed again, byte for byte the same"
             ));
             lines.extend(others.iter().flat_map(file));
         }
@@ -191,7 +193,7 @@ fn difference(column: &ColumnDifference) -> String {
     if let Some(largest) = &column.largest {
         write!(
             text,
-            ", by at most {:.3e} (relative {:.3e}: {} published, {} computed, at {})",
+            ", by at most {:.3e} (relative {:.3e}: {:?} published, {:?} computed, at {})",
             largest.absolute, largest.relative, largest.published, largest.computed, largest.row
         )
         .expect("a string");

@@ -11,7 +11,7 @@ use super::altered::{PAGES, file_name, path};
 use super::claim::Claim;
 use super::source::{NoSource, Source};
 use super::{Recomputed, Verified};
-use crate::io::lake::{Lake, LakeError};
+use crate::io::lake::{Lake, LakeError, temporary};
 use crate::io::schema;
 use crate::io::table::compare::{Comparison, compare};
 use crate::io::table::{self, Table};
@@ -33,6 +33,9 @@ const ROW_ONLY: [&str; 10] = [
     "settings_digest",
     "table_digests",
 ];
+
+/// What temporary lakes are named by.
+const TEMPORARY: &str = "posegrid-verify";
 
 /// A file of which the published one and the computed one are not the same byte for byte.
 #[derive(Debug, Clone)]
@@ -65,19 +68,31 @@ pub enum FileOutcome {
 }
 
 /// A new lake under the system's temporary directory, with the plans that runs of this robot may be held against.
-/// It is removed when dropped; an interrupt ends the process at once, and leaves it to the system to remove.
+/// It is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
 pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, String> {
     let told = |error: &dyn std::fmt::Display| {
         format!("no temporary lake: {error}; TMPDIR names the folder that it is made in")
     };
     let made = tempfile::Builder::new()
-        .prefix("posegrid-verify-")
+        .prefix(&temporary::folder_prefix(TEMPORARY))
         .tempdir();
     let made = made.map_err(|error| told(&error))?;
     if key.session != planning::SESSION {
         copy_plans(lake, &Lake::new(made.path()), key).map_err(|error| told(&error))?;
     }
     Ok(made)
+}
+
+/// Removes temporary lakes of processes that are gone, as far as the system lets us: they matter to nobody.
+pub fn clean() {
+    let entries = fs::read_dir(std::env::temp_dir());
+    for entry in entries.into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        if name.starts_with(&format!(".{TEMPORARY}.tmp-")) && temporary::is_stale(&name) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
 }
 
 fn copy_plans(from: &Lake, to: &Lake, key: &RunKey) -> Result<(), Box<dyn std::error::Error>> {

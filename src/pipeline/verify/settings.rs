@@ -47,6 +47,11 @@ pub(super) fn changed(claimed: &str, found: &str) -> Vec<ChangedSetting> {
 fn leaves(settings: &str) -> BTreeMap<String, String> {
     let mut leaves = BTreeMap::new();
     match serde_json::from_str(settings) {
+        // A plan's are those of the file and, beside them, its section [plan].
+        Ok(Value::Array(sections)) if sections.len() == 2 => {
+            collect("", &sections[0], &mut leaves);
+            collect("plan", &sections[1], &mut leaves);
+        }
         Ok(value) => collect("", &value, &mut leaves),
         Err(_) => {
             leaves.insert("settings".to_owned(), settings.to_owned());
@@ -109,8 +114,10 @@ mod tests {
     fn settings_are_never_the_same_in_silence() {
         let told = changed("no JSON", r#"{"a":1}"#);
         assert_eq!(told.len(), 2, "{told:?}");
-        // Sections within a list have keys of their own.
+        // Sections within a list have keys of their own, and the second of a plan's two is [plan].
+        let told = changed(r#"{"a":[{"b":1},{"b":2}]}"#, r#"{"a":[{"b":1},{"b":3}]}"#);
+        assert_eq!(told[0].key, "a[1].b");
         let told = changed(r#"[{"a":1},{"b":2}]"#, r#"[{"a":1},{"b":3}]"#);
-        assert_eq!(told[0].key, "[1].b");
+        assert_eq!(told[0].key, "plan.b");
     }
 }
