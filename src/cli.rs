@@ -12,6 +12,7 @@ pub mod progress;
 pub mod run;
 pub mod schema;
 pub mod simulate;
+pub mod verify;
 
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -60,6 +61,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
+    Verify(verify::VerifyArgs),
     Schema(schema::SchemaArgs),
 }
 
@@ -75,6 +77,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => shown(simulate::run(&args)),
         Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
         Command::Compensate(args) => compensate::main(&args),
+        Command::Verify(args) => ExitCode::from(verify::run(&args, &bars)),
         Command::Schema(args) => shown(schema::show(&args)),
     }
 }

@@ -134,7 +134,8 @@ impl Work {
         self.key_by_version(VERSION)
     }
 
-    fn key_by_version(&self, version: &str) -> RunKey {
+    /// The key of the run that this work makes with that version of the program.
+    pub fn key_by_version(&self, version: &str) -> RunKey {
         let mut hasher = blake3::Hasher::new();
         // Each text goes in with its length: ("ab", "c") and ("a", "bc") are different work.
         let mut add = |text: &str| {

@@ -8,4 +8,5 @@ pub mod planning;
 mod promise;
 pub mod run;
 pub mod stages;
+pub mod verify;
 mod words;

@@ -13,8 +13,9 @@
 mod current;
 mod error;
 mod name;
+mod rows;
 mod run;
-mod temporary;
+pub(crate) mod temporary;
 
 use std::fs;
 use std::io;
@@ -26,6 +27,7 @@ use crate::manifest::RunKey;
 use error::folder_error;
 
 pub use error::LakeError;
+pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 
 /// The folder of the pages, beside those of the tables.

@@ -10,6 +10,7 @@
 mod cell;
 mod check;
 mod columns;
+pub mod compare;
 mod error;
 mod read;
 mod same;

@@ -38,7 +38,7 @@ pub struct Planning {
     /// The folder of published tables.
     pub lake: PathBuf,
     command_from_base: Isometry3<f64>,
-    work: Work,
+    pub(super) work: Work,
 }
 
 /// A plan that was made, or was there already.

@@ -188,7 +188,7 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunErro
 }
 
 /// The work's identity. A log is only read here where nothing else names the robot.
-fn work(
+pub(super) fn work(
     plan: &Plan,
     piece: &WorkPiece,
     recordings: &mut BTreeMap<String, Read>,

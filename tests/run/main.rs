@@ -11,3 +11,4 @@ mod page;
 mod same_work;
 mod split;
 mod targets;
+mod verify;

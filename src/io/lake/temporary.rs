@@ -120,6 +120,16 @@ pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(removed)
 }
 
+/// How the name of a temporary folder of this process begins; a number or letters follow, without a dash.
+pub(crate) fn folder_prefix(of: &str) -> String {
+    format!(".{of}.tmp-{}-", Owner::this_process().suffix())
+}
+
+/// Whether a file or folder of this name is a temporary of a process on this host that is gone.
+pub(crate) fn is_stale(name: &str) -> bool {
+    Owner::of_temporary(name).is_some_and(|owner| owner.is_gone())
+}
+
 /// The process that a temporary belongs to.
 #[derive(Debug, PartialEq, Eq)]
 struct Owner {

@@ -1,0 +1,210 @@
+//! What verifying came to, in lines that a person reads.
+
+use std::fmt::Write as _;
+
+use crate::cli::messages::Printable;
+use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
+use crate::manifest::RunKey;
+use crate::pipeline::verify::{
+    ChangedInput, ChangedSetting, ComparedFile, FileOutcome, Output, Recomputed, Selected, Verdict,
+    Verified,
+};
+
+/// A run by robot, session and name.
+pub(super) fn name(key: &RunKey) -> String {
+    format!("{}/{} run {}", key.robot, key.session, key.run)
+}
+
+/// The line of a run.
+pub(super) fn line(name: &str, verdict: &Verdict) -> String {
+    let words = match verdict {
+        Verdict::NotRecomputed(reason) => format!("not recomputed: {reason}"),
+        Verdict::SameValues { largest } => {
+            format!("the same values in other bytes, largest relative difference {largest:.1e}")
+        }
+        other => word(other).to_owned(),
+    };
+    let line = format!("{name}: {words}");
+    Printable(&line).to_string()
+}
+
+const fn word(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::OutputsAltered => "outputs altered",
+        Verdict::RowAltered => "row of runs altered",
+        Verdict::InputsMissing => "not recomputed, inputs missing",
+        Verdict::InputsAltered => "inputs altered",
+        Verdict::SettingsDiffer => "settings differ",
+        Verdict::NotRecomputed(_) => "not recomputed",
+        Verdict::Differs => "differs",
+        Verdict::SameValues { .. } => "the same values in other bytes",
+        Verdict::Same => "the same",
+    }
+}
+
+/// How many runs came to what, and how many were not looked at.
+pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
+    let mut words: Vec<(&str, usize)> = Vec::new();
+    for verdict in verdicts {
+        let word = word(verdict);
+        match words.iter_mut().find(|(own, _)| *own == word) {
+            Some((_, count)) => *count += 1,
+            None => words.push((word, 1)),
+        }
+    }
+    let counts: Vec<String> = words
+        .iter()
+        .map(|(word, count)| format!("{count} {word}"))
+        .collect();
+    let runs = if verdicts.len() == 1 { "run" } else { "runs" };
+    let mut text = format!("\n{} {runs}: {}", verdicts.len(), counts.join(", "));
+    if selected.not_drawn > 0 {
+        write!(text, "; {} not drawn", selected.not_drawn).expect("a string");
+    }
+    for (pipeline, count) in &selected.by_others {
+        let pipeline = Printable(pipeline);
+        write!(
+            text,
+            "; {count} by the pipeline file {pipeline} not looked at"
+        )
+        .expect("a string");
+    }
+    text
+}
+
+/// Everything found out about a run, line by line.
+pub(super) fn details(verified: &Verified) -> Vec<String> {
+    let mut lines = verified.claim.elsewhere();
+    let contradictions = verified.contradictions.iter();
+    lines.extend(contradictions.map(|found| format!("runs: {found}")));
+    let altered = verified.outputs.iter().filter(|output| output.is_altered());
+    lines.extend(altered.map(|output| self::output(output, &verified.recomputed)));
+    lines.extend(verified.inputs.iter().map(input));
+    lines.extend(verified.settings.iter().map(setting));
+    match &verified.recomputed {
+        Recomputed::No(reason) if !matches!(verified.verdict(), Verdict::NotRecomputed(_)) => {
+            lines.push(format!("not computed again: {reason}"));
+        }
+        Recomputed::No(_) => {}
+        Recomputed::OtherWork => lines.push("not computed again, as it is other work".to_owned()),
+        Recomputed::Yes { same, others } => {
+            let files = if *same == 1 { "file" } else { "files" };
+            lines.push(format!(
+                "{same} {files} computed again, byte for byte the same"
+            ));
+            lines.extend(others.iter().flat_map(file));
+        }
+    }
+    lines
+}
+
+fn output(output: &Output, recomputed: &Recomputed) -> String {
+    let found = match &output.found {
+        Ok(digest) => format!("digest {digest}"),
+        Err(reason) => reason.clone(),
+    };
+    let again = match recomputed {
+        Recomputed::Yes { others, .. } => others
+            .iter()
+            .find(|file| file.name == output.name)
+            .and_then(|file| file.computed.as_ref()),
+        Recomputed::No(_) | Recomputed::OtherWork => None,
+    };
+    let judged = match again {
+        Some(digest) if *digest == output.claimed => "; computed again it is as the row says",
+        Some(_) => "; computed again it is neither",
+        None => "",
+    };
+    format!(
+        "output {}: {found}, the row says {}{judged}",
+        output.name, output.claimed
+    )
+}
+
+fn input(input: &ChangedInput) -> String {
+    let file = |(bytes, digest): &(u64, String)| format!("{bytes} bytes, digest {digest}");
+    let found = match &input.found {
+        Ok(found) => file(found),
+        Err(reason) => reason.clone(),
+    };
+    let claimed = input.claimed.as_ref();
+    let claimed = claimed.map_or_else(|| "no such input".to_owned(), file);
+    format!("input {}: {found}; the row says {claimed}", input.name)
+}
+
+fn setting(setting: &ChangedSetting) -> String {
+    let told = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+    format!(
+        "setting {}: {}, the row says {}",
+        setting.key,
+        told(&setting.found),
+        told(&setting.claimed)
+    )
+}
+
+fn file(file: &ComparedFile) -> Vec<String> {
+    let name = &file.name;
+    match &file.outcome {
+        FileOutcome::Values(comparison) => values(name, comparison),
+        FileOutcome::OnlyPublished => vec![format!("{name}: computing gave no such file")],
+        FileOutcome::OnlyComputed => {
+            vec![format!(
+                "{name}: computing gave it, and it is not published"
+            )]
+        }
+        FileOutcome::PageOfOtherBytes => {
+            vec![format!("{name}: the same but for digests of tables")]
+        }
+        FileOutcome::Page => vec![format!("{name}: the page says something else")],
+        FileOutcome::PageFromElsewhere => vec![format!(
+            "{name}: pages are not compared across versions and machines"
+        )],
+        FileOutcome::Unreadable(reason) => vec![format!("{name}: not compared: {reason}")],
+    }
+}
+
+fn values(name: &str, comparison: &Comparison) -> Vec<String> {
+    let mut lines: Vec<String> = comparison
+        .columns
+        .iter()
+        .map(|column| format!("{name}: {}", difference(column)))
+        .collect();
+    let mut side = |rows: &OneSided, which: &str| {
+        if let Some(first) = &rows.first {
+            lines.push(format!(
+                "{name}: {} rows only {which}, first {first}",
+                rows.rows
+            ));
+        }
+    };
+    side(&comparison.only_published, "published");
+    side(&comparison.only_computed, "computed");
+    if lines.is_empty() {
+        lines.push(format!("{name}: the same values in other bytes"));
+    }
+    lines
+}
+
+fn difference(column: &ColumnDifference) -> String {
+    let mut text = format!(
+        "column {}: {} of {} cells differ",
+        column.column, column.cells, column.compared
+    );
+    if let Some(largest) = &column.largest {
+        write!(
+            text,
+            ", by at most {:.3e} (relative {:.3e}: {:?} published, {:?} computed, at {})",
+            largest.absolute, largest.relative, largest.published, largest.computed, largest.row
+        )
+        .expect("a string");
+    }
+    if let Some(unlike) = &column.unlike {
+        write!(
+            text,
+            ", first {:?} published, {:?} computed, at {}",
+            unlike.published, unlike.computed, unlike.row
+        )
+        .expect("a string");
+    }
+    text
+}

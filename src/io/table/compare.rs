@@ -1,0 +1,262 @@
+//! Two tables of one kind → where they differ, by column and row.
+//!
+//! Input is a published table and the same one computed again; output is a [`Comparison`]. Steps:
+//! 1. rows are paired by the columns that name them; numbers among those columns may differ by [`CLOSE`];
+//! 2. each column's cells are compared pair by pair: numbers by their difference, also those within JSON, all else exactly;
+//! 3. of each column that differs the largest difference is kept, and the first cell that is no number.
+
+mod cells;
+mod rows;
+
+use super::Table;
+use cells::CellDifference;
+use rows::{Rows, pair};
+
+/// Largest relative difference of two numbers that count as the same value: rounding on another processor.
+pub const CLOSE: f64 = 1e-9;
+
+/// Where two tables differ.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Comparison {
+    /// Columns with a cell that is not the same, in the schema's order.
+    pub columns: Vec<ColumnDifference>,
+    /// Rows that only the published table has.
+    pub only_published: OneSided,
+    /// Rows that only the computed table has.
+    pub only_computed: OneSided,
+}
+
+/// Rows that one side lacks.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct OneSided {
+    /// How many.
+    pub rows: usize,
+    /// The first of them, by the columns that name it.
+    pub first: Option<String>,
+}
+
+/// How a column differs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnDifference {
+    /// The column.
+    pub column: String,
+    /// Cells that are not the same.
+    pub cells: usize,
+    /// Cells compared.
+    pub compared: usize,
+    /// Of the numbers that differ, the largest differences.
+    pub largest: Option<Largest>,
+    /// The first cell that differs other than by a number.
+    pub unlike: Option<Unlike>,
+}
+
+/// The largest differences of a column's numbers; they may stand in different rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Largest {
+    /// Absolute, in the column's unit.
+    pub absolute: f64,
+    /// Relative to the larger of the two numbers.
+    pub relative: f64,
+    /// The row of the largest relative difference.
+    pub row: String,
+    /// What is published there.
+    pub published: f64,
+    /// What was computed.
+    pub computed: f64,
+}
+
+/// Two cells that are not the same, and not both numbers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unlike {
+    /// The row.
+    pub row: String,
+    /// What is published there.
+    pub published: String,
+    /// What was computed.
+    pub computed: String,
+}
+
+impl Comparison {
+    /// The largest relative difference, where nothing else differs and it is at most [`CLOSE`]; 0 where nothing differs.
+    pub fn same_values(&self) -> Option<f64> {
+        let relative = |column: &ColumnDifference| match (&column.largest, &column.unlike) {
+            (Some(largest), None) => Some(largest.relative),
+            _ => None,
+        };
+        let all: Option<Vec<f64>> = self.columns.iter().map(relative).collect();
+        let largest = all?.into_iter().fold(0.0, f64::max);
+        let no_row_missing = self.only_published.rows == 0 && self.only_computed.rows == 0;
+        (no_row_missing && largest <= CLOSE).then_some(largest)
+    }
+}
+
+/// Compares two tables of the same schema, but for the columns `ignored`.
+///
+/// # Panics
+/// When the tables are of two schemas.
+pub fn compare(published: &Table, computed: &Table, ignored: &[&str]) -> Comparison {
+    assert_eq!(
+        published.schema().table,
+        computed.schema().table,
+        "tables of one schema are compared"
+    );
+    let rows = pair(published, computed, ignored);
+    let columns = published.schema().columns.iter();
+    let columns = columns.filter(|column| !ignored.contains(&column.name.as_str()));
+    Comparison {
+        columns: columns
+            .filter_map(|column| difference(&column.name, published, computed, &rows))
+            .collect(),
+        only_published: one_sided(published, &rows.only_published),
+        only_computed: one_sided(computed, &rows.only_computed),
+    }
+}
+
+fn one_sided(table: &Table, rows: &[usize]) -> OneSided {
+    OneSided {
+        rows: rows.len(),
+        first: rows.first().map(|&row| rows::name(table, row)),
+    }
+}
+
+/// How one column differs, if it does.
+fn difference(
+    column: &str,
+    published: &Table,
+    computed: &Table,
+    rows: &Rows,
+) -> Option<ColumnDifference> {
+    let (left, right) = (published.array(column), computed.array(column));
+    if rows.in_step && left == right {
+        return None;
+    }
+    let mut found = ColumnDifference {
+        column: column.to_owned(),
+        cells: 0,
+        compared: rows.both.len(),
+        largest: None,
+        unlike: None,
+    };
+    for &(own, other) in &rows.both {
+        if let Some(difference) = cells::difference(left, own, right, other) {
+            found.add(difference, || rows::name(published, own));
+        }
+    }
+    (found.cells > 0).then_some(found)
+}
+
+impl ColumnDifference {
+    fn add(&mut self, difference: CellDifference, row: impl Fn() -> String) {
+        self.cells += 1;
+        match difference {
+            CellDifference::Number(number) => {
+                let absolute = self
+                    .largest
+                    .as_ref()
+                    .map_or(0.0, |largest| largest.absolute);
+                let absolute = absolute.max(number.absolute());
+                let is_larger = |largest: &Largest| number.relative() > largest.relative;
+                if self.largest.as_ref().is_none_or(is_larger) {
+                    self.largest = Some(Largest {
+                        absolute,
+                        relative: number.relative(),
+                        row: row(),
+                        published: number.published,
+                        computed: number.computed,
+                    });
+                } else if let Some(largest) = &mut self.largest {
+                    largest.absolute = absolute;
+                }
+            }
+            CellDifference::Unlike(published, computed) => {
+                self.unlike.get_or_insert_with(|| Unlike {
+                    row: row(),
+                    published,
+                    computed,
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::schema;
+    use crate::io::table::Columns;
+    use crate::manifest::RunKey;
+
+    /// Joint errors at these angles, with these curve values.
+    fn curve<const N: usize>(angles: [f64; N], curve: [f64; N], run: &str) -> Table {
+        Columns::new(schema::find("joint_errors").unwrap(), N)
+            .key(&RunKey::new("ur10", "grid", run))
+            .same("joint", 1_u64)
+            .same("joint_name", "shoulder_pan_joint")
+            .column("angle_rad", angles)
+            .column("error_rad", [2e-4; N])
+            .column("curve_rad", curve)
+            .same("sd_rad", 1e-5)
+            .same("gear_lines_rad", 0.0)
+            .same("measured", true)
+            .finish()
+            .unwrap()
+    }
+
+    #[test]
+    fn the_same_table_has_no_difference_and_an_ignored_column_does_not_count() {
+        let published = curve([-1.0, 1.0], [1e-4, 2e-4], "00ff");
+        let same = compare(&published, &published.clone(), &[]);
+        assert_eq!(same.same_values(), Some(0.0));
+        let computed = curve([-1.0, 1.0], [1e-4, 2e-4], "11ee");
+        assert!(compare(&published, &computed, &["run"]).columns.is_empty());
+        let told = compare(&published, &computed, &[]);
+        let unlike = told.columns[0].unlike.as_ref().unwrap();
+        assert_eq!(
+            (told.columns[0].column.as_str(), unlike.computed.as_str()),
+            ("run", "11ee")
+        );
+        assert_eq!(told.same_values(), None);
+    }
+
+    #[test]
+    fn of_each_column_the_largest_difference_is_told() {
+        let published = curve([-1.0, 0.0, 1.0], [1e-4, 2e-4, 4e-4], "00ff");
+        // Off by 1e-5 of 2e-4, 5 % of the larger of both, and by 1.5e-5 of 4e-4, which is less of it.
+        let computed = curve([-1.0, 0.0, 1.0], [1e-4, 1.9e-4, 3.85e-4], "00ff");
+        let told = compare(&published, &computed, &[]);
+        let [column] = &told.columns[..] else {
+            panic!("{told:?}")
+        };
+        let largest = column.largest.as_ref().unwrap();
+        assert_eq!((column.cells, column.compared), (2, 3));
+        assert!((largest.relative - 0.05).abs() < 1e-12, "{largest:?}");
+        assert!((largest.absolute - 1.5e-5).abs() < 1e-18, "{largest:?}");
+        assert_eq!((largest.published, largest.computed), (2e-4, 1.9e-4));
+        assert!(largest.row.contains("angle_rad 0"), "{largest:?}");
+        assert_eq!(told.same_values(), None);
+    }
+
+    #[test]
+    fn rounding_is_the_same_value_and_a_little_more_is_not() {
+        let published = curve([1.0], [1e-4], "00ff");
+        let off = |share: f64| {
+            let computed = curve([1.0], [1e-4 * (1.0 + share)], "00ff");
+            compare(&published, &computed, &[]).same_values()
+        };
+        assert!(off(5e-10).is_some_and(|largest| (largest - 5e-10).abs() < 1e-12));
+        assert_eq!(off(2e-9), None);
+    }
+
+    #[test]
+    fn rows_of_one_side_are_counted_and_the_others_still_paired() {
+        // The row at −1 is gone, one at 2 is new; the one at 0 moved by a rounding, and is the same row.
+        let published = curve([-1.0, 0.5, 1.0], [1e-4, 2e-4, 3e-4], "00ff");
+        let computed = curve([0.5 + 1e-13, 1.0, 2.0], [2e-4, 3e-4, 9e-4], "00ff");
+        let told = compare(&published, &computed, &[]);
+        assert_eq!((told.only_published.rows, told.only_computed.rows), (1, 1));
+        let first = told.only_published.first.unwrap();
+        assert!(first.contains("angle_rad -1"), "{first}");
+        assert_eq!(told.columns.len(), 1, "the angle alone: {:?}", told.columns);
+        assert_eq!(told.columns[0].column, "angle_rad");
+    }
+}

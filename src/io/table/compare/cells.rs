@@ -1,0 +1,215 @@
+//! Two cells → how they differ.
+
+use arrow::array::{Array, AsArray};
+use arrow::datatypes::{DataType, Float64Type};
+use arrow::util::display::array_value_to_string;
+use serde_json::Value;
+
+/// Letters of a cell's text that are told at most.
+const TOLD: usize = 120;
+
+/// How two cells differ.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum CellDifference {
+    /// By a number alone; of several in one cell, by the one that differs most.
+    Number(Numbers),
+    /// Otherwise: what is published, and what was computed.
+    Unlike(String, String),
+}
+
+/// Two numbers that differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Numbers {
+    pub published: f64,
+    pub computed: f64,
+}
+
+impl Numbers {
+    pub(super) fn absolute(self) -> f64 {
+        (self.published - self.computed).abs()
+    }
+
+    /// To the larger of both, which is not zero where they differ.
+    pub(super) fn relative(self) -> f64 {
+        self.absolute() / self.published.abs().max(self.computed.abs())
+    }
+}
+
+/// How the cell `own` of a column differs from the cell `other` of the computed one; `None` where they are the same.
+pub(super) fn difference(
+    published: &dyn Array,
+    own: usize,
+    computed: &dyn Array,
+    other: usize,
+) -> Option<CellDifference> {
+    if published.is_null(own) || computed.is_null(other) {
+        let both = published.is_null(own) && computed.is_null(other);
+        return (!both).then(|| unlike(published, own, computed, other));
+    }
+    match published.data_type() {
+        DataType::Float64 => {
+            let value = |array: &dyn Array, row| array.as_primitive::<Float64Type>().value(row);
+            number(value(published, own), value(computed, other))
+        }
+        DataType::List(_) => {
+            let list = |array: &dyn Array, row| array.as_list::<i32>().value(row);
+            let (left, right) = (list(published, own), list(computed, other));
+            if left.len() != right.len() {
+                return Some(unlike(published, own, computed, other));
+            }
+            (0..left.len()).fold(None, |most, place| {
+                larger(most, difference(&left, place, &right, place))
+            })
+        }
+        DataType::Utf8 => {
+            let text = |array: &dyn Array, row| array.as_string::<i32>().value(row).to_owned();
+            texts(&text(published, own), &text(computed, other))
+        }
+        _ if published.slice(own, 1).to_data() == computed.slice(other, 1).to_data() => None,
+        _ => Some(unlike(published, own, computed, other)),
+    }
+}
+
+#[expect(
+    clippy::float_cmp,
+    reason = "equal numbers are no difference, all others are told by their size"
+)]
+fn number(published: f64, computed: f64) -> Option<CellDifference> {
+    (published != computed).then_some(CellDifference::Number(Numbers {
+        published,
+        computed,
+    }))
+}
+
+/// Of two differences the one that matters more: what is unlike, before the number that differs most.
+fn larger(a: Option<CellDifference>, b: Option<CellDifference>) -> Option<CellDifference> {
+    match (a, b) {
+        (None, found) | (found, None) => found,
+        (Some(CellDifference::Number(a)), Some(CellDifference::Number(b))) => {
+            let larger = if b.relative() > a.relative() { b } else { a };
+            Some(CellDifference::Number(larger))
+        }
+        (Some(unlike @ CellDifference::Unlike(..)), _) | (_, Some(unlike)) => Some(unlike),
+    }
+}
+
+/// Texts are compared exactly, unless both are JSON: a model's numbers are numbers also there.
+fn texts(published: &str, computed: &str) -> Option<CellDifference> {
+    if published == computed {
+        return None;
+    }
+    let parsed = |text: &str| {
+        let value: Option<Value> = serde_json::from_str(text).ok();
+        value.filter(|value| value.is_object() || value.is_array())
+    };
+    if let (Some(left), Some(right)) = (parsed(published), parsed(computed)) {
+        return json("", &left, &right);
+    }
+    Some(CellDifference::Unlike(short(published), short(computed)))
+}
+
+fn json(at: &str, published: &Value, computed: &Value) -> Option<CellDifference> {
+    let differ = |left: &str, right: &str| {
+        let told = |text: &str| short(&format!("{at}: {text}"));
+        Some(CellDifference::Unlike(told(left), told(right)))
+    };
+    match (published, computed) {
+        (Value::Number(a), Value::Number(b)) if a.is_f64() || b.is_f64() => {
+            number(a.as_f64()?, b.as_f64()?)
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            let each = a.iter().zip(b).enumerate();
+            each.fold(None, |most, (place, (a, b))| {
+                larger(most, json(&format!("{at}[{place}]"), a, b))
+            })
+        }
+        (Value::Object(a), Value::Object(b)) if a.keys().eq(b.keys()) => {
+            let each = a.iter().zip(b.values());
+            each.fold(None, |most, ((key, a), b)| {
+                larger(most, json(&format!("{at}.{key}"), a, b))
+            })
+        }
+        (a, b) if a == b => None,
+        (a, b) => differ(&a.to_string(), &b.to_string()),
+    }
+}
+
+fn unlike(published: &dyn Array, own: usize, computed: &dyn Array, other: usize) -> CellDifference {
+    CellDifference::Unlike(text(published, own), text(computed, other))
+}
+
+/// A cell in words that a person reads, cut where it is long.
+pub(super) fn text(array: &dyn Array, row: usize) -> String {
+    short(&whole_text(array, row))
+}
+
+/// A cell in words.
+pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
+    if array.is_null(row) {
+        return "null".to_owned();
+    }
+    if let DataType::Float64 = array.data_type() {
+        return array.as_primitive::<Float64Type>().value(row).to_string();
+    }
+    let text = array_value_to_string(array, row);
+    text.unwrap_or_else(|_| "a value without words".to_owned())
+}
+
+fn short(text: &str) -> String {
+    match text.char_indices().nth(TOLD) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_within_json_are_numbers_and_all_else_is_exact() {
+        let a = r#"{"blocks":[{"name":"sag","sd":[1.0,2.0]}],"n":3}"#;
+        assert_eq!(texts(a, a), None);
+        let rounded = a.replace("2.0", "2.000000000002");
+        let Some(CellDifference::Number(numbers)) = texts(a, &rounded) else {
+            panic!("a number differs")
+        };
+        assert!((numbers.relative() - 1e-12).abs() < 1e-15, "{numbers:?}");
+        for (from, to) in [
+            ("sag", "drift"),
+            ("3", "4"),
+            (",2.0", ""),
+            ("\"n\"", "\"m\""),
+        ] {
+            let other = a.replace(from, to);
+            let found = texts(a, &other);
+            assert!(
+                matches!(found, Some(CellDifference::Unlike(..))),
+                "{from} → {to}: {found:?}"
+            );
+        }
+        // Numbers that stand alone are texts of a text column: "60" is no measure.
+        assert!(matches!(
+            texts("60", "61"),
+            Some(CellDifference::Unlike(..))
+        ));
+    }
+
+    #[test]
+    fn what_is_unlike_outranks_any_number() {
+        let found = texts(r#"[1.0, "a"]"#, r#"[9.0, "b"]"#);
+        assert_eq!(
+            found,
+            Some(CellDifference::Unlike(
+                "[1]: \"a\"".to_owned(),
+                "[1]: \"b\"".to_owned()
+            ))
+        );
+    }
+
+    #[test]
+    fn a_long_text_is_cut_between_letters() {
+        let long = "ü".repeat(500);
+        assert_eq!(short(&long).chars().count(), TOLD + 1);
+    }
+}

@@ -1,0 +1,220 @@
+//! What a past run claims, recomputed.
+//!
+//! Inputs: the row of `runs` in a lake ([`Claim`]), the run's files there, and the pipeline file by which its logs are found.
+//! Output: [`Verified`], with a [`Verdict`]. The lake is only read. Steps, for one run:
+//! 1. the row against itself: its name follows from its inputs, settings and version, and its place from its name;
+//! 2. the digest of every file it wrote (`altered`);
+//! 3. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
+//! 4. where those are the same, the run again by the code of `posegrid run` into a temporary lake, and every file compared:
+//!    bytes first, then values (`again`, [`crate::io::table::compare`]).
+//!
+//! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed.
+
+mod again;
+mod altered;
+mod claim;
+mod selection;
+mod settings;
+mod source;
+mod verdict;
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use crate::io::lake::{Lake, LakeError};
+use crate::manifest::{RunKey, Work};
+use crate::progress::Progress;
+
+use super::plan::PlanError;
+pub use again::{ComparedFile, FileOutcome, clean};
+pub use altered::{ChangedInput, Output};
+pub use claim::Claim;
+pub use selection::{PastRun, Selected, Selection, select};
+pub use settings::ChangedSetting;
+use source::{NoSource, Source};
+pub use verdict::Verdict;
+
+/// Why nothing can be verified.
+#[derive(Debug, Error)]
+pub enum VerifyError {
+    /// No lake.
+    #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` told as its tables", lake.display())]
+    NoLake {
+        /// The folder.
+        lake: PathBuf,
+        /// What is missing.
+        reason: &'static str,
+    },
+    /// Neither a run nor a session.
+    #[error("{name:?} is neither a run nor a session in {}; its sessions: {}", lake.display(), sessions.join(", "))]
+    NoSuchRun {
+        /// The name asked for.
+        name: String,
+        /// The lake.
+        lake: PathBuf,
+        /// Sessions that it has.
+        sessions: Vec<String>,
+    },
+    /// No run by the pipeline files given.
+    #[error("{} has no run by {}; its runs are by {}", lake.display(), asked.join(", "), found.join(", "))]
+    NoneByPipeline {
+        /// The lake.
+        lake: PathBuf,
+        /// Names of the pipeline files given.
+        asked: Vec<String>,
+        /// Names of those that the lake's runs are by.
+        found: Vec<String>,
+    },
+    /// Two pipeline files of one name.
+    #[error("{} and {} have one name, and a row of `runs` tells no more than the name: verify their runs one after the other", first.display(), second.display())]
+    TwoOfOneName {
+        /// The first.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// A pipeline file is bad.
+    #[error(transparent)]
+    Pipeline(#[from] PlanError),
+    /// The lake cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+/// What verifying a run came to.
+#[derive(Debug, Clone)]
+pub struct Verified {
+    /// What the row says.
+    pub claim: Claim,
+    /// Where the row contradicts itself, in words.
+    pub contradictions: Vec<String>,
+    /// Every file that the row names.
+    pub outputs: Vec<Output>,
+    /// Inputs that are not what the row says.
+    pub inputs: Vec<ChangedInput>,
+    /// Settings that are not what the row says.
+    pub settings: Vec<ChangedSetting>,
+    /// What computing it again gave.
+    pub recomputed: Recomputed,
+}
+
+/// What computing a run again gave.
+#[derive(Debug, Clone)]
+pub enum Recomputed {
+    /// It was not computed again, as inputs or settings are others.
+    OtherWork,
+    /// It could not be: why.
+    No(String),
+    /// Every file of it, in the row's order; those that are the same byte for byte are counted.
+    Yes {
+        /// Files with the same bytes.
+        same: usize,
+        /// The others.
+        others: Vec<ComparedFile>,
+    },
+}
+
+impl Verified {
+    /// What it comes to.
+    pub fn verdict(&self) -> Verdict {
+        verdict::verdict(self)
+    }
+}
+
+/// Verifies one run; `pipeline` is the file it is by, where one of that name was given.
+pub fn verify(
+    claim: &Claim,
+    place: &Path,
+    pipeline: Option<&Path>,
+    lake: &Lake,
+    progress: &dyn Progress,
+) -> Verified {
+    let outputs = altered::outputs(claim, lake);
+    let mut verified = Verified {
+        claim: claim.clone(),
+        contradictions: contradictions(claim, place, lake),
+        outputs,
+        inputs: Vec::new(),
+        settings: Vec::new(),
+        recomputed: Recomputed::OtherWork,
+    };
+    verified.recomputed = match pipeline {
+        Some(pipeline) => recomputed(&mut verified, pipeline, lake, progress),
+        None => Recomputed::No(format!(
+            "it is by the pipeline file {:?}: give that file with --pipeline",
+            claim.pipeline
+        )),
+    };
+    verified
+}
+
+fn recomputed(
+    verified: &mut Verified,
+    pipeline: &Path,
+    lake: &Lake,
+    progress: &dyn Progress,
+) -> Recomputed {
+    let claim = verified.claim.clone();
+    let temporary = match again::temporary_lake(lake, &claim.key) {
+        Ok(temporary) => temporary,
+        Err(reason) => return Recomputed::No(reason),
+    };
+    let source = Source::find(&claim, pipeline, temporary.path());
+    let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
+        Ok((work, source)) => (source, work),
+        Err(NoSource::Missing(session, reason)) => {
+            verified.inputs = altered::missing(&claim, &session, &reason);
+            return Recomputed::No(format!("session {session}: {reason}"));
+        }
+        Err(NoSource::Other(reason)) => return Recomputed::No(reason),
+    };
+    verified.inputs = altered::inputs(&claim.inputs, &work.inputs);
+    verified.settings = settings::changed(&claim.settings, &work.settings);
+    let other_version = claim.is_other_version();
+    let keeps = |setting: &ChangedSetting| other_version && setting.is_one_sided();
+    if !verified.inputs.is_empty() || !verified.settings.iter().all(keeps) {
+        return Recomputed::OtherWork;
+    }
+    again::again(verified, &source, lake, temporary.path(), progress)
+}
+
+/// Where a row contradicts itself or its place.
+fn contradictions(claim: &Claim, place: &Path, lake: &Lake) -> Vec<String> {
+    let mut found = Vec::new();
+    let work = Work {
+        robot: claim.key.robot.clone(),
+        session: claim.key.session.clone(),
+        pipeline: claim.pipeline.clone(),
+        sessions: claim.sessions.clone(),
+        test_sessions: claim.test_sessions.clone(),
+        inputs: claim.inputs.clone(),
+        settings: claim.settings.clone(),
+    };
+    let RunKey { run, .. } = work.key_by_version(&claim.version);
+    if run != claim.key.run {
+        found.push(format!(
+            "its name is {}, and from its inputs, settings and version follows {run}",
+            claim.key.run
+        ));
+    }
+    let digest = blake3::hash(claim.settings.as_bytes()).to_hex().to_string();
+    if digest != claim.settings_digest {
+        found.push(format!(
+            "its settings have the digest {digest}, and it says {}",
+            claim.settings_digest
+        ));
+    }
+    let own = crate::io::schema::find("runs").map_err(LakeError::from);
+    let own = own.and_then(|schema| lake.path(schema, &claim.key));
+    if own.ok().as_deref() != Some(place) {
+        found.push(format!(
+            "it stands at {}, which is not the place of run {} of robot {:?} and session {:?}",
+            place.display(),
+            claim.key.run,
+            claim.key.robot,
+            claim.key.session
+        ));
+    }
+    found
+}

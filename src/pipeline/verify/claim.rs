@@ -1,0 +1,144 @@
+//! What a row of `runs` says.
+
+use arrow::array::AsArray;
+use arrow::datatypes::Int64Type;
+
+use crate::io::table::Table;
+use crate::manifest::{Input, RunKey, VERSION, Written, cpu_features, platform};
+
+/// A row of `runs`, as far as it can be recomputed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Claim {
+    /// Robot, session and name.
+    pub key: RunKey,
+    /// Name of the pipeline file.
+    pub pipeline: String,
+    /// Version that computed it.
+    pub version: String,
+    /// Processor architecture and operating system.
+    pub platform: String,
+    /// Processor features that arithmetic was chosen by.
+    pub cpu_features: Vec<String>,
+    /// Sessions learnt from.
+    pub sessions: Vec<String>,
+    /// Sessions that only judged.
+    pub test_sessions: Vec<String>,
+    /// Files read.
+    pub inputs: Vec<Input>,
+    /// Every setting as JSON.
+    pub settings: String,
+    /// The digest of `settings`.
+    pub settings_digest: String,
+    /// Files written.
+    pub files: Vec<Written>,
+}
+
+impl Claim {
+    /// What the only row of the table `runs` says; or, in words, what keeps it from saying anything.
+    pub fn of(row: &Table) -> Result<Self, String> {
+        if row.rows() != 1 {
+            return Err(format!("{} rows, and a run has one", row.rows()));
+        }
+        let text = |column: &str| row.text(column).value(0).to_owned();
+        let texts = |column: &str| -> Vec<String> {
+            let list = row.list(column).value(0);
+            let texts = list.as_string::<i32>().iter().flatten();
+            texts.map(str::to_owned).collect()
+        };
+        let numbers = |column: &str| -> Vec<u64> {
+            let list = row.list(column).value(0);
+            let numbers = list.as_primitive::<Int64Type>().values().iter();
+            numbers.map(|&number| number.cast_unsigned()).collect()
+        };
+        let inputs = together(
+            "input",
+            texts("input_names"),
+            numbers("input_bytes"),
+            texts("input_digests"),
+        )?;
+        let files = together(
+            "table",
+            texts("table_names"),
+            numbers("table_rows"),
+            texts("table_digests"),
+        )?;
+        Ok(Self {
+            key: RunKey::new(text("robot"), text("session"), text("run")),
+            pipeline: text("pipeline"),
+            version: text("version"),
+            platform: text("platform"),
+            cpu_features: texts("cpu_features"),
+            sessions: texts("sessions"),
+            test_sessions: texts("test_sessions"),
+            inputs: inputs
+                .map(|(name, bytes, digest)| Input {
+                    name,
+                    bytes,
+                    digest,
+                })
+                .collect(),
+            settings: text("settings"),
+            settings_digest: text("settings_digest"),
+            files: files
+                .map(|(name, rows, digest)| {
+                    let (table, session) = name.split_once('/').unwrap_or((&name, ""));
+                    Written {
+                        table: table.to_owned(),
+                        session: session.to_owned(),
+                        rows,
+                        digest,
+                    }
+                })
+                .collect(),
+        })
+    }
+
+    /// Whether another version computed it.
+    pub fn is_other_version(&self) -> bool {
+        self.version != VERSION
+    }
+
+    /// Whether a processor of another kind, or with other features, computed it.
+    pub fn is_other_machine(&self) -> bool {
+        self.platform != platform() || self.cpu_features != cpu_features()
+    }
+
+    /// Who computed it, where that is not this program on this processor.
+    pub fn elsewhere(&self) -> Vec<String> {
+        let mut told = Vec::new();
+        if self.is_other_version() {
+            told.push(format!(
+                "computed by version {}, this is {VERSION}",
+                self.version
+            ));
+        }
+        if self.is_other_machine() {
+            told.push(format!(
+                "computed on {} ({}), this is {} ({})",
+                self.platform,
+                self.cpu_features.join(" "),
+                platform(),
+                cpu_features().join(" ")
+            ));
+        }
+        told
+    }
+}
+
+/// Three lists that belong together.
+fn together(
+    of: &str,
+    names: Vec<String>,
+    numbers: Vec<u64>,
+    digests: Vec<String>,
+) -> Result<impl Iterator<Item = (String, u64, String)>, String> {
+    let counts = (names.len(), numbers.len(), digests.len());
+    if counts.0 != counts.1 || counts.0 != counts.2 {
+        return Err(format!(
+            "it lists {} {of} names, {} sizes and {} digests, which belong together one by one",
+            counts.0, counts.1, counts.2
+        ));
+    }
+    let together = names.into_iter().zip(numbers).zip(digests);
+    Ok(together.map(|((name, number), digest)| (name, number, digest)))
+}

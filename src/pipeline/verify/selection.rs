@@ -1,0 +1,200 @@
+//! Which runs of a lake are verified.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
+
+use super::VerifyError;
+use super::claim::Claim;
+use crate::io::lake::Lake;
+use crate::pipeline::plan::files;
+
+/// Which runs are asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Selection {
+    /// Pipeline files by which inputs are found; without any, every run is selected and none computed again.
+    pub pipelines: Vec<PathBuf>,
+    /// Runs or sessions; empty for all by the pipeline files.
+    pub names: Vec<String>,
+    /// How many of them, drawn by `seed`; all where absent.
+    pub sample: Option<usize>,
+    /// Which sample.
+    pub seed: u64,
+}
+
+/// A run of the lake.
+#[derive(Debug, Clone)]
+pub struct PastRun {
+    /// Where its row in `runs` stands.
+    pub place: PathBuf,
+    /// What the row says, or why it cannot be read.
+    pub claim: Result<Claim, String>,
+    /// The pipeline file that it is by, where one of that name was given.
+    pub pipeline: Option<PathBuf>,
+}
+
+/// The runs that are asked for, in the order of robot, session and run.
+#[derive(Debug, Clone)]
+pub struct Selected {
+    /// These.
+    pub runs: Vec<PastRun>,
+    /// Runs left out, as they are by other pipeline files, by the names of those.
+    pub by_others: BTreeMap<String, usize>,
+    /// Runs that were not drawn.
+    pub not_drawn: usize,
+}
+
+/// Selects runs of a lake.
+pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyError> {
+    let pipelines = pipelines(&selection.pipelines)?;
+    let past = past(lake, &pipelines)?;
+    known(lake, &past, &selection.names)?;
+    let mut selected = Selected {
+        runs: Vec::new(),
+        by_others: BTreeMap::new(),
+        not_drawn: 0,
+    };
+    for run in past {
+        // A row that cannot be read is nobody's, and has to be told.
+        let Ok(claim) = &run.claim else {
+            selected.runs.push(run);
+            continue;
+        };
+        let named = selection.names.iter().any(|name| is_named(claim, name));
+        if !named && !selection.names.is_empty() {
+            continue;
+        }
+        if named || run.pipeline.is_some() || pipelines.is_empty() {
+            selected.runs.push(run);
+        } else {
+            *selected
+                .by_others
+                .entry(claim.pipeline.clone())
+                .or_default() += 1;
+        }
+    }
+    if selected.runs.is_empty() {
+        return Err(VerifyError::NoneByPipeline {
+            lake: lake.root().to_owned(),
+            asked: pipelines.into_keys().collect(),
+            found: selected.by_others.into_keys().collect(),
+        });
+    }
+    if let Some(count) = selection.sample {
+        let all = selected.runs.len();
+        selected.runs = drawn(selected.runs, count, selection.seed);
+        selected.not_drawn = all - selected.runs.len();
+    }
+    Ok(selected)
+}
+
+/// The pipeline files, which have to be sound, by name.
+fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError> {
+    let mut named: BTreeMap<String, PathBuf> = BTreeMap::new();
+    for path in paths {
+        files::read(path)?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        if let Some(first) = named.insert(name.into_owned(), path.clone())
+            && first != *path
+        {
+            return Err(VerifyError::TwoOfOneName {
+                first,
+                second: path.clone(),
+            });
+        }
+    }
+    Ok(named)
+}
+
+fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRun>, VerifyError> {
+    let no_lake = |reason| VerifyError::NoLake {
+        lake: lake.root().to_owned(),
+        reason,
+    };
+    if !lake.root().is_dir() {
+        return Err(no_lake("there is no such folder"));
+    }
+    let rows = lake.runs()?;
+    if rows.is_empty() {
+        return Err(no_lake("it has no row in runs, so no run"));
+    }
+    let run = |(place, row): (PathBuf, Result<_, _>)| {
+        let row = row.map_err(|error: crate::io::table::FileError| error.to_string());
+        let claim: Result<Claim, String> = row.and_then(|row| {
+            let told = |reason| format!("{}: {reason}", place.display());
+            Claim::of(&row).map_err(told)
+        });
+        let pipeline = claim.as_ref().ok().map(|claim| &claim.pipeline);
+        PastRun {
+            pipeline: pipeline.and_then(|name| pipelines.get(name).cloned()),
+            place,
+            claim,
+        }
+    };
+    Ok(rows.into_iter().map(run).collect())
+}
+
+/// Whether `name` is the claim's run or session.
+fn is_named(claim: &Claim, name: &str) -> bool {
+    claim.key.run == name || claim.key.session == name
+}
+
+fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyError> {
+    let claims = || past.iter().filter_map(|run| run.claim.as_ref().ok());
+    let unknown = |name: &&String| !claims().any(|claim| is_named(claim, name));
+    match names.iter().find(unknown) {
+        None => Ok(()),
+        Some(name) => Err(VerifyError::NoSuchRun {
+            name: name.clone(),
+            lake: lake.root().to_owned(),
+            sessions: claims()
+                .map(|claim| claim.key.session.clone())
+                .collect::<BTreeSet<_>>()
+                .into_iter()
+                .collect(),
+        }),
+    }
+}
+
+/// The `count` runs whose names, digested after the seed, come first: neither who asks nor the program
+/// chooses, and anybody can draw the same again.
+fn drawn(runs: Vec<PastRun>, count: usize, seed: u64) -> Vec<PastRun> {
+    let lot = |run: &PastRun| {
+        let name = run.place.file_stem().unwrap_or_default().to_string_lossy();
+        *blake3::hash(format!("{seed}/{name}").as_bytes()).as_bytes()
+    };
+    let mut lots: Vec<_> = runs.into_iter().map(|run| (lot(&run), run)).collect();
+    lots.sort_by_key(|(lot, _)| *lot);
+    lots.truncate(count);
+    let mut drawn: Vec<PastRun> = lots.into_iter().map(|(_, run)| run).collect();
+    drawn.sort_by(|a, b| a.place.cmp(&b.place));
+    drawn
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runs(names: &[&str]) -> Vec<PastRun> {
+        let run = |name: &&str| PastRun {
+            place: PathBuf::from(format!("lake/runs/r/s/{name}.parquet")),
+            claim: Err("not looked at".to_owned()),
+            pipeline: None,
+        };
+        names.iter().map(run).collect()
+    }
+
+    #[test]
+    fn a_sample_follows_from_the_seed_alone() {
+        let all = ["a", "b", "c", "d", "e", "f"];
+        let draw = |names: &[&str], seed| -> Vec<PathBuf> {
+            let drawn = drawn(runs(names), 2, seed);
+            drawn.into_iter().map(|run| run.place).collect()
+        };
+        let mut backwards = all;
+        backwards.reverse();
+        assert_eq!(draw(&all, 7), draw(&backwards, 7));
+        assert_eq!(draw(&all, 7).len(), 2);
+        assert!((0..10).any(|seed| draw(&all, seed) != draw(&all, 7)));
+        assert_eq!(drawn(runs(&all), 100, 7).len(), 6, "no more than there are");
+    }
+}

@@ -1,0 +1,105 @@
+//! What a run can be computed again from: the pipeline file, and the logs that it finds today.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::claim::Claim;
+use crate::manifest::{RunKey, Work};
+use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, WorkPiece};
+use crate::pipeline::planning::{self, Planning};
+use crate::pipeline::run::{run_piece, work};
+use crate::progress::{Progress, Quiet};
+
+/// A run's work, found again.
+#[derive(Debug)]
+pub(super) enum Source {
+    /// Sessions and what is made of them.
+    Sessions(Box<Plan>, WorkPiece),
+    /// A plan before measuring.
+    Planning(Box<Planning>),
+}
+
+/// Why a run's work is not found.
+#[derive(Debug)]
+pub(super) enum NoSource {
+    /// A session is not there, or not whole: which, and why.
+    Missing(String, String),
+    /// Anything else, in words.
+    Other(String),
+}
+
+impl Source {
+    /// The work of `claim` by the pipeline file at `pipeline`, for the lake in `lake`. Which sessions are learnt from and
+    /// which judge is what the row says, as the command line may have said so.
+    pub(super) fn find(claim: &Claim, pipeline: &Path, lake: &Path) -> Result<Self, NoSource> {
+        if claim.key.session == planning::SESSION && claim.sessions.is_empty() {
+            let planning = Planning::load(pipeline, Some(lake)).map_err(other)?;
+            return Ok(Self::Planning(Box::new(planning)));
+        }
+        let overrides = Overrides {
+            sessions: claim.sessions.clone(),
+            test: claim.test_sessions.clone(),
+            lake: Some(lake.to_owned()),
+        };
+        let plan = Plan::load(pipeline, &overrides).map_err(|error| match error {
+            PlanError::Session {
+                session, reason, ..
+            } => NoSource::Missing(session, reason),
+            error => other(error),
+        })?;
+        let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
+        let files: BTreeMap<String, SessionFiles> = plan
+            .pieces
+            .iter()
+            .flat_map(files)
+            .map(|files| (files.name.clone(), files))
+            .collect();
+        let named = |names: &[String]| -> Result<Vec<SessionFiles>, NoSource> {
+            let missing = |name: &String| {
+                let reason = "there is no such folder".to_owned();
+                NoSource::Missing(name.clone(), reason)
+            };
+            let files = |name| files.get(name).cloned().ok_or_else(|| missing(name));
+            names.iter().map(files).collect()
+        };
+        let piece = WorkPiece {
+            session: claim.key.session.clone(),
+            training: named(&claim.sessions)?,
+            test: named(&claim.test_sessions)?,
+        };
+        Ok(Self::Sessions(Box::new(plan), piece))
+    }
+
+    /// The work as it is today, with its inputs digested. The robot's name is the row's, so that no log is read for it.
+    pub(super) fn work(&self, claim: &Claim) -> Result<Work, NoSource> {
+        match self {
+            Self::Planning(planning) => Ok(planning.work.clone()),
+            Self::Sessions(plan, piece) => {
+                let named = Plan {
+                    robot: Some(claim.key.robot.clone()),
+                    ..(**plan).clone()
+                };
+                work(&named, piece, &mut BTreeMap::new(), &Quiet).map_err(other)
+            }
+        }
+    }
+
+    /// Does the work by the code of `posegrid run`; gives the run in the temporary lake.
+    pub(super) fn run(&self, claim: &Claim, progress: &dyn Progress) -> Result<RunKey, NoSource> {
+        match self {
+            Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
+            Self::Sessions(plan, piece) => {
+                let done = run_piece(plan, piece, progress).map_err(other)?;
+                Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
+            }
+        }
+    }
+}
+
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "errors are handed over where they end"
+)]
+fn other(error: impl ToString) -> NoSource {
+    NoSource::Other(error.to_string())
+}
