@@ -3,14 +3,14 @@
 //! The same rule serves joint angles and target positions, at any rate and any noise:
 //! 1. a median of three takes single spikes out (for finding rest only, never for a mean);
 //! 2. the range (largest − smallest) of each column over a short window; the largest over the columns says how much
-//!    moves in that window ([`ranges`]);
-//! 3. a window is still when that is within the threshold; overlapping still windows are one stretch ([`levels`]);
+//!    moves in that window (`ranges`);
+//! 3. a window is still when that is within the threshold; overlapping still windows are one stretch (`levels`);
 //! 4. the threshold, where none is given, is read from the samples: over a ladder of thresholds the number of
 //!    stretches is erratic inside the noise, then stays put over a wide plateau, then falls as moves are swallowed.
-//!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it, [`quantum`].)
-//!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower ([`plateau`]).
+//!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it, `quantum`.)
+//!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower (`plateau`).
 //!
-//! The samples are taken in once, in order of time, and none is kept ([`finder`]): every threshold that may turn out to
+//! The samples are taken in once, in order of time, and none is kept (`finder`): every threshold that may turn out to
 //! be the right one has its stretches found at once.
 
 mod finder;
