@@ -133,6 +133,10 @@ def check_runs(lake, folders):
     digests = f"select unnest(table_names) as name, unnest(table_rows) as rows, robot, run from {runs}"
     for name, rows, robot, run in duckdb.sql(digests).fetchall():
         table, session = name.split("/", 1)
+        if table == "report":
+            pages = [page for page in (lake / "report").glob(f"*/*/{run}.html") if name_in_path(page.parts[-2]) == session]
+            expect(f"{lake}, run {run}", "pages", len(pages), 1)
+            continue
         if not (lake / table).is_dir():
             problems.append(f"{lake}, run {run}: its table {name} is missing")
             continue
