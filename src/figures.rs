@@ -4,7 +4,7 @@
 //! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (METHOD.md 5); too few errors have none.
 
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Binomial, DiscreteCDF};
+use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
 /// The share of errors a bound has to cover, and how sure one has to be of it.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -109,6 +109,30 @@ pub fn least_count(coverage: Coverage) -> f64 {
     ((1.0 - coverage.confidence).ln() / coverage.share.ln()).ceil()
 }
 
+/// The lower limit of a share of which `k` of `n` were found, one-sided (Clopper and Pearson 1934).
+pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
+    if k == 0 {
+        return 0.0;
+    }
+    beta(k, n - k + 1).inverse_cdf(1.0 - confidence)
+}
+
+/// The interval of a share of which `k` of `n` were found (Clopper and Pearson 1934); everything without any.
+pub fn share_interval(k: usize, n: usize, confidence: f64) -> (f64, f64) {
+    let tail = 0.5 * (1.0 - confidence);
+    let low = share_at_least(k, n, 1.0 - tail);
+    let high = if k == n {
+        1.0
+    } else {
+        beta(k + 1, n - k).inverse_cdf(1.0 - tail)
+    };
+    (low, high)
+}
+
+fn beta(a: usize, b: usize) -> Beta {
+    Beta::new(a as f64, b as f64).expect("both shapes are positive")
+}
+
 fn ascending(values: &[f64]) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -161,5 +185,16 @@ mod tests {
         assert_eq!(bound_rank(700, p95), Some(675));
         assert_eq!(bound_rank(700, p99), Some(698));
         assert!((least_count(p95) - 59.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_share_s_lower_limit_is_the_closed_form_where_all_hold() {
+        // All of n hold: the limit p solves p^n = 1 − γ. 59 of 59 at 95 %: 0.05^(1/59) = 0.950493.
+        let found = share_at_least(59, 59, 0.95);
+        assert!((found - 0.05f64.powf(1.0 / 59.0)).abs() < 1e-6, "{found}");
+        assert!(share_at_least(0, 59, 0.95).abs() < 1e-15);
+        // 95 of 100: 0.8977 (Clopper and Pearson's one-sided 95 % limit, from tables of the binomial distribution).
+        let found = share_at_least(95, 100, 0.95);
+        assert!((found - 0.8977).abs() < 5e-4, "{found}");
     }
 }

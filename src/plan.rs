@@ -25,9 +25,15 @@ pub mod settings;
 pub mod sight;
 pub mod steps;
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::simulate::{Commanded, Ingredient, Stream};
+
+use robots::Robot;
 
 pub use compare::{DesignRow, Designs, Kind};
 pub use error::PlanError;
@@ -82,6 +88,26 @@ pub struct Trial<'t> {
     pub settings: &'t PlanSettings,
     /// Who listens.
     pub progress: &'t dyn Progress,
+}
+
+impl<'t> Trial<'t> {
+    /// What `work` has of each of the numbered robots, in their order, on all cores.
+    fn each_robot<T: Send>(
+        &self,
+        task: &str,
+        robots: Range<usize>,
+        work: impl Fn(&mut Robot<'t>, usize) -> T + Sync,
+    ) -> Vec<T> {
+        self.progress.begin(task, robots.len() as u64);
+        let of_robot = |number: usize| {
+            let found = work(&mut Robot::draw(self.arm, self.settings, number), number);
+            self.progress.advance(1);
+            found
+        };
+        let found = robots.into_par_iter().map(of_robot).collect();
+        self.progress.end();
+        found
+    }
 }
 
 /// Makes a plan.
@@ -148,32 +174,29 @@ fn sized(
     pool: &[Commanded],
     rows: &mut Vec<DesignRow>,
 ) -> usize {
-    let most = trial.settings.poses.iter().copied().max().unwrap_or(0);
     for _ in 0..BISECTIONS {
-        let chosen = || rows.iter().filter(|row| row.kind == Kind::GreedyVariance);
-        let Some(holds) = chosen()
-            .filter(|r| r.outcomes.holds())
-            .map(|r| r.poses)
-            .min()
-        else {
-            return most;
-        };
-        let below = chosen()
-            .map(|row| row.poses)
-            .filter(|&poses| poses < holds)
-            .max();
-        let middle = below.unwrap_or(session::LEAST_POSES).midpoint(holds);
-        if middle <= below.unwrap_or(session::LEAST_POSES) || middle >= holds {
-            return holds;
-        }
-        let kinds = [(Kind::GreedyVariance, middle)];
-        let found = compare::judge_sizes(trial, designs, pool, &kinds);
-        rows.extend(found);
+        let Some(middle) = between(rows) else { break };
+        let size = [(session::KIND, middle)];
+        rows.extend(compare::judge_sizes(trial, designs, pool, &size));
     }
-    let chosen = rows.iter().filter(|row| row.kind == Kind::GreedyVariance);
-    chosen
-        .filter(|row| row.outcomes.holds())
-        .map(|row| row.poses)
-        .min()
-        .unwrap_or(most)
+    let most = trial.settings.poses.iter().copied().max();
+    least_that_holds(rows).or(most).unwrap_or(0)
+}
+
+/// The smallest chosen design that holds.
+fn least_that_holds(rows: &[DesignRow]) -> Option<usize> {
+    let holding = rows
+        .iter()
+        .filter(|row| row.kind == session::KIND && row.outcomes.holds());
+    holding.map(|row| row.poses).min()
+}
+
+/// A size halfway between the smallest chosen design that holds and the next smaller one; `None` where nothing lies between.
+fn between(rows: &[DesignRow]) -> Option<usize> {
+    let holds = least_that_holds(rows)?;
+    let sizes = rows.iter().filter(|row| row.kind == session::KIND);
+    let smaller = sizes.map(|row| row.poses).filter(|&poses| poses < holds);
+    let below = smaller.max().unwrap_or(session::LEAST_POSES);
+    let middle = below.midpoint(holds);
+    (below < middle && middle < holds).then_some(middle)
 }

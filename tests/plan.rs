@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use common::NOISE;
 use common::trained::{base_refitted, predictions, random_sessions, trained};
 use nalgebra::{Isometry3, Vector3};
-use posegrid::figures::{Coverage, Figures};
+use posegrid::figures::{Coverage, Figures, share_interval};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::{FitSettings, KnownTarget, Observation, start};
@@ -32,7 +32,6 @@ use posegrid::plan::{
 };
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
-use posegrid::report::promise::share_interval;
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{Ingredient, Poses, SimulateSettings, Stream, simulate, visits};
 

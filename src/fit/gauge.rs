@@ -7,7 +7,7 @@
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::problem::Frames;
-use crate::join::Attained;
+use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
 
 /// What predicts the error of the tool point at given joint angles.
@@ -96,6 +96,13 @@ impl<'a> Gauge<'a> {
     /// Where the tool point was attained, in the base frame.
     pub fn attained_tool(&self, joints: &[f64], attained: &Attained) -> Point3<f64> {
         self.measured_target(attained) + self.flange_rotation(joints, attained) * self.lever()
+    }
+
+    /// Error of the tool point against where it was commanded, in the base frame: attained minus commanded, mm. `None` for a
+    /// station without a measurement.
+    pub fn tool_error(&self, station: &Station, commanded: &Point3<f64>) -> Option<Vector3<f64>> {
+        let attained = station.attained.as_ref()?;
+        Some(self.attained_tool(&station.joints, attained) - commanded)
     }
 
     fn flange_rotation(&self, joints: &[f64], attained: &Attained) -> UnitQuaternion<f64> {

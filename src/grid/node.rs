@@ -43,14 +43,13 @@ impl GridStation {
     ) -> Option<Self> {
         let nominal = gauge.nominal_tool(&station.joints);
         let position = commanded.unwrap_or_else(|| Point3::from(nominal.translation.vector));
-        let attained = gauge.attained_tool(&station.joints, station.attained.as_ref()?);
         Some(Self {
             number: station.number,
             position,
             orientation: nominal.rotation,
             configuration: reach.configuration(&station.joints),
             joints: station.joints.clone(),
-            error: attained - position,
+            error: gauge.tool_error(station, &position)?,
             fold,
         })
     }

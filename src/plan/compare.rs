@@ -8,7 +8,6 @@
 //!    what compensating by the identified arm leaves.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::design::{Candidate, Choice, Design};
 use super::outcomes::{Outcomes, RobotOutcome};
@@ -318,12 +317,7 @@ pub fn judge_sizes(
     pool: &[Commanded],
     sizes: &[(Kind, usize)],
 ) -> Vec<DesignRow> {
-    let Trial {
-        arm,
-        placer,
-        settings,
-        progress,
-    } = *trial;
+    let (placer, settings) = (trial.placer, trial.settings);
     let mut asked: Vec<(Kind, Vec<Commanded>)> = Vec::new();
     for &(kind, count) in sizes {
         let poses = designs.poses(kind, count, placer, settings);
@@ -335,23 +329,13 @@ pub fn judge_sizes(
             asked.push((kind, poses));
         }
     }
-    let total = settings.whole_model_robots * asked.len();
-    progress.begin("robots × designs", total as u64);
-    let of_robot = |number: usize| {
-        let mut robot = Robot::draw(arm, settings, number);
+    let numbers = 0..settings.whole_model_robots;
+    let robots = trial.each_robot("robots × designs", numbers, |robot, number| {
         let tests = test_poses(pool, settings, number);
-        let outcome = |(_, poses): &(Kind, Vec<Commanded>)| {
-            let outcome = on_robot(&mut robot, poses, &tests, placer, settings);
-            progress.advance(1);
-            outcome
-        };
+        let outcome =
+            |(_, poses): &(Kind, Vec<Commanded>)| on_robot(robot, poses, &tests, settings);
         asked.iter().map(outcome).collect::<Vec<_>>()
-    };
-    let robots: Vec<Vec<RobotOutcome>> = (0..settings.whole_model_robots)
-        .into_par_iter()
-        .map(of_robot)
-        .collect();
-    progress.end();
+    });
     let row = |(place, (kind, poses)): (usize, &(Kind, Vec<Commanded>))| DesignRow {
         kind: *kind,
         poses: poses.len(),
@@ -371,11 +355,10 @@ pub fn on_robot(
     robot: &mut Robot<'_>,
     poses: &[Commanded],
     tests: &[Commanded],
-    placer: &Placer<'_>,
     settings: &PlanSettings,
 ) -> RobotOutcome {
     match robot.fitted(poses, settings, &settings.full) {
-        Ok(fitted) => left_at(robot, &fitted, tests, placer, settings),
+        Ok(fitted) => left_at(robot, &fitted, tests, settings),
         Err(error) => RobotOutcome::NoFit(error),
     }
 }
@@ -385,11 +368,10 @@ pub fn left_at(
     robot: &mut Robot<'_>,
     fitted: &Fitted<'_>,
     tests: &[Commanded],
-    placer: &Placer<'_>,
     settings: &PlanSettings,
 ) -> RobotOutcome {
     let visits = robot.session(tests);
-    let errors = fitted.true_errors(&visits, settings, placer);
+    let errors = fitted.true_errors(&visits, settings);
     let predictor = Predictor::of(&fitted.models, fitted.gauge.arm(), 0);
     let model = ToolErrors::new(predictor, &fitted.gauge);
     let left = |(test, error): (&Commanded, &Vector3<f64>)| {

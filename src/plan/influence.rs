@@ -6,17 +6,15 @@
 use std::borrow::Cow;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
-use super::robots::Robot;
 use super::settings::{PlanSettings, Region};
-use super::steps::{Grid, Measured, families, test_poses};
+use super::steps::{Grid, by_family, on_robot, test_poses};
 use super::{PlanError, Trial};
 use crate::grid::{Interpolation, Lattice, Source, WorkBox};
 use crate::kinematics::{Arm, SingularityFactors};
-use crate::simulate::{Commanded, Ingredient, Stream, Visit};
+use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// Shares of a step by which the grid is moved along each axis.
 const SHIFTS: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
@@ -109,31 +107,20 @@ pub fn study(
     step_mm: f64,
     robots: usize,
 ) -> Result<Vec<InfluenceRow>, PlanError> {
-    let Trial {
-        arm,
-        placer,
-        settings,
-        progress,
-    } = *trial;
+    let (placer, settings) = (trial.placer, trial.settings);
     let grid = Grid::new(placer, settings, step_mm)?;
     let common = in_all_shifts(&grid, placer, settings)?;
     let mut cases = shifts(&grid, &common, placer, settings);
     cases.extend(of_one_grid(&grid, placer));
     let robots = robots.min(settings.robots);
-    progress.begin("robots × influences", (robots * cases.len()) as u64);
-    let of_robot = |number: usize| {
-        let mut robot = Robot::draw(arm, settings, number);
+    let found = trial.each_robot("robots × influences", 0..robots, |robot, number| {
         let tests = test_poses(pool, settings, number);
         let of_case = |case: &Case<'_>| {
-            let fresh = case.fresh.poses(trial, &tests, number);
-            let outcomes = on_robot(&mut robot, case, &fresh, trial);
-            progress.advance(1);
-            outcomes
+            let visits = robot.session(&case.fresh.poses(trial, &tests, number));
+            on_robot(robot, &case.grid, &visits, settings)
         };
-        cases.iter().map(of_case).collect::<Vec<_>>()
-    };
-    let found: Vec<_> = (0..robots).into_par_iter().map(of_robot).collect();
-    progress.end();
+        cases.iter().map(of_case).collect()
+    });
     Ok(rows(&cases, &found, settings))
 }
 
@@ -271,28 +258,7 @@ fn flipped(grid: &Grid, share: f64, placer: &Placer<'_>) -> (Grid, usize) {
 
 fn least_factor(arm: &Arm, joints: &[f64]) -> Option<f64> {
     let nominal = vec![0.0; arm.chain().parameters().len()];
-    let factors = SingularityFactors::of(arm, &nominal, joints)?;
-    Some(
-        factors
-            .shoulder
-            .abs()
-            .min(factors.elbow.abs())
-            .min(factors.wrist.abs()),
-    )
-}
-
-fn on_robot(
-    robot: &mut Robot<'_>,
-    case: &Case<'_>,
-    fresh: &[Commanded],
-    trial: &Trial<'_>,
-) -> Vec<RobotOutcome> {
-    let (placer, settings) = (trial.placer, trial.settings);
-    let visits: Vec<Visit> = robot.session(fresh);
-    match Measured::new(robot, &case.grid, placer, settings) {
-        Ok(measured) => measured.left(&case.grid, &visits, placer, settings),
-        Err(error) => vec![RobotOutcome::NoFit(error); families(settings).len()],
-    }
+    Some(SingularityFactors::of(arm, &nominal, joints)?.smallest())
 }
 
 /// Fresh poses turned by an angle about random axes; those that the arm then cannot reach are left out.
@@ -316,20 +282,19 @@ fn rows(
     robots: &[Vec<Vec<RobotOutcome>>],
     settings: &PlanSettings,
 ) -> Vec<InfluenceRow> {
-    let mut rows = Vec::new();
-    for (place, case) in cases.iter().enumerate() {
-        for (family, (source, interpolation)) in families(settings).into_iter().enumerate() {
-            let own = robots.iter().map(|robot| &robot[place][family]);
-            rows.push(InfluenceRow {
-                study: case.study,
-                step_mm: case.grid.step_mm,
-                source,
-                interpolation,
-                poses: case.grid.commands.len(),
-                not_reached: case.not_reached,
-                outcomes: Outcomes::of(own, settings.robots_meet),
-            });
-        }
-    }
-    rows
+    let of_case = |(place, case): (usize, &Case<'_>)| {
+        let row = |(source, interpolation, outcomes)| InfluenceRow {
+            study: case.study,
+            step_mm: case.grid.step_mm,
+            source,
+            interpolation,
+            poses: case.grid.commands.len(),
+            not_reached: case.not_reached,
+            outcomes,
+        };
+        by_family(robots, place, settings)
+            .map(row)
+            .collect::<Vec<_>>()
+    };
+    cases.iter().enumerate().flat_map(of_case).collect()
 }

@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use statrs::distribution::{Beta, ContinuousCDF};
-
-use crate::figures::{Coverage, Figures, upper_tolerance_bound};
+use crate::figures::{Coverage, Figures, share_at_least, upper_tolerance_bound};
 use crate::fit::FitError;
 use crate::grid::{Refusal, Tolerance, Verdict};
 
@@ -163,29 +161,9 @@ impl RobotFigures {
     }
 }
 
-/// The lower limit of a share of which `k` of `n` were found, one-sided (Clopper and Pearson 1934).
-pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
-    if k == 0 {
-        return 0.0;
-    }
-    let beta = Beta::new(k as f64, (n - k + 1) as f64).expect("both shapes are positive");
-    beta.inverse_cdf(1.0 - confidence)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_share_s_lower_limit_is_the_closed_form_where_all_hold() {
-        // All of n hold: the limit p solves p^n = 1 − γ. 59 of 59 at 95 %: 0.05^(1/59) = 0.950493.
-        let found = share_at_least(59, 59, 0.95);
-        assert!((found - 0.05f64.powf(1.0 / 59.0)).abs() < 1e-6, "{found}");
-        assert!(share_at_least(0, 59, 0.95).abs() < 1e-15);
-        // 95 of 100: 0.8977 (Clopper and Pearson's one-sided 95 % limit, from tables of the binomial distribution).
-        let found = share_at_least(95, 100, 0.95);
-        assert!((found - 0.8977).abs() < 5e-4, "{found}");
-    }
 
     #[test]
     fn robots_without_a_fit_count_against_a_step() {

@@ -2,12 +2,10 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::place::Placer;
 use super::settings::PlanSettings;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::FullSettings;
 use crate::fit::{self, FitError, Gauge, Models, Observation, TrainingSettings};
-use crate::grid::GridStation;
 use crate::join::{Pairing, Station};
 use crate::kinematics::Arm;
 use crate::simulate::{ArmErrors, Commanded, Ingredient, SimulateSettings, Stream, Visit, visits};
@@ -113,32 +111,25 @@ fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec
 }
 
 impl Fitted<'_> {
-    /// Measured stations as grids see them.
-    pub fn grid_stations(&self, stations: &[Station], placer: &Placer<'_>) -> Vec<GridStation> {
+    /// Errors of the tool point at measured stations in the gauge, in the base frame, mm, each with its station's number.
+    pub fn errors(&self, stations: &[Station]) -> Vec<(usize, Vector3<f64>)> {
         stations
             .iter()
             .filter(|station| station.pairing == Pairing::Paired)
             .filter_map(|station| {
-                let command = station.command.as_ref().map(|command| command.position);
-                GridStation::of(station, command, &self.gauge, placer.reach(), 0)
+                let command = station.command.as_ref()?.position;
+                Some((station.number, self.gauge.tool_error(station, &command)?))
             })
             .collect()
     }
 
-    /// The true errors of the tool point at visits in the gauge, in the base frame, mm: free of the tracker's noise.
-    pub fn true_errors(
-        &self,
-        visits: &[Visit],
-        settings: &PlanSettings,
-        placer: &Placer<'_>,
-    ) -> Vec<Vector3<f64>> {
+    /// The true errors at visits: free of the tracker's noise.
+    pub fn true_errors(&self, visits: &[Visit], settings: &PlanSettings) -> Vec<Vector3<f64>> {
         let perfect: Vec<Station> = visits
             .iter()
             .map(|visit| visit.perfect(&settings.population))
             .collect();
-        self.grid_stations(&perfect, placer)
-            .iter()
-            .map(|station| station.error)
-            .collect()
+        let errors = self.errors(&perfect).into_iter();
+        errors.map(|(_, error)| error).collect()
     }
 }

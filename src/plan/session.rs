@@ -3,17 +3,17 @@
 use std::num::NonZeroUsize;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::compare::{Designs, Kind, left_at};
 use super::order::{Revisits, Visit, visiting_order, with_repeats};
 use super::outcomes::{Outcomes, RobotOutcome};
-use super::robots::{Robot, stations};
+use super::robots::stations;
 use super::settings::PlanSettings;
 use super::steps::test_poses;
 use super::{PlanError, Trial, sight};
 use crate::simulate::{Commanded, Ingredient, Stream};
 
+/// The design of the session's own poses.
+pub const KIND: Kind = Kind::GreedyVariance;
 /// Fewer poses than this determine no arm.
 pub const LEAST_POSES: usize = 10;
 /// Early poses that a drift check visits again.
@@ -155,16 +155,9 @@ pub fn tried(
     pool: &[Commanded],
     robots: Range<usize>,
 ) -> Vec<RobotOutcome> {
-    let Trial {
-        arm,
-        placer,
-        settings,
-        progress,
-    } = *trial;
+    let settings = trial.settings;
     let commands: Vec<Commanded> = session.visits.iter().map(|v| v.command.clone()).collect();
-    progress.begin("robots for the promise", robots.len() as u64);
-    let of_robot = |number: usize| {
-        let mut robot = Robot::draw(arm, settings, number);
+    trial.each_robot("robots for the promise", robots, |robot, number| {
         let measured = stations(robot.session(&commands));
         let training: Vec<_> = measured
             .into_iter()
@@ -173,17 +166,9 @@ pub fn tried(
             .map(|(station, _)| station)
             .collect();
         let tests = test_poses(pool, settings, number);
-        let outcome = match robot.fit(&training, settings, &settings.full) {
-            Ok(fitted) => left_at(&mut robot, &fitted, &tests, placer, settings),
+        match robot.fit(&training, settings, &settings.full) {
+            Ok(fitted) => left_at(robot, &fitted, &tests, settings),
             Err(error) => RobotOutcome::NoFit(error),
-        };
-        progress.advance(1);
-        outcome
-    };
-    let outcomes = robots.into_par_iter().map(of_robot).collect();
-    progress.end();
-    outcomes
+        }
+    })
 }
-
-/// The design of the session's own poses.
-pub const KIND: Kind = Kind::GreedyVariance;

@@ -11,7 +11,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::place::{Placer, posed};
@@ -111,29 +110,18 @@ fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
 
 /// Judges every step of the settings on the plan's robots.
 pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, PlanError> {
-    let Trial {
-        arm,
-        placer,
-        settings,
-        progress,
-    } = *trial;
+    let (placer, settings) = (trial.placer, trial.settings);
     let grids: Vec<Grid> = settings
         .grid
         .steps_mm
         .iter()
         .map(|&step_mm| Grid::new(placer, settings, step_mm))
         .collect::<Result<_, _>>()?;
-    progress.begin("robots × steps", settings.robots as u64);
-    let of_robot = |number: usize| {
-        let mut robot = Robot::draw(arm, settings, number);
+    let robots = trial.each_robot("robots × steps", 0..settings.robots, |robot, number| {
         let tests = robot.session(&test_poses(pool, settings, number));
-        let of_grid = |grid: &Grid| on_robot(&mut robot, grid, placer, &tests, settings);
-        let outcomes: Vec<Vec<RobotOutcome>> = grids.iter().map(of_grid).collect();
-        progress.advance(1);
-        outcomes
-    };
-    let robots: Vec<_> = (0..settings.robots).into_par_iter().map(of_robot).collect();
-    progress.end();
+        let of_grid = |grid: &Grid| on_robot(robot, grid, &tests, settings);
+        grids.iter().map(of_grid).collect()
+    });
     Ok(rows(&grids, &robots, settings))
 }
 
@@ -168,7 +156,6 @@ impl<'a> Measured<'a> {
     pub fn new(
         robot: &mut Robot<'a>,
         grid: &Grid,
-        placer: &Placer<'_>,
         settings: &PlanSettings,
     ) -> Result<Self, FitError> {
         let geometric = FullSettings {
@@ -183,8 +170,8 @@ impl<'a> Measured<'a> {
             node_errors(&grid.placed, &model)
         };
         let mut at_stations = vec![Vector3::zeros(); grid.placed.nodes.len()];
-        for station in fitted.grid_stations(&stations, placer) {
-            at_stations[grid.visited[station.number]] = station.error;
+        for (number, error) in fitted.errors(&stations) {
+            at_stations[grid.visited[number]] = error;
         }
         Ok(Self {
             fitted,
@@ -194,14 +181,8 @@ impl<'a> Measured<'a> {
     }
 
     /// What each source and interpolation leaves at fresh visits.
-    pub fn left(
-        &self,
-        grid: &Grid,
-        tests: &[Visit],
-        placer: &Placer<'_>,
-        settings: &PlanSettings,
-    ) -> Vec<RobotOutcome> {
-        let errors = self.fitted.true_errors(tests, settings, placer);
+    pub fn left(&self, grid: &Grid, tests: &[Visit], settings: &PlanSettings) -> Vec<RobotOutcome> {
+        let errors = self.fitted.true_errors(tests, settings);
         let left = |(source, interpolation): (Source, Interpolation)| {
             let values = match source {
                 Source::Model => &self.by_model,
@@ -223,12 +204,11 @@ impl<'a> Measured<'a> {
 pub fn on_robot(
     robot: &mut Robot<'_>,
     grid: &Grid,
-    placer: &Placer<'_>,
     tests: &[Visit],
     settings: &PlanSettings,
 ) -> Vec<RobotOutcome> {
-    match Measured::new(robot, grid, placer, settings) {
-        Ok(measured) => measured.left(grid, tests, placer, settings),
+    match Measured::new(robot, grid, settings) {
+        Ok(measured) => measured.left(grid, tests, settings),
         Err(error) => vec![RobotOutcome::NoFit(error); families(settings).len()],
     }
 }
@@ -239,21 +219,34 @@ fn rows(
     robots: &[Vec<Vec<RobotOutcome>>],
     settings: &PlanSettings,
 ) -> Vec<StepRow> {
-    let mut rows = Vec::new();
-    for (step, grid) in grids.iter().enumerate() {
-        for (family, (source, interpolation)) in families(settings).into_iter().enumerate() {
-            let own = robots.iter().map(|robot| &robot[step][family]);
-            rows.push(StepRow {
-                step_mm: grid.step_mm,
-                source,
-                interpolation,
-                poses: grid.commands.len(),
-                refused_nodes: grid.placed.refused_nodes(),
-                outcomes: Outcomes::of(own, settings.robots_meet),
-            });
-        }
-    }
-    rows
+    let of_grid = |(place, grid): (usize, &Grid)| {
+        let row = |(source, interpolation, outcomes)| StepRow {
+            step_mm: grid.step_mm,
+            source,
+            interpolation,
+            poses: grid.commands.len(),
+            refused_nodes: grid.placed.refused_nodes(),
+            outcomes,
+        };
+        by_family(robots, place, settings)
+            .map(row)
+            .collect::<Vec<_>>()
+    };
+    grids.iter().enumerate().flat_map(of_grid).collect()
+}
+
+/// What each source and interpolation gave on the robots, `place` being which of each robot's grids.
+pub fn by_family(
+    robots: &[Vec<Vec<RobotOutcome>>],
+    place: usize,
+    settings: &PlanSettings,
+) -> impl Iterator<Item = (Source, Interpolation, Outcomes)> {
+    let families = families(settings).into_iter().enumerate();
+    families.map(move |(family, (source, interpolation))| {
+        let own = robots.iter().map(|robot| &robot[place][family]);
+        let outcomes = Outcomes::of(own, settings.robots_meet);
+        (source, interpolation, outcomes)
+    })
 }
 
 /// The row of the largest step of any source and interpolation that holds with all smaller ones of its own.

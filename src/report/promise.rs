@@ -3,9 +3,7 @@
 //! Inputs: a [`Promise`], the session's stations, and what a model that did not see them leaves on each. Output: a
 //! [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
 
-use statrs::distribution::{Beta, ContinuousCDF};
-
-use crate::figures::Figures;
+use crate::figures::{Figures, share_interval};
 
 /// A planned pose and a station are one where no joint differs by more than this, rad (half a degree).
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
@@ -77,24 +75,6 @@ fn at(pose: &[f64], stations: &[Verified]) -> Option<f64> {
     };
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     (away(nearest) <= SAME_POSE_RAD).then_some(nearest.left_mm)
-}
-
-/// The interval of a share of which `k` of `n` were found (Clopper and Pearson 1934); everything without any.
-pub fn share_interval(k: usize, n: usize, confidence: f64) -> (f64, f64) {
-    let tail = 0.5 * (1.0 - confidence);
-    let beta =
-        |a: usize, b: usize| Beta::new(a as f64, b as f64).expect("both shapes are positive");
-    let low = if k == 0 {
-        0.0
-    } else {
-        beta(k, n - k + 1).inverse_cdf(tail)
-    };
-    let high = if k == n {
-        1.0
-    } else {
-        beta(k + 1, n - k).inverse_cdf(1.0 - tail)
-    };
-    (low, high)
 }
 
 impl PromiseKept {

@@ -59,13 +59,6 @@ impl FullModel {
         }
     }
 
-    /// The same model with the sizes that its sessions showed, and nothing learned: what another session may expect.
-    #[must_use]
-    pub fn forgetting(mut self) -> Self {
-        self.posterior = Posterior::before(self.posterior.scale);
-        self
-    }
-
     /// The same model where geometry and frames are all that may be wrong, with nothing learned.
     #[must_use]
     pub fn geometry_alone(mut self) -> Self {
