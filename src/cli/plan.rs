@@ -145,10 +145,11 @@ fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {
 
 const HEADER: &str = "mean mm   p95 mm   bound mm   robots that meet it";
 
-fn figures(outcomes: &Outcomes) -> String {
+/// One line under [`HEADER`].
+fn line(name: &str, poses: usize, outcomes: &Outcomes) -> String {
     let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3}"));
     format!(
-        "{:>7}  {:>7}  {:>9}   {} of {}, at least {:.1} %",
+        "  {name:<17} {poses:>5}  {:>7}  {:>7}  {:>9}   {} of {}, at least {:.1} %\n",
         mm(outcomes.mean.map(|figures| figures.mean)),
         mm(outcomes.mean.map(|figures| figures.p95)),
         mm(outcomes.bound_mm),
@@ -169,13 +170,7 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
         });
         if let Some(row) = best {
             let name = format!("{} mm, {}", row.step_mm, row.source.name());
-            writeln!(
-                text,
-                "  {name:<17} {:>5}  {}",
-                row.poses,
-                figures(&row.outcomes)
-            )
-            .expect("a string");
+            *text += &line(&name, row.poses, &row.outcomes);
         }
     }
     let largest = match plan.step.map(|row| &plan.steps[row]) {
@@ -197,13 +192,7 @@ fn designs(text: &mut String, plan: &SamplingPlan) {
     rows.sort_by_key(|row| (row.kind, row.poses));
     for row in rows {
         let name = row.kind.name().replace('_', " ");
-        writeln!(
-            text,
-            "  {name:<17} {:>5}  {}",
-            row.poses,
-            figures(&row.outcomes)
-        )
-        .expect("a string");
+        *text += &line(&name, row.poses, &row.outcomes);
     }
     text.push('\n');
 }

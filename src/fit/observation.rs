@@ -70,6 +70,22 @@ pub struct Observation {
     pub shortfall: Option<Shortfall>,
 }
 
+impl Observation {
+    /// A station that is still to be measured, with the instrument's covariance there (mm²).
+    pub fn planned(axes: Vec<f64>, position: Point3<f64>, instrument: Matrix3<f64>) -> Self {
+        Self {
+            session: 0,
+            station: 0,
+            axes,
+            position,
+            instrument,
+            position_factor: Matrix3::identity(),
+            orientation: None,
+            shortfall: None,
+        }
+    }
+}
+
 /// What is known of the measurement besides the readings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {

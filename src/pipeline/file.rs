@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::fit::full::FullSettings;
-use crate::fit::{FitSettings, TrackerUncertainty};
+use crate::fit::{FitSettings, Noise, TrackerUncertainty};
 use crate::geometry::Placement;
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
@@ -61,6 +61,18 @@ pub struct PipelineFile {
     pub plan: Option<PlanSection>,
     /// `[output]`.
     pub output: OutputSection,
+}
+
+impl PipelineFile {
+    /// What the fit is told of the measurement.
+    pub const fn noise(&self) -> Noise {
+        let fit = &self.fit.geometric;
+        Noise {
+            tracker: self.tracker.uncertainty,
+            repeatability_mm: fit.repeatability_mm,
+            orientations: fit.orientations,
+        }
+    }
 }
 
 /// `[robot]`.

@@ -7,7 +7,7 @@
 //! 4. placements and directions become transforms;
 //! 5. sessions are looked for and become pieces of work (`sessions`).
 
-mod checks;
+pub(super) mod checks;
 mod error;
 pub mod files;
 mod logs;
@@ -20,7 +20,6 @@ use nalgebra::{Isometry3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TrackerFromBase, Validity};
 use super::stages::{RawCommandBase, StageSettings};
-use crate::fit::Noise;
 use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
@@ -209,11 +208,7 @@ fn mapping(file: &PipelineFile, arm: &Arm) -> Mapping {
 fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
     let fit = &file.fit.geometric;
     StageSettings {
-        noise: Noise {
-            tracker: file.tracker.uncertainty,
-            repeatability_mm: fit.repeatability_mm,
-            orientations: fit.orientations,
-        },
+        noise: file.noise(),
         fit: fit.clone(),
         full: file.fit.full.clone(),
         up: placed.up,
@@ -273,13 +268,7 @@ struct Placed {
 
 impl Placed {
     fn new(path: &Path, file: &PipelineFile) -> Result<Self, PlanError> {
-        let isometry = |key, placement: &Placement| {
-            placement.isometry().map_err(|source| PlanError::Placement {
-                path: path.to_owned(),
-                key,
-                source,
-            })
-        };
+        let isometry = |key, placement: &Placement| placed(path, key, placement);
         let base = match &file.tracker.tracker_from_base {
             Some(TrackerFromBase::Surveyed(placement)) => Some(RawCommandBase::Surveyed(isometry(
                 "[tracker] tracker_from_base",
@@ -318,6 +307,19 @@ impl Placed {
     }
 }
 
+/// A placement as a transform; the key says where it stands in the file.
+pub(super) fn placed(
+    path: &Path,
+    key: &'static str,
+    placement: &Placement,
+) -> Result<Isometry3<f64>, PlanError> {
+    placement.isometry().map_err(|source| PlanError::Placement {
+        path: path.to_owned(),
+        key,
+        source,
+    })
+}
+
 fn no_tool(path: &Path) -> PlanError {
     PlanError::Missing {
         path: path.to_owned(),
@@ -330,7 +332,8 @@ fn no_tool(path: &Path) -> PlanError {
 /// A direction written by hand has a length near 1; anything else is a slip.
 const UNIT: f64 = 0.01;
 
-fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, PlanError> {
+/// Against gravity in the base frame, as a direction.
+pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, PlanError> {
     let vector = Vector3::from(up);
     let (direction, norm) = UnitVector3::new_and_get(vector);
     if (norm - 1.0).abs() <= UNIT {

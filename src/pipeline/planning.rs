@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{PlanError, files};
+use super::plan::{PlanError, files, placed};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::page::{self, plan::About};
@@ -23,7 +23,7 @@ use crate::manifest::{self, ManifestError, Outcome, RunKey, StageCount, Work};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 use crate::report;
-use cell::{Placed, placed};
+use cell::Placed;
 
 /// The session under which a plan stands in the lake.
 pub const SESSION: &str = "plan";

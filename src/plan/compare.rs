@@ -274,20 +274,10 @@ fn measurements(
         let position =
             tracker_from_base.isometry() * Point3::from(pose.base_from_target.translation.vector);
         let instrument = settings.noise.tracker.covariance(&position);
-        let axes = arm.axes(&pose.joints);
-        let observation = Observation {
-            session: 0,
-            station: 0,
-            axes: axes.clone(),
-            position,
-            instrument,
-            position_factor: Matrix3::identity(),
-            orientation: None,
-            shortfall: None,
-        };
+        let observation = Observation::planned(arm.axes(&pose.joints), position, instrument);
         Candidate {
-            axes,
             noise: model.noise(&observation),
+            axes: observation.axes,
         }
     };
     poses.iter().map(of).collect()

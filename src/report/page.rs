@@ -27,16 +27,13 @@ mod tests;
 mod verdict;
 mod words;
 
-use maud::{Markup, html};
+use maud::html;
 
 pub use content::Content;
 
-use shell::{Shell, table};
+use shell::{Maker, Shell, table};
 
-/// A section: its anchor, its heading, and what makes its content; `None` where the run has nothing for it.
-type Section = (&'static str, &'static str, fn(&Content) -> Option<Markup>);
-
-const SECTIONS: [Section; 12] = [
+const SECTIONS: [Maker<Content>; 12] = [
     ("space", "The work space before and after", space::section),
     ("steps", "Error against step", steps::section),
     ("accuracy", "Accuracy before and after", accuracy::section),
@@ -57,14 +54,10 @@ const SECTIONS: [Section; 12] = [
 
 /// The page.
 pub fn html(content: &Content) -> String {
-    let sections = SECTIONS.into_iter().filter_map(|(id, heading, of)| {
-        let body = of(content)?;
-        Some(shell::Section { id, heading, body })
-    });
     shell::page(&Shell {
         title: format!("{} · {}", content.robot, content.session),
         header: verdict::header(content),
-        sections: sections.collect(),
+        sections: shell::sections(&SECTIONS, content),
         footer: html! { "posegrid " (content.provenance.version) " · run " code { (content.run) } },
     })
 }

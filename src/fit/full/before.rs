@@ -28,7 +28,10 @@ impl FullModel {
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Self {
-        let observations: Vec<Observation> = poses.iter().map(|axes| unmeasured(axes)).collect();
+        let unmeasured = |axes: &Vec<f64>| {
+            Observation::planned(axes.clone(), Point3::origin(), Matrix3::identity())
+        };
+        let observations: Vec<Observation> = poses.iter().map(unmeasured).collect();
         let frames = [*frames];
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
@@ -89,19 +92,5 @@ impl Posterior {
             log_evidence: 0.0,
             scale,
         }
-    }
-}
-
-/// A station that is still to be measured.
-fn unmeasured(axes: &[f64]) -> Observation {
-    Observation {
-        session: 0,
-        station: 0,
-        axes: axes.to_vec(),
-        position: Point3::origin(),
-        instrument: Matrix3::identity(),
-        position_factor: Matrix3::identity(),
-        orientation: None,
-        shortfall: None,
     }
 }

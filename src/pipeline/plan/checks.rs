@@ -16,23 +16,18 @@ use crate::pipeline::file::PipelineFile;
 use crate::similarity::SimilaritySettings;
 
 /// A key whose value cannot be.
-pub(super) struct Wrong {
+pub(in crate::pipeline) struct Wrong {
     key: String,
     found: String,
     wanted: String,
 }
 
-type Check = Result<(), Wrong>;
+/// Whether a value can be, and if not, why.
+pub(in crate::pipeline) type Check = Result<(), Wrong>;
 
 /// Checks everything that needs no other file than this one; `joints` is how many the arm has.
 pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(), PlanError> {
-    let told = |wrong: Wrong| PlanError::Setting {
-        path: path.to_owned(),
-        key: wrong.key,
-        found: wrong.found,
-        wanted: wrong.wanted,
-    };
-    numbers(file, joints).map_err(told)?;
+    numbers(file, joints).map_err(|wrong| told(path, wrong))?;
     file.join.check().map_err(|source| PlanError::Join {
         path: path.to_owned(),
         source: Box::new(source),
@@ -45,6 +40,16 @@ pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(
         });
     }
     Ok(())
+}
+
+/// What is wrong with the file at `path`.
+pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> PlanError {
+    PlanError::Setting {
+        path: path.to_owned(),
+        key: wrong.key,
+        found: wrong.found,
+        wanted: wrong.wanted,
+    }
 }
 
 fn numbers(file: &PipelineFile, joints: usize) -> Check {
@@ -310,7 +315,10 @@ pub(super) fn not_a_number(value: &toml::Value) -> Option<(String, f64)> {
     }
 }
 
-fn each<T>(values: impl IntoIterator<Item = T>, check: impl Fn(T) -> Check) -> Check {
+pub(in crate::pipeline) fn each<T>(
+    values: impl IntoIterator<Item = T>,
+    check: impl Fn(T) -> Check,
+) -> Check {
     values.into_iter().try_for_each(check)
 }
 
@@ -318,11 +326,11 @@ fn positive(key: impl Into<String>, found: f64) -> Check {
     wrong_unless(found > 0.0, key, found, "above 0")
 }
 
-fn not_negative(key: impl Into<String>, found: f64) -> Check {
+pub(in crate::pipeline) fn not_negative(key: impl Into<String>, found: f64) -> Check {
     wrong_unless(found >= 0.0, key, found, "0 or more")
 }
 
-fn wrong_unless(
+pub(in crate::pipeline) fn wrong_unless(
     holds: bool,
     key: impl Into<String>,
     found: impl Display,

@@ -4,27 +4,14 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
-use crate::fit::{Noise, TrackerUncertainty};
+use crate::fit::TrackerUncertainty;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::file::PipelineFile;
-use crate::pipeline::plan::PlanError;
+use crate::pipeline::plan::{PlanError, placed, upwards};
 use crate::plan::section::{ConstraintsSection, PlanSection};
 use crate::plan::sight::{Constraints, KeepOut, Sight};
 use crate::plan::{PlanSettings, Region};
 use crate::simulate::settings::{Cell, TrackerErrors};
-
-/// A placement as a transform; the key says where it stands in the file.
-pub(super) fn placed(
-    path: &Path,
-    key: &'static str,
-    placement: &crate::geometry::Placement,
-) -> Result<Isometry3<f64>, PlanError> {
-    placement.isometry().map_err(|source| PlanError::Placement {
-        path: path.to_owned(),
-        key,
-        source,
-    })
-}
 
 /// Frames of the cell as the file states them.
 pub(super) struct Placed<'p> {
@@ -123,14 +110,10 @@ impl<'p> Placed<'p> {
                 tracker(&file.tracker.uncertainty),
                 up.unwrap_or([0.0, 0.0, 1.0]),
             ),
-            noise: Noise {
-                tracker: file.tracker.uncertainty,
-                repeatability_mm: fit.repeatability_mm,
-                orientations: fit.orientations,
-            },
+            noise: file.noise(),
             fit: fit.clone(),
             full: file.fit.full.clone(),
-            up: up.map(|up| Unit::new_normalize(Vector3::from(up))),
+            up: up.map(|up| upwards(self.path, up)).transpose()?,
             robots: section.robots,
             whole_model_robots: section.whole_model_robots,
             test_poses: section.test_poses,

@@ -17,16 +17,13 @@ mod steps;
 mod tests;
 mod words;
 
-use maud::{Markup, html};
+use maud::html;
 
 pub use content::Content;
 
-use super::shell::{self, Shell, table};
+use super::shell::{self, Maker, Shell, table};
 
-/// A section: its anchor, its heading, and what makes its content; `None` where the plan has nothing for it.
-type Section = (&'static str, &'static str, fn(&Content) -> Option<Markup>);
-
-const SECTIONS: [Section; 6] = [
+const SECTIONS: [Maker<Content>; 6] = [
     ("grid", "Uniform grid", steps::section),
     ("designs", "Better designs", designs::section),
     (
@@ -43,14 +40,10 @@ const SECTIONS: [Section; 6] = [
 
 /// The page.
 pub fn html(content: &Content) -> String {
-    let sections = SECTIONS.into_iter().filter_map(|(id, heading, of)| {
-        let body = of(content)?;
-        Some(shell::Section { id, heading, body })
-    });
     shell::page(&Shell {
         title: format!("Plan · {}", content.robot),
         header: promise::header(content),
-        sections: sections.collect(),
+        sections: shell::sections(&SECTIONS, content),
         footer: html! { "posegrid " (content.provenance.version) " · plan " code { (content.plan) } },
     })
 }

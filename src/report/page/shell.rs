@@ -32,6 +32,18 @@ pub(super) struct Section {
     pub(super) body: Markup,
 }
 
+/// What makes a section: its anchor, its heading, and its content; `None` where there is nothing for it.
+pub(super) type Maker<C> = (&'static str, &'static str, fn(&C) -> Option<Markup>);
+
+/// The sections that `content` has something for.
+pub(super) fn sections<C>(makers: &[Maker<C>], content: &C) -> Vec<Section> {
+    let made = makers.iter().filter_map(|&(id, heading, of)| {
+        let body = of(content)?;
+        Some(Section { id, heading, body })
+    });
+    made.collect()
+}
+
 /// The page.
 pub(super) fn page(shell: &Shell) -> String {
     let page = html! {
