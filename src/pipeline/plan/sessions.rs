@@ -41,10 +41,31 @@ pub struct LeftOut {
     pub reason: String,
 }
 
+/// A session that there is no piece of work for, now.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SetAside {
+    /// Its name.
+    pub session: String,
+    /// Why.
+    pub why: Why,
+    /// How many pieces are listed before it.
+    pub before: usize,
+}
+
+/// Why a session is set aside, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Why {
+    /// It is still being written, or one side is not there yet: a later run has it.
+    Waits(String),
+    /// It cannot be used as it is.
+    Bad(String),
+}
+
 /// The pieces of work, and the sub-folders that are no session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listed {
     pub pieces: Vec<WorkPiece>,
+    pub set_aside: Vec<SetAside>,
     pub left_out: Vec<LeftOut>,
 }
 
@@ -86,6 +107,7 @@ pub(super) fn list(
     let left_out = named.map_or(found.left_out, |_| Vec::new());
     Ok(Listed {
         pieces: pieces(input.pool, &training, &test),
+        set_aside: Vec::new(),
         left_out,
     })
 }
