@@ -132,12 +132,11 @@ pub fn span(time: Duration) -> String {
     const MINUTE: u64 = 60;
     const HOUR: u64 = 60 * MINUTE;
     const DAY: u64 = 24 * HOUR;
-    let s = time.as_secs();
-    match s {
-        ..MINUTE => format!("{s} s"),
-        ..HOUR => format!("{} min", s / MINUTE),
-        ..DAY => format!("{} h", s / HOUR),
-        _ => format!("{} d", s / DAY),
+    match time.as_secs() {
+        s @ ..MINUTE => format!("{s} s"),
+        s @ MINUTE..HOUR => format!("{} min", s / MINUTE),
+        s @ HOUR..DAY => format!("{} h", s / HOUR),
+        s => format!("{} d", s / DAY),
     }
 }
 

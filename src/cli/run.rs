@@ -88,7 +88,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
 /// What is worth knowing before the work.
 fn tell(plan: &Plan) {
     for left in &plan.left_out {
-        tracing::warn!("{} is no session: {}", Printable(&left.folder), left.reason);
+        tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);
     }
     for remark in &plan.remarks {
         tracing::info!("{remark}");

@@ -101,7 +101,7 @@ impl Plan {
         } = files::read(path)?;
         let placed = Placed::new(path, &file)?;
         let folder = resolved(&base, &file.input.folder);
-        let listed = sessions::list(path, &folder, &file.input, overrides)?;
+        let listed = sessions::list(path, &folder, &file.input, file.limits, overrides)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),

@@ -23,7 +23,7 @@ use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::log::{LogError, read_dwells, read_session};
+use crate::io::log::{LogError, read_dwells, read_session, session_record};
 use crate::io::page::Said;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::rest::Rest;
@@ -273,6 +273,11 @@ fn robot_name(
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
+    // Most nights the lake has the run already: what the log says of itself is found without decoding it.
+    let recorded = |path: &PathBuf| session_record(path, plan.limits).ok()?.remove("robot");
+    if let Some(name) = files.logs.controller.iter().find_map(recorded) {
+        return Ok(name);
+    }
     let read = read(plan, files, progress)?;
     let name = read.0.metadata.get("session.robot").cloned();
     recordings.insert(files.name.clone(), read);

@@ -13,7 +13,7 @@ static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// A temporary of another host, or of a container that is no more, is a leftover when nothing was written to it for a day:
 /// whether its process lives cannot be asked, and the largest table takes minutes.
-const OLD: Duration = Duration::from_secs(24 * 3600);
+const OLD: Duration = Duration::from_hours(24);
 
 /// What is written and digested at once: BLAKE3 takes sixteen blocks of 1 KiB side by side, and large writes are few.
 const AT_ONCE: usize = 256 << 10;
