@@ -404,7 +404,7 @@ fn a_dry_run_lists_the_work_and_makes_no_lake() {
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
         String::from_utf8_lossy(&output.stdout),
-        "mon: learns from mon; judged on tue\n"
+        "mon: learns from mon; judged on tue\nwaits        half: it has no tracker.mcap yet\n"
     );
     assert!(!cell.root.path().join("lake").exists());
 }
