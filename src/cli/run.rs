@@ -111,9 +111,11 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    let endings = work::all(plan, args.jobs, bars, &stop);
-    messages::result(summary::summary(plan, &endings));
-    summary::exit_code(&endings, &plan.set_aside, &stop)
+    let (endings, without) = work::all(plan, args.jobs, bars, &stop);
+    let mut set_aside = [plan.set_aside.clone(), without].concat();
+    set_aside.sort_by_key(|aside| aside.before);
+    messages::result(summary::summary(plan, &endings, &set_aside));
+    summary::exit_code(&endings, &set_aside, &stop)
 }
 
 /// Removes what killed runs left under temporary names; where that fails, the lake is as sound as before.

@@ -171,6 +171,7 @@ pub const SESSION_PLACE: &str = "{session}";
 
 impl LogNames {
     /// The names or patterns for a session.
+    #[must_use]
     pub fn of(&self, session: &str) -> Self {
         let patterns = self.patterns().iter();
         Self::Several(

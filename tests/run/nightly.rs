@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use arrow::array::AsArray as _;
+
 use super::cell::{Cell, Ended};
 
 /// A cell with sessions of 12 random poses, all alike but for their names.
@@ -95,6 +97,35 @@ fn a_pool_learns_without_a_session_that_waits_and_again_when_it_is_there() {
             "wed: learns from mon, tue, wed",
         ],
     );
+}
+
+#[test]
+fn a_pool_goes_on_without_a_bad_session_and_that_is_no_success() {
+    for (pool, expected) in [
+        ("all", ["failed tue", "done pooled"].as_slice()),
+        ("until", &["done mon", "failed tue", "done wed"]),
+    ] {
+        let cell = with_sessions(&["mon", "tue", "wed"])
+            .with("# sessions", &format!("pool = \"{pool}\""))
+            .with_log("tue", "tracker.mcap", |_| b"time,x,y,z\n".to_vec());
+        let ended = cell.run(&[]);
+        assert_eq!(states(&ended), expected, "{}", ended.results);
+        ended.expect(1, &["not an MCAP log", "going on without tue"]);
+        let last = ["pooled", "wed"][usize::from(pool == "until")];
+        let runs = cell.table("runs", last);
+        let learnt = runs.list("sessions").value(0);
+        assert_eq!(
+            format!(
+                "{:?}",
+                learnt
+                    .as_string::<i32>()
+                    .iter()
+                    .flatten()
+                    .collect::<Vec<_>>()
+            ),
+            "[\"mon\", \"wed\"]"
+        );
+    }
 }
 
 #[test]

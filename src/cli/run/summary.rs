@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use super::near;
 use super::stop::Stop;
-use super::work::Ending;
+use super::work::{Ending, Failure};
 use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
@@ -39,15 +39,15 @@ pub fn work(plan: &Plan) -> String {
     text
 }
 
-/// Lines, words and totals.
-pub fn summary(plan: &Plan, endings: &[Ending]) -> String {
+/// Lines, words and totals; set aside are the plan's own, and those that pools had to do without.
+pub fn summary(plan: &Plan, endings: &[Ending], set_aside: &[SetAside]) -> String {
     let sessions = plan.pieces.iter().map(|piece| piece.session.as_str());
-    let mut text = lines(sessions.zip(endings), &plan.set_aside);
+    let mut text = lines(sessions.zip(endings), set_aside);
     text.push('\n');
     for ending in endings {
         text += &paragraph(ending);
     }
-    text += &Totals::of(endings, &plan.set_aside).words(plan.stages.tolerance.mm);
+    text += &Totals::of(endings, set_aside).words(plan.stages.tolerance.mm);
     text
 }
 
@@ -78,7 +78,9 @@ fn line(session: &str, ending: &Ending) -> String {
             };
             state_line(state, session, &outcome(done))
         }
-        Ending::Failed(reason) => state_line("failed", session, &format!("no result: {reason}")),
+        Ending::Failed(Failure { reason, .. }) => {
+            state_line("failed", session, &format!("no result: {reason}"))
+        }
         Ending::Stopped => state_line("stopped", session, "ended under way; run it again"),
         Ending::NotStarted => state_line("not-started", session, "run it again"),
     }

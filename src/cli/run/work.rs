@@ -1,4 +1,5 @@
-//! Pieces of work on threads: whatever goes wrong with one stays with it.
+//! Pieces of work on threads: whatever goes wrong with one stays with it, and a pool goes on without a session that cannot be
+//! used.
 
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
@@ -8,7 +9,7 @@ use std::thread;
 use super::stop::{Stop, Stoppable};
 use crate::cli::messages::Printable;
 use crate::cli::progress::Bars;
-use crate::pipeline::plan::{Plan, WorkPiece};
+use crate::pipeline::plan::{POOLED, Plan, SetAside, Why, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
 /// How one piece of work ended.
@@ -16,16 +17,34 @@ use crate::pipeline::run::{Done, run_piece};
 pub enum Ending {
     /// With a result.
     Done(Done),
-    /// Without one: why.
-    Failed(String),
+    /// Without one.
+    Failed(Failure),
     /// A signal ended it under way.
     Stopped,
     /// A signal came before it was begun.
     NotStarted,
 }
 
-/// Does all pieces, `jobs` at once, until an end is asked for; endings in the order of the pieces.
-pub fn all(plan: &Plan, jobs: NonZeroUsize, bars: &Bars, stop: &Stop) -> Vec<Ending> {
+/// Why a piece of work has no result.
+#[derive(Debug)]
+pub struct Failure {
+    /// In words.
+    pub reason: String,
+    /// The session whose fault it is, where it is one's.
+    pub session: Option<String>,
+}
+
+/// A piece's ending, and the sessions that it had to do without.
+type Ended = (Ending, Vec<SetAside>);
+
+/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that pools
+/// had to do without.
+pub fn all(
+    plan: &Plan,
+    jobs: NonZeroUsize,
+    bars: &Bars,
+    stop: &Stop,
+) -> (Vec<Ending>, Vec<SetAside>) {
     let next = AtomicUsize::new(0);
     let work = || {
         let mut own = Vec::new();
@@ -34,20 +53,59 @@ pub fn all(plan: &Plan, jobs: NonZeroUsize, bars: &Bars, stop: &Stop) -> Vec<End
             let Some(piece) = plan.pieces.get(place) else {
                 return own;
             };
-            own.push((place, one(plan, piece, bars, stop)));
+            own.push((place, pooled(plan, place, piece, bars, stop)));
         }
     };
-    let mut endings: Vec<(usize, Ending)> = thread::scope(|scope| {
+    let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
         let workers = jobs.get().min(plan.pieces.len());
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        let ended = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
-        let ended = workers.into_iter().map(ended);
-        ended
+        let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
+        let joined = workers.into_iter().map(joined);
+        joined
             .flat_map(|own| own.expect("a piece's panic is caught"))
             .collect()
     });
-    endings.sort_by_key(|(place, _)| *place);
-    endings.into_iter().map(|(_, ending)| ending).collect()
+    ended.sort_by_key(|(place, _)| *place);
+    let (endings, without): (Vec<_>, Vec<_>) = ended.into_iter().map(|(_, ended)| ended).unzip();
+    (endings, without.concat())
+}
+
+/// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
+fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ended {
+    let mut piece = piece.clone();
+    let mut without: Vec<SetAside> = Vec::new();
+    loop {
+        match one(plan, &piece, bars, stop) {
+            Ending::Failed(Failure {
+                reason,
+                session: Some(bad),
+            }) if can_spare(&piece, &bad) => {
+                tracing::warn!(
+                    session = piece.session,
+                    "going on without {}",
+                    Printable(&bad)
+                );
+                piece.training.retain(|files| files.name != bad);
+                let why = Why::Bad(format!("{reason}; the pool learns without it"));
+                without.push(SetAside {
+                    session: bad,
+                    why,
+                    before: place,
+                });
+            }
+            ending => {
+                // Learnt until a session, each one before it has a piece and a line of its own.
+                without.retain(|_| piece.session == POOLED);
+                return (ending, without);
+            }
+        }
+    }
+}
+
+/// Whether a piece is one still without this session.
+fn can_spare(piece: &WorkPiece, session: &str) -> bool {
+    let learnt = piece.training.iter().any(|files| files.name == session);
+    learnt && piece.training.len() > 1 && piece.session != session
 }
 
 /// Does one piece, unless an end was asked for.
@@ -59,16 +117,22 @@ fn one(plan: &Plan, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
     let progress = &bars.of(&session);
     let progress = Stoppable { progress, stop };
     let attempt = AssertUnwindSafe(|| run_piece(plan, piece, &progress));
-    let reason = match panic::catch_unwind(attempt) {
+    let failure = match panic::catch_unwind(attempt) {
         Ok(Ok(done)) => return Ending::Done(done),
-        Ok(Err(error)) => error.to_string(),
+        Ok(Err(error)) => Failure {
+            reason: error.to_string(),
+            session: error.session().map(str::to_owned),
+        },
         // However a thread of the piece passed it on, it was unwound because an end was asked for.
         Err(_) if stop.asked() => {
             tracing::warn!(session, "ended by {}", stop.name());
             return Ending::Stopped;
         }
-        Err(_) => "a defect of posegrid, told above; please report it".to_owned(),
+        Err(_) => Failure {
+            reason: "a defect of posegrid, told above; please report it".to_owned(),
+            session: None,
+        },
     };
-    tracing::error!(session, "{reason}");
-    Ending::Failed(reason)
+    tracing::error!(session, "{}", failure.reason);
+    Ending::Failed(failure)
 }

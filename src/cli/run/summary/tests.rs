@@ -22,7 +22,10 @@ fn not_shown() -> Ending {
 }
 
 fn failed() -> Ending {
-    Ending::Failed("no log".to_owned())
+    Ending::Failed(Failure {
+        reason: "no log".to_owned(),
+        session: None,
+    })
 }
 
 fn before() -> Ending {

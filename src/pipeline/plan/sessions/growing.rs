@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn a_file_from_the_near_future_is_new_and_one_from_far_away_has_no_age() {
-        let (now, settle) = (SystemTime::now(), Duration::from_secs(600));
+        let (now, settle) = (SystemTime::now(), Duration::from_mins(10));
         let second = Duration::from_secs(1);
         assert_eq!(age(now - second, now, settle), Some(second));
         assert_eq!(age(now + settle, now, settle), Some(Duration::ZERO));
@@ -50,7 +50,7 @@ mod tests {
     fn a_log_waits_until_it_has_an_end_or_was_still_for_long() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("arm.mcap");
-        let settle = Duration::from_secs(600);
+        let settle = Duration::from_mins(10);
         let growing = || growing(&path, settle, Limits::default());
         fs::write(&path, mcap::MAGIC).unwrap();
         let told = growing().unwrap();
