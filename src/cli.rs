@@ -1,7 +1,7 @@
 //! The command line: arguments, messages, exit codes; one file per command.
 //!
-//! Results go to stdout, messages and progress bars to stderr. An interrupt ends the process at once: a lake stays sound,
-//! since a run exists only once it is whole.
+//! Results go to stdout, messages and progress bars to stderr. An interrupt ends `run` at its next step and any other command
+//! at once: a lake stays sound either way, since a run exists only once it is whole.
 
 pub mod check;
 pub mod compensate;
@@ -47,7 +47,8 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 done and within tolerance; 1 some session has no result;
             2 bad usage or bad pipeline file; 3 all have results, but a tolerance
             is not met or not shown, or more was rejected than the pipeline file
-            allows. 1 outranks 3.
+            allows. 1 outranks 3. A run that a signal ended: 130 (SIGINT) or 143
+            (SIGTERM).
 
 Example:
   posegrid run pipelines/quickstart.toml";

@@ -1,6 +1,10 @@
 //! What a long stage tells of its progress, without knowing who listens.
 
 /// A listener for the progress of one long task.
+///
+/// A listener who wants the task to end unwinds it with [`Stopped`] from one of these calls
+/// ([`std::panic::resume_unwind`], which no panic hook sees): everything under way is dropped on the way out, so files under
+/// temporary names go, and whoever began the task catches it. So a task need not know that it can be stopped.
 pub trait Progress: Sync {
     /// A task of `total` steps begins.
     fn begin(&self, task: &str, total: u64);
@@ -9,6 +13,10 @@ pub trait Progress: Sync {
     /// The task is over.
     fn end(&self);
 }
+
+/// What a task is unwound with when its listener ends it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stopped;
 
 /// Listens to nothing: tests, benches, and runs without a terminal.
 #[derive(Debug, Clone, Copy)]

@@ -5,6 +5,7 @@
 use std::cmp::Ordering;
 use std::fmt;
 use std::marker::PhantomData;
+use std::time::Duration;
 
 /// Millimetres in a metre.
 pub const MM_PER_M: f64 = 1000.0;
@@ -126,9 +127,31 @@ pub fn round_ns(ns: f64) -> i64 {
     ns.round() as i64
 }
 
+/// A length of time in words, to two digits or so: seconds, minutes, hours or days.
+pub fn span(time: Duration) -> String {
+    const MINUTE: u64 = 60;
+    const HOUR: u64 = 60 * MINUTE;
+    const DAY: u64 = 24 * HOUR;
+    match time.as_secs() {
+        s @ ..MINUTE => format!("{s} s"),
+        s @ MINUTE..HOUR => format!("{} min", s / MINUTE),
+        s @ HOUR..DAY => format!("{} h", s / HOUR),
+        s => format!("{} d", s / DAY),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_span_is_told_in_its_own_unit() {
+        let told = [0, 59, 60, 3599, 3600, 86_399, 86_400].map(|s| span(Duration::from_secs(s)));
+        assert_eq!(
+            told,
+            ["0 s", "59 s", "1 min", "59 min", "1 h", "23 h", "1 d"]
+        );
+    }
 
     #[test]
     fn clock_model_maps_there_and_back_to_the_nanosecond() {

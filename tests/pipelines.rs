@@ -4,11 +4,12 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 use assert_cmd::Command;
 use posegrid::kinematics::RobotFile;
 use posegrid::pipeline::file::PipelineFile;
-use posegrid::pipeline::plan::{Overrides, Plan, PlanError};
+use posegrid::pipeline::plan::{Overrides, Plan, PlanError, Why};
 use posegrid::pipeline::planning::Planning;
 
 /// TOML files of a folder, by name.
@@ -88,10 +89,16 @@ fn sessions_are_the_folders_with_both_logs_and_others_are_told() {
     let left: Vec<_> = plan
         .left_out
         .iter()
-        .map(|left| left.folder.as_str())
+        .map(|left| left.name.as_str())
         .collect();
-    assert_eq!(left, ["half"], "it has a controller's log only");
-    assert_eq!(plan.left_out[0].reason, "it has no tracker.mcap");
+    assert_eq!(left, ["none"], "it has neither log");
+    assert_eq!(plan.set_aside.len(), 1, "it has a controller's log only");
+    let half = &plan.set_aside[0];
+    assert_eq!((half.session.as_str(), half.before), ("half", 0));
+    assert_eq!(
+        half.why,
+        Why::Waits("it has no tracker.mcap yet".to_owned())
+    );
 }
 
 #[test]
@@ -129,7 +136,7 @@ fn a_test_session_is_not_learnt_from() {
 }
 
 /// Each change to a good file, and what the message has to hold.
-const BAD: [(&str, &str, &[&str]); 22] = [
+const BAD: [(&str, &str, &[&str]); 24] = [
     (
         "mm = 0.5",
         "mm = 0.5\ntolerence = 1",
@@ -227,8 +234,18 @@ const BAD: [(&str, &str, &[&str]); 22] = [
     ),
     (
         "folder = \"cell\"",
-        "folder = \"cell\"\nsessions = [\"half\"]",
-        &["session \"half\"", "no tracker.mcap"],
+        "folder = \"cell\"\nsessions = [\"none\"]",
+        &["session \"none\"", "no tracker.mcap"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cell\"\nsessions_by = \"file_name\"",
+        &["[input] controller", "{session}"],
+    ),
+    (
+        "folder = \"cell\"",
+        "folder = \"cell\"\ntracker = \"{session}.mcap\"",
+        &["[input] tracker", "sessions_by"],
     ),
     (
         "folder = \"cell\"",
@@ -387,7 +404,7 @@ fn a_dry_run_lists_the_work_and_makes_no_lake() {
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
         String::from_utf8_lossy(&output.stdout),
-        "mon: learns from mon; judged on tue\n"
+        "mon: learns from mon; judged on tue\nwaits        half: it has no tracker.mcap yet\n"
     );
     assert!(!cell.root.path().join("lake").exists());
 }
@@ -509,7 +526,13 @@ impl Cell {
             "half/controller",
         ] {
             write(&format!("cell/{log}.mcap"), "");
+            // Empty for long: nobody writes to it any more.
+            let log = root.path().join(format!("cell/{log}.mcap"));
+            let log = fs::File::options().write(true).open(log).expect("written");
+            let hour_ago = SystemTime::now() - Duration::from_hours(1);
+            log.set_modified(hour_ago).expect("writable");
         }
+        fs::create_dir(root.path().join("cell/none")).expect("writable");
         let file = root.path().join("pipeline.toml");
         Self { root, file }
     }

@@ -88,13 +88,7 @@ fn described(plan: &Plan) -> String {
     text += &work(plan);
     text += &split(plan);
     for left in &plan.left_out {
-        writeln!(
-            text,
-            "left out: {}: {}",
-            Printable(&left.folder),
-            left.reason
-        )
-        .expect("a string");
+        writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
     }
     for remark in &plan.remarks {
         writeln!(text, "note: {remark}").expect("a string");

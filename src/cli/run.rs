@@ -1,21 +1,31 @@
 //! `posegrid run`: every session found or named, through all stages, into the lake.
+//!
+//! 1. The pipeline file becomes a list of pieces of work ([`Plan`]); sessions that wait or cannot be used are set aside.
+//! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
+//! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
+//! 4. A line for each session, what is new in words, and the totals are the result (`summary`).
+//!
+//! A first SIGINT or SIGTERM ends the pieces under way and starts no other (`stop`); a second one ends the process.
 
-use std::fmt::Write as _;
+mod alone;
+mod stop;
+mod summary;
+mod work;
+
 use std::num::NonZeroUsize;
-use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 use clap::Args;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
-use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
-use crate::grid::Verdict;
+use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
-use crate::pipeline::plan::{Overrides, Plan, WorkPiece};
-use crate::pipeline::run::{Done, run_piece};
+use crate::pipeline::plan::{Overrides, Plan};
+use alone::Turn;
+use stop::Stop;
+
+pub use summary::work;
 
 /// Make every table and page of every session: the whole way from two logs to a compensation table.
 #[derive(Debug, Clone, Args)]
@@ -25,7 +35,11 @@ Examples:
   posegrid run pipelines/ur10-random.toml ur10-random-a --test ur10-random-b
 
 Work that the lake has already is not done again: a run's name follows from its inputs, settings and version.
-An interrupted run leaves nothing half done: run it again.")]
+A session whose log has no end and changed lately ([input] settle_s), or that lacks one side, waits for a later run
+and changes no exit code. One batch works on a lake at a time: another one says which and exits with 1, or waits
+with --wait.
+A first SIGINT or SIGTERM (Ctrl-C) ends what is under way and exits with 130 or 143, a second one ends at once.
+However a run ends, it leaves nothing half done: run it again.")]
 pub struct RunArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
@@ -41,18 +55,12 @@ pub struct RunArgs {
     /// Sessions worked on at once; each uses every core, so more than one helps where single ones leave cores idle
     #[arg(long, value_name = "N", default_value = "1")]
     pub jobs: NonZeroUsize,
+    /// Wait while another batch has the lake, instead of giving up
+    #[arg(long)]
+    pub wait: bool,
     /// List the work, and do none
     #[arg(long)]
     pub dry_run: bool,
-}
-
-/// How one piece of work ended.
-#[derive(Debug)]
-enum Ending {
-    /// With a result.
-    Done(Done),
-    /// Without one: why.
-    Failed(String),
 }
 
 /// Runs the pipeline; gives the exit code.
@@ -69,20 +77,45 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
             return BAD_USAGE;
         }
     };
-    for left in &plan.left_out {
-        tracing::warn!("{} is no session: {}", Printable(&left.folder), left.reason);
-    }
-    for remark in &plan.remarks {
-        tracing::info!("{remark}");
-    }
+    tell(&plan);
     if args.dry_run {
         messages::result(work(&plan));
         return DONE;
     }
-    clean(&Lake::new(&plan.lake));
-    let endings = all(&plan, args.jobs, bars);
-    messages::result(summary(&plan, &endings));
-    exit_code(&endings)
+    batch(&plan, args, bars)
+}
+
+/// What is worth knowing before the work.
+fn tell(plan: &Plan) {
+    for left in &plan.left_out {
+        tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);
+    }
+    for remark in &plan.remarks {
+        tracing::info!("{remark}");
+    }
+}
+
+/// All the work of a plan, with the lake to ourselves.
+fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
+    let stop = match Stop::on_signals() {
+        Ok(stop) => stop,
+        Err(error) => {
+            tracing::error!("cannot listen for signals: {error}");
+            return NO_RESULT;
+        }
+    };
+    let lake = Lake::new(&plan.lake);
+    let by = format!("run {}", near(&args.pipeline).display());
+    let _lock = match alone::turn(&lake, &by, args.wait, &stop) {
+        Turn::Ours(lock) => lock,
+        Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
+    };
+    clean(&lake);
+    let (endings, without) = work::all(plan, args.jobs, bars, &stop);
+    let mut set_aside = [plan.set_aside.clone(), without].concat();
+    set_aside.sort_by_key(|aside| aside.before);
+    messages::result(summary::summary(plan, &endings, &set_aside));
+    summary::exit_code(&endings, &set_aside, &stop)
 }
 
 /// Removes what killed runs left under temporary names; where that fails, the lake is as sound as before.
@@ -97,189 +130,9 @@ fn clean(lake: &Lake) {
     }
 }
 
-/// The pieces of work in words.
-pub fn work(plan: &Plan) -> String {
-    let names = |sessions: &[crate::pipeline::plan::SessionFiles]| {
-        let names: Vec<_> = sessions
-            .iter()
-            .map(|s| Printable(&s.name).to_string())
-            .collect();
-        names.join(", ")
-    };
-    let mut text = String::new();
-    for piece in &plan.pieces {
-        let session = Printable(&piece.session);
-        write!(text, "{session}: learns from {}", names(&piece.training)).expect("a string");
-        if !piece.test.is_empty() {
-            write!(text, "; judged on {}", names(&piece.test)).expect("a string");
-        }
-        text.push('\n');
-    }
-    text
-}
-
-/// Does all pieces, `jobs` at once; endings in the order of the pieces.
-fn all(plan: &Plan, jobs: NonZeroUsize, bars: &Bars) -> Vec<Ending> {
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut own = Vec::new();
-        loop {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(piece) = plan.pieces.get(place) else {
-                return own;
-            };
-            own.push((place, one(plan, piece, bars)));
-        }
-    };
-    let mut endings: Vec<(usize, Ending)> = thread::scope(|scope| {
-        let workers = jobs.get().min(plan.pieces.len());
-        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        let ended = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
-        let ended = workers.into_iter().map(ended);
-        ended
-            .flat_map(|own| own.expect("a piece's panic is caught"))
-            .collect()
-    });
-    endings.sort_by_key(|(place, _)| *place);
-    endings.into_iter().map(|(_, ending)| ending).collect()
-}
-
-/// Does one piece; whatever goes wrong with it stays with it.
-fn one(plan: &Plan, piece: &WorkPiece, bars: &Bars) -> Ending {
-    let session = Printable(&piece.session).to_string();
-    let progress = bars.of(&session);
-    let attempt = AssertUnwindSafe(|| run_piece(plan, piece, &progress));
-    let reason = match panic::catch_unwind(attempt) {
-        Ok(Ok(done)) => return Ending::Done(done),
-        Ok(Err(error)) => error.to_string(),
-        Err(_) => "a defect of posegrid, told above; please report it".to_owned(),
-    };
-    tracing::error!(session, "{reason}");
-    Ending::Failed(reason)
-}
-
-/// What came out, session by session.
-fn summary(plan: &Plan, endings: &[Ending]) -> String {
-    let mut text = String::new();
-    for (piece, ending) in plan.pieces.iter().zip(endings) {
-        text += &paragraph(&piece.session, ending);
-    }
-    let count = |of: fn(&Ending) -> bool| endings.iter().filter(|ending| of(ending)).count();
-    let failed = count(|ending| matches!(ending, Ending::Failed(_)));
-    let met =
-        count(|ending| matches!(ending, Ending::Done(done) if done.verdict == Verdict::Meets));
-    writeln!(
-        text,
-        "{} of {} within {} mm, {failed} without a result",
-        met,
-        endings.len(),
-        plan.stages.tolerance.mm
-    )
-    .expect("a string");
-    text
-}
-
-fn paragraph(session: &str, ending: &Ending) -> String {
-    let session = Printable(session);
-    match ending {
-        Ending::Failed(reason) => format!("{session}: no result: {}\n\n", Printable(reason)),
-        Ending::Done(done) => {
-            let known = if done.already_there {
-                ", done before"
-            } else {
-                ""
-            };
-            let mut text = format!(
-                "{session}: {} (run {}{known})\n",
-                verdict(&done.verdict),
-                done.run
-            );
-            for line in &done.rejected {
-                writeln!(text, "  too much rejected: {}", Printable(line)).expect("a string");
-            }
-            for line in &done.words {
-                writeln!(text, "  {}", Printable(line)).expect("a string");
-            }
-            if let Some(page) = &done.page {
-                writeln!(text, "  page: {}", near(page).display()).expect("a string");
-            }
-            writeln!(text, "  tables: {}\n", near(&done.tables).display()).expect("a string");
-            text
-        }
-    }
-}
-
-fn verdict(verdict: &Verdict) -> String {
-    match verdict {
-        Verdict::Meets => "within tolerance".to_owned(),
-        Verdict::DoesNotMeet => "not within tolerance".to_owned(),
-        Verdict::NotShown(reason) => format!("not shown to be within tolerance: {reason}"),
-    }
-}
-
 /// A path as seen from the working folder, where it lies in it.
 pub fn near(path: &Path) -> PathBuf {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
     let inside = here.ok().and_then(|here| path.strip_prefix(here).ok());
     inside.unwrap_or(path).to_owned()
-}
-
-fn exit_code(endings: &[Ending]) -> u8 {
-    let code = |ending: &Ending| match ending {
-        Ending::Failed(_) => NO_RESULT,
-        Ending::Done(done) if done.is_good() => DONE,
-        Ending::Done(_) => NOT_MET,
-    };
-    let codes: Vec<u8> = endings.iter().map(code).collect();
-    // A session without a result outranks one that misses its tolerance.
-    let worst = [NO_RESULT, NOT_MET];
-    worst
-        .into_iter()
-        .find(|code| codes.contains(code))
-        .unwrap_or(DONE)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn done(verdict: Verdict) -> Ending {
-        Ending::Done(Done {
-            session: "a".to_owned(),
-            run: "00ff".to_owned(),
-            already_there: true,
-            verdict,
-            rejected: Vec::new(),
-            words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
-            tables: PathBuf::from("lake"),
-            page: Some(PathBuf::from("lake/report/r/a/00ff.html")),
-        })
-    }
-
-    fn failed() -> Ending {
-        Ending::Failed("no log".to_owned())
-    }
-
-    #[test]
-    fn no_result_outranks_a_missed_tolerance() {
-        let not_shown = || done(Verdict::NotShown("few".to_owned()));
-        assert_eq!(exit_code(&[done(Verdict::Meets)]), 0);
-        assert_eq!(exit_code(&[done(Verdict::Meets), not_shown()]), 3);
-        assert_eq!(exit_code(&[done(Verdict::DoesNotMeet)]), 3);
-        assert_eq!(exit_code(&[not_shown(), failed()]), 1);
-        let Ending::Done(mut rejected) = done(Verdict::Meets) else {
-            unreachable!("made here")
-        };
-        rejected.rejected.push("6 of 100 readings".to_owned());
-        assert_eq!(exit_code(&[Ending::Done(rejected)]), 3);
-    }
-
-    #[test]
-    fn a_paragraph_tells_the_verdict_the_words_and_where_the_tables_are() {
-        let text = paragraph("a", &done(Verdict::DoesNotMeet));
-        assert_eq!(
-            text,
-            "a: not within tolerance (run 00ff, done before)\n  step 100 mm\n  bad\\u{1b}name\n  page: lake/report/r/a/00ff.html\n  tables: lake\n\n"
-        );
-    }
 }

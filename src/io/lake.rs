@@ -8,10 +8,12 @@
 //!    run exactly one does, and nothing of a committed run is ever written again.
 //!
 //! What a run left that never committed is overwritten by the next that does the same work, or stays unseen: readers
-//! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone.
+//! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
+//! the same work at once.
 
 mod current;
 mod error;
+mod lock;
 mod name;
 mod rows;
 mod run;
@@ -27,6 +29,7 @@ use crate::manifest::RunKey;
 use error::folder_error;
 
 pub use error::LakeError;
+pub use lock::{Holder, Lock, Locking};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 

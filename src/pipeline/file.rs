@@ -114,24 +114,30 @@ pub struct Validity {
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct InputSection {
-    /// The folder with one sub-folder per session, relative to the pipeline file.
+    /// The folder with the sessions, relative to the pipeline file.
     #[serde(skip_serializing)]
     pub folder: PathBuf,
-    /// Sessions to learn from. Absent: every sub-folder that has both logs.
+    /// What makes a session of what stands there.
+    #[serde(default, skip_serializing)]
+    pub sessions_by: SessionsBy,
+    /// Sessions to learn from. Absent: every one that has both logs.
     #[serde(skip_serializing)]
     pub sessions: Option<Vec<String>>,
     /// Sessions that only judge.
     #[serde(default, skip_serializing)]
     pub test: Vec<String>,
-    /// The controller's log in a session's folder: a name, a pattern with `*` or `?`, or a list of them.
+    /// The controller's log: a name in the session's folder, a pattern with `*` or `?`, or a list of them.
     #[serde(default = "controller_log", skip_serializing)]
     pub controller: LogNames,
-    /// The tracker's log in a session's folder; it may be the same file.
+    /// The tracker's log; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
     /// Which sessions are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
+    /// How long a log without an end has to be still to be taken for a damaged one, s; until then its session waits.
+    #[serde(default = "settle_s", skip_serializing)]
+    pub settle_s: u64,
     /// Share of a log's bytes that may be lost to damage before its session fails.
     #[serde(default = "max_lost_share")]
     pub max_lost_share: f64,
@@ -160,9 +166,51 @@ impl LogNames {
     }
 }
 
+/// What a session's name stands for in the names of its files.
+pub const SESSION_PLACE: &str = "{session}";
+
+impl LogNames {
+    /// The names or patterns for a session.
+    #[must_use]
+    pub fn of(&self, session: &str) -> Self {
+        let patterns = self.patterns().iter();
+        Self::Several(
+            patterns
+                .map(|pattern| pattern.replace(SESSION_PLACE, session))
+                .collect(),
+        )
+    }
+}
+
 impl fmt::Display for LogNames {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.patterns().join(", "))
+    }
+}
+
+/// What makes a session of what stands in the folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SessionsBy {
+    /// Each sub-folder is one, named as it is.
+    #[default]
+    Folder,
+    /// Files of the folder with the session's name in theirs, where `{session}` stands in `controller` and `tracker`.
+    FileName,
+    /// Files of the folder that name it in their metadata record `session` under `session`.
+    Metadata,
+}
+
+impl SessionsBy {
+    /// What a session is, in words.
+    pub fn of(self, controller: &LogNames, tracker: &LogNames) -> String {
+        match self {
+            Self::Folder => format!("a sub-folder with {controller} and {tracker}"),
+            Self::FileName => format!("a pair of files {controller} and {tracker}"),
+            Self::Metadata => format!(
+                "two files, one of {controller} and one of {tracker}, with the same name in a metadata record `session`"
+            ),
+        }
     }
 }
 
@@ -304,6 +352,12 @@ fn controller_log() -> LogNames {
 
 fn tracker_log() -> LogNames {
     LogNames::One("tracker.mcap".to_owned())
+}
+
+/// Recorders write whole chunks. The slowest log is the tracker's: 20 readings a second of 100 bytes fill a chunk of 1 MiB in
+/// nine minutes, during which its file stands still.
+const fn settle_s() -> u64 {
+    600
 }
 
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.

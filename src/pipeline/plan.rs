@@ -31,7 +31,7 @@ use crate::report::evaluate::RefitSettings;
 
 pub use error::PlanError;
 pub use files::Files;
-pub use sessions::{LeftOut, POOLED, SessionFiles, WorkPiece};
+pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
 
 /// A checked pipeline: what to do, on which files, with which settings.
 #[derive(Debug, Clone)]
@@ -64,7 +64,9 @@ pub struct Plan {
     pub settings: String,
     /// What there is to do.
     pub pieces: Vec<WorkPiece>,
-    /// Sub-folders that are no session.
+    /// Sessions that there is no piece for, in the order of the pieces.
+    pub set_aside: Vec<SetAside>,
+    /// What stands among the sessions and is none.
     pub left_out: Vec<LeftOut>,
     /// What is legal and yet worth knowing.
     pub remarks: Vec<&'static str>,
@@ -99,7 +101,7 @@ impl Plan {
         } = files::read(path)?;
         let placed = Placed::new(path, &file)?;
         let folder = resolved(&base, &file.input.folder);
-        let listed = sessions::list(path, &folder, &file.input, overrides)?;
+        let listed = sessions::list(path, &folder, &file.input, file.limits, overrides)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),
@@ -117,6 +119,7 @@ impl Plan {
             max_rejected_share: file.input.max_rejected_share,
             join: file.join,
             pieces: listed.pieces,
+            set_aside: listed.set_aside,
             left_out: listed.left_out,
             logs: file.output.logs,
             sampling_plan: file.report.plan,

@@ -85,6 +85,14 @@ pub enum RunError {
     /// A log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// One session of the work cannot be used; a pool may do without it.
+    #[error("{source}")]
+    OfSession {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<RunError>,
+    },
     /// Neither the pipeline file nor the logs name the robot.
     #[error(
         "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
@@ -120,6 +128,23 @@ pub enum RunError {
     Lake(#[from] LakeError),
 }
 
+impl RunError {
+    /// The session whose fault it is, where it is one's.
+    pub fn session(&self) -> Option<&str> {
+        match self {
+            Self::OfSession { session, .. } => Some(session),
+            _ => None,
+        }
+    }
+
+    fn of(self, files: &SessionFiles) -> Self {
+        Self::OfSession {
+            session: files.name.clone(),
+            source: Box::new(self),
+        }
+    }
+}
+
 /// Does one piece of work.
 pub fn run_piece(
     plan: &Plan,
@@ -133,8 +158,10 @@ pub fn run_piece(
     if lake.exists(&key)? {
         return already_there(plan, &lake, &key);
     }
-    let mut joined =
-        |files: &SessionFiles| joined(plan, files, recordings.remove(&files.name), progress);
+    let mut joined = |files: &SessionFiles| {
+        let joined = joined(plan, files, recordings.remove(&files.name), progress);
+        joined.map_err(|error| error.of(files))
+    };
     let training = piece
         .training
         .iter()
@@ -196,17 +223,7 @@ pub(super) fn work(
 ) -> Result<Work, RunError> {
     let mut inputs = vec![input(&plan.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
-        let logs = &files.logs;
-        inputs.extend(log_inputs(
-            &logs.controller,
-            &format!("{}/controller", files.name),
-        )?);
-        if logs.tracker != logs.controller {
-            inputs.extend(log_inputs(
-                &logs.tracker,
-                &format!("{}/tracker", files.name),
-            )?);
-        }
+        inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
     Ok(Work {
@@ -218,6 +235,15 @@ pub(super) fn work(
         inputs,
         settings: plan.settings.clone(),
     })
+}
+
+fn session_inputs(files: &SessionFiles) -> Result<Vec<Input>, RunError> {
+    let (logs, name) = (&files.logs, &files.name);
+    let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
+    if logs.tracker != logs.controller {
+        inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
+    }
+    Ok(inputs)
 }
 
 /// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.

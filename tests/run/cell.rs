@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
+use std::time::{Duration, SystemTime};
 
 use assert_cmd::Command;
 use posegrid::io::schema;
@@ -97,7 +98,7 @@ impl Cell {
         self
     }
 
-    /// The same cell with a log of a session replaced by what `change` makes of it.
+    /// The same cell with a log of a session replaced by what `change` makes of it, an hour ago.
     pub fn with_log(
         self,
         session: &str,
@@ -107,6 +108,12 @@ impl Cell {
         let path = self.session(session).join(log);
         let bytes = fs::read(&path).expect("a log");
         fs::write(&path, change(bytes)).expect("writable");
+        let file = fs::File::options()
+            .write(true)
+            .open(&path)
+            .expect("written");
+        let hour_ago = SystemTime::now() - Duration::from_hours(1);
+        file.set_modified(hour_ago).expect("writable");
         self
     }
 
@@ -157,7 +164,7 @@ impl Cell {
 
     /// Every file of the cell's lake, by path in it.
     pub fn lake(&self) -> BTreeMap<String, Vec<u8>> {
-        files(&self.path("lake"))
+        published(&self.path("lake"))
     }
 }
 
@@ -213,6 +220,13 @@ impl From<Output> for Ended {
             messages,
         }
     }
+}
+
+/// Every file of a lake, by path in it, but for the lock, which says who ran last.
+pub fn published(lake: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = files(lake);
+    files.remove(".lock");
+    files
 }
 
 /// Every file under a folder that need not exist, by its path there.

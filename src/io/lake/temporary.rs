@@ -7,8 +7,13 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 static NEXT: AtomicU64 = AtomicU64::new(0);
+
+/// A temporary of another host, or of a container that is no more, is a leftover when nothing was written to it for a day:
+/// whether its process lives cannot be asked, and the largest table takes minutes.
+const OLD: Duration = Duration::from_hours(24);
 
 /// What is written and digested at once: BLAKE3 takes sixteen blocks of 1 KiB side by side, and large writes are few.
 const AT_ONCE: usize = 256 << 10;
@@ -105,19 +110,36 @@ fn sync_folder(target: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 
-/// Removes the temporaries in `folder` whose process on this host is gone; gives their paths.
+/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of other hosts; gives their paths.
 pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if Owner::of_temporary(&name).is_some_and(|owner| owner.is_gone()) {
-            fs::remove_file(&path)?;
+        let gone = Owner::of_temporary(&name).is_some_and(|owner| {
+            owner.is_gone() || (owner.host != host() && is_old(&path).unwrap_or(false))
+        });
+        if gone && removed_now(&path)? {
             removed.push(path);
         }
     }
     removed.sort();
     Ok(removed)
+}
+
+/// Whether nothing was written to the file for so long that no process can still be at it.
+fn is_old(path: &Path) -> io::Result<bool> {
+    let age = fs::metadata(path)?.modified()?.elapsed();
+    Ok(age.is_ok_and(|age| age > OLD))
+}
+
+/// Removes a file; of two that do, one has removed it.
+fn removed_now(path: &Path) -> io::Result<bool> {
+    match fs::remove_file(path) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
 /// How the name of a temporary folder of this process begins; a number or letters follow, without a dash.
@@ -173,7 +195,7 @@ impl Owner {
 }
 
 /// This host's name, letters and digits only.
-fn host() -> String {
+pub(super) fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.chars()
         .filter(char::is_ascii_alphanumeric)
@@ -265,12 +287,20 @@ mod tests {
             ..Owner::this_process()
         };
         let name = |owner: &Owner| format!(".run.parquet.tmp-{}-0", owner.suffix());
+        let path = |owner: &Owner| folder.path().join(name(owner));
         for owner in [&mine, &gone, &elsewhere] {
-            fs::write(folder.path().join(name(owner)), "half").unwrap();
+            fs::write(path(owner), "half").unwrap();
         }
         fs::write(folder.path().join("run.parquet"), "whole").unwrap();
         let removed = remove_stale(folder.path()).unwrap();
-        assert_eq!(removed, [folder.path().join(name(&gone))]);
+        assert_eq!(removed, [path(&gone)]);
         assert_eq!(files(folder.path()).len(), 3);
+        // Two days later: of another host nothing else tells; our own process is still at it.
+        for owner in [&mine, &elsewhere] {
+            let file = File::options().write(true).open(path(owner)).unwrap();
+            file.set_modified(std::time::SystemTime::now() - 2 * OLD)
+                .unwrap();
+        }
+        assert_eq!(remove_stale(folder.path()).unwrap(), [path(&elsewhere)]);
     }
 }

@@ -9,7 +9,6 @@ use crate::geometry::PlacementError;
 use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
-use crate::pipeline::file::LogNames;
 
 /// Why a pipeline file makes no plan.
 #[derive(Debug, Error)]
@@ -97,7 +96,7 @@ pub enum PlanError {
         source: ArmError,
     },
     /// The folder with the sessions cannot be read.
-    #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold one sub-folder per session", folder.display(), path.display())]
+    #[error("cannot read the folder {}, which {} names under [input] folder: {source}; it has to hold the sessions", folder.display(), path.display())]
     Folder {
         /// The pipeline file.
         path: PathBuf,
@@ -129,15 +128,13 @@ pub enum PlanError {
         how: &'static str,
     },
     /// Nothing to do.
-    #[error("no session to learn from in {}: a session is a sub-folder with {controller} and {tracker}{}", folder.display(), besides(left_out))]
+    #[error("no session to learn from in {}: a session is {wanted}{}", folder.display(), besides(left_out))]
     NoSessions {
         /// Where was looked.
         folder: PathBuf,
-        /// The controller's log in it.
-        controller: LogNames,
-        /// The tracker's.
-        tracker: LogNames,
-        /// Sub-folders that are no session.
+        /// What makes one.
+        wanted: String,
+        /// What stands there and is none.
         left_out: Vec<String>,
     },
     /// The settings cannot be written down.

@@ -1,60 +1,160 @@
-//! The files in a session's folder that a name or a pattern of `[input]` stands for.
+//! The files in a folder that a name or a pattern of `[input]` stands for.
 //!
 //! A pattern is a path in the folder whose last part may hold `*` (any letters) and `?` (one letter), as recorders number
-//! the files of a split recording. Every pattern has to find a file, and none may find a file twice.
+//! the files of a split recording, and `{session}` once, for the session's name. Every pattern has to find a file, and none
+//! may find a file twice.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::pipeline::file::LogNames;
+use crate::pipeline::file::{LogNames, SESSION_PLACE};
+
+/// Why one side of a session has no files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Lack {
+    /// They are not there, or not yet.
+    Absent(String),
+    /// They cannot be told.
+    Wrong(String),
+}
 
 /// The files of one side, by name; or what the folder lacks.
-pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, String> {
+pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
-        let files = matching(folder, pattern);
+        let files = matching(folder, pattern).map_err(|error| Lack::Wrong(error.to_string()))?;
         if files.is_empty() {
-            return Err(format!("it has no {pattern}"));
+            return Err(Lack::Absent(format!("it has no {pattern}")));
         }
-        if let Some(twice) = files.iter().find(|file| found.contains(*file)) {
-            let name = twice.strip_prefix(folder).unwrap_or(twice).display();
-            return Err(format!("its {name} is named twice, by {names}"));
-        }
-        found.extend(files);
-    }
-    if found.is_empty() {
-        return Err("[input] names no log for one of its sides".to_owned());
+        add_once(&mut found, files, folder, names)?;
     }
     Ok(found)
 }
 
-fn matching(folder: &Path, pattern: &str) -> Vec<PathBuf> {
+/// The files of one side of every session, by the name that `{session}` stands for.
+pub(super) fn find_named(
+    folder: &Path,
+    names: &LogNames,
+) -> io::Result<BTreeMap<String, Result<Vec<PathBuf>, Lack>>> {
+    let mut sides: BTreeMap<String, Result<Vec<PathBuf>, Lack>> = BTreeMap::new();
+    let mut patterns: BTreeMap<String, usize> = BTreeMap::new();
+    for pattern in names.patterns() {
+        let mut by_session: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+        for (session, path) in named(folder, pattern)? {
+            by_session.entry(session).or_default().push(path);
+        }
+        for (session, files) in by_session {
+            *patterns.entry(session.clone()).or_default() += 1;
+            let side = sides.entry(session).or_insert_with(|| Ok(Vec::new()));
+            if let Ok(found) = side
+                && let Err(lack) = add_once(found, files, folder, names)
+            {
+                *side = Err(lack);
+            }
+        }
+    }
+    for (session, found) in patterns {
+        if found < names.patterns().len() && sides[&session].is_ok() {
+            let lack = Lack::Absent(format!("it has not all of {names}"));
+            sides.insert(session, Err(lack));
+        }
+    }
+    Ok(sides)
+}
+
+/// Every file that fits a pattern without `{session}`, if there is any.
+pub(super) fn all(folder: &Path, names: &LogNames) -> io::Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
+    for pattern in names.patterns() {
+        found.extend(matching(folder, pattern)?);
+    }
+    found.sort();
+    found.dedup();
+    Ok(found)
+}
+
+fn add_once(
+    found: &mut Vec<PathBuf>,
+    files: Vec<PathBuf>,
+    folder: &Path,
+    names: &LogNames,
+) -> Result<(), Lack> {
+    if let Some(twice) = files.iter().find(|file| found.contains(*file)) {
+        let name = twice.strip_prefix(folder).unwrap_or(twice).display();
+        return Err(Lack::Wrong(format!(
+            "its {name} is named twice, by {names}"
+        )));
+    }
+    found.extend(files);
+    Ok(())
+}
+
+fn matching(folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf>> {
+    let whole = folder.join(pattern);
+    if whole.is_file() {
+        return Ok(vec![whole]);
+    }
+    let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
+        return Ok(Vec::new());
+    };
+    let last = letters(&last.to_string_lossy());
+    if !last.contains(&'*') && !last.contains(&'?') {
+        return Ok(Vec::new());
+    }
+    let found = files(parent)?.into_iter();
+    Ok(found
+        .filter(|(name, _)| shown(name, &last) && fits(&last, name))
+        .map(|(_, path)| path)
+        .collect())
+}
+
+/// Files that fit a pattern with `{session}`, and what it stands for in each.
+fn named(folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
-        return Vec::new();
+        return Ok(Vec::new());
     };
     let last = last.to_string_lossy();
-    if !last.contains(['*', '?']) || whole.is_file() {
-        return if whole.is_file() {
-            vec![whole]
-        } else {
-            Vec::new()
-        };
-    }
-    let letters: Vec<char> = last.chars().collect();
-    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
-    let mut found: Vec<PathBuf> = entries
-        .filter(|entry| {
-            let name = entry.file_name();
-            let name: Vec<char> = name.to_string_lossy().chars().collect();
-            // A hidden file is a temporary of some program; a pattern has to say that it means it.
-            (name.first() != Some(&'.') || letters.first() == Some(&'.')) && fits(&letters, &name)
-        })
-        .map(|entry| entry.path())
-        .filter(|path| path.is_file())
-        .collect();
-    found.sort();
-    found
+    let (before, after) = last.split_once(SESSION_PLACE).unwrap_or((&last, ""));
+    let (before, after) = (letters(before), letters(after));
+    let found = files(parent)?.into_iter();
+    Ok(found
+        .filter(|(name, _)| shown(name, &before))
+        .filter_map(|(name, path)| Some((between(&before, &after, &name)?, path)))
+        .collect())
+}
+
+/// The files of a folder with the letters of their names, by name; none where there is no folder.
+fn files(folder: &Path) -> io::Result<Vec<(Vec<char>, PathBuf)>> {
+    let entries = match fs::read_dir(folder) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries?.collect::<io::Result<Vec<_>>>()?,
+    };
+    let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
+    paths.retain(|path| path.is_file());
+    paths.sort();
+    let name = |path: &PathBuf| letters(&path.file_name().unwrap_or_default().to_string_lossy());
+    Ok(paths.into_iter().map(|path| (name(&path), path)).collect())
+}
+
+fn letters(text: &str) -> Vec<char> {
+    text.chars().collect()
+}
+
+/// A hidden file is a temporary of some program; a pattern has to say that it means it.
+fn shown(name: &[char], pattern: &[char]) -> bool {
+    name.first() != Some(&'.') || pattern.first() == Some(&'.')
+}
+
+/// The shortest part of a name, and of those the first, with which what stands before and behind it fits.
+fn between(before: &[char], after: &[char], name: &[char]) -> Option<String> {
+    let ends = |length: usize| (0..=name.len() - length).map(move |start| (start, start + length));
+    let mut parts = (1..=name.len()).flat_map(ends);
+    let (start, end) =
+        parts.find(|&(start, end)| fits(before, &name[..start]) && fits(after, &name[end..]))?;
+    Some(name[start..end].iter().collect())
 }
 
 /// Whether a name fits a pattern; each `*` first stands for nothing, then for one letter more at a time.
@@ -106,9 +206,12 @@ mod tests {
         fs::create_dir(folder.path().join("arm_3.mcap")).expect("writable");
         let find = |names: &[&str]| {
             let names = names.iter().map(|&name| name.to_owned()).collect();
-            let found = find(folder.path(), &LogNames::Several(names))?;
+            let found = find(folder.path(), &LogNames::Several(names));
             let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
-            Ok::<_, String>(found.into_iter().map(name).collect::<Vec<_>>())
+            let found = found.map(|found| found.into_iter().map(name).collect::<Vec<_>>());
+            found.map_err(|lack| match lack {
+                Lack::Absent(reason) | Lack::Wrong(reason) => reason,
+            })
         };
         assert_eq!(find(&["arm_*.mcap"]).unwrap(), ["arm_0.mcap", "arm_1.mcap"]);
         assert_eq!(
@@ -119,6 +222,50 @@ mod tests {
         assert_eq!(find(&["arm_3.mcap"]).unwrap_err(), "it has no arm_3.mcap");
         let twice = find(&["arm_*.mcap", "arm_1.mcap"]).unwrap_err();
         assert!(twice.contains("arm_1.mcap is named twice"), "{twice}");
-        assert!(find(&[]).unwrap_err().contains("no log"));
+    }
+
+    #[test]
+    fn a_session_is_what_stands_in_its_place() {
+        let session = |pattern: &str, name: &str| {
+            let (before, after) = pattern.split_once(SESSION_PLACE).unwrap();
+            between(&letters(before), &letters(after), &letters(name))
+        };
+        assert_eq!(
+            session("{session}_arm.mcap", "mon_arm.mcap").unwrap(),
+            "mon"
+        );
+        assert_eq!(session("arm-{session}", "arm-2026.11").unwrap(), "2026.11");
+        assert_eq!(
+            session("{session}_arm.mcap", "_arm.mcap"),
+            None,
+            "no name at all"
+        );
+        // A split recording: the shortest name, so that both parts belong to one session.
+        for part in ["mon_arm_0.mcap", "mon_arm_1.mcap"] {
+            assert_eq!(session("{session}_arm_*.mcap", part).unwrap(), "mon");
+        }
+    }
+
+    #[test]
+    fn files_are_sorted_into_sessions() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for name in ["mon_a.mcap", "mon_a.log", "tue_a.mcap", ".wed_a.mcap"] {
+            fs::write(folder.path().join(name), b"").expect("writable");
+        }
+        let names =
+            |names: &[&str]| LogNames::Several(names.iter().map(|&name| name.to_owned()).collect());
+        let found = find_named(folder.path(), &names(&["{session}_a.mcap"])).unwrap();
+        assert_eq!(found.keys().collect::<Vec<_>>(), ["mon", "tue"]);
+        let both = names(&["{session}_a.mcap", "{session}_a.log"]);
+        let found = find_named(folder.path(), &both).unwrap();
+        assert_eq!(found["mon"].as_ref().unwrap().len(), 2);
+        assert!(
+            matches!(&found["tue"], Err(Lack::Absent(reason)) if reason.contains("not all of"))
+        );
+        let twice = names(&["{session}_a.mcap", "{session}_?.mcap"]);
+        let found = find_named(folder.path(), &twice).unwrap();
+        assert!(
+            matches!(&found["mon"], Err(Lack::Wrong(reason)) if reason.contains("named twice"))
+        );
     }
 }

@@ -1,13 +1,20 @@
-//! Sessions: which sub-folders are one, which of them are learnt from and which judge, and in which pieces of work.
+//! Sessions: which are learnt from and which judge, in which pieces of work, and which have to wait.
+//!
+//! 1. `found` looks into the folder of `[input]`; a log that is still being written makes its session wait (`growing`).
+//! 2. Named sessions, or all, become pieces of work, alone or pooled. A pool learns from those that are ready; when one
+//!    more is, that is other work.
+//! 3. What waits or is bad is set aside with its reason, and stops no other; a judge that is not ready stops those it judges.
+
+mod found;
+mod growing;
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::io;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use super::{Overrides, PlanError, logs};
-use crate::io::log::SessionLogs;
-use crate::pipeline::file::{InputSection, Pool};
+use crate::io::log::{Limits, SessionLogs};
+use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
+use found::{Found, Session};
 
 /// The session of a pooled fit.
 pub const POOLED: &str = "pooled";
@@ -15,7 +22,7 @@ pub const POOLED: &str = "pooled";
 /// One session's logs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SessionFiles {
-    /// The session's name: its folder's.
+    /// The session's name.
     pub name: String,
     /// The files of its two sides.
     pub logs: SessionLogs,
@@ -32,19 +39,56 @@ pub struct WorkPiece {
     pub test: Vec<SessionFiles>,
 }
 
-/// A sub-folder that is no session, and why.
+/// What stands among the sessions and is none, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LeftOut {
-    /// The folder's name.
-    pub folder: String,
+    /// The name of the folder or file.
+    pub name: String,
     /// What it lacks.
     pub reason: String,
 }
 
-/// The pieces of work, and the sub-folders that are no session.
+/// A session that there is no piece of work for, now.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SetAside {
+    /// Its name.
+    pub session: String,
+    /// Why.
+    pub why: Why,
+    /// How many pieces are listed before it.
+    pub before: usize,
+}
+
+/// Why a session is set aside, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Why {
+    /// It is still being written, or one side is not there yet: a later run has it.
+    Waits(String),
+    /// It cannot be used as it is.
+    Bad(String),
+}
+
+impl Why {
+    /// In words, whichever.
+    pub fn reason(&self) -> &str {
+        match self {
+            Self::Waits(reason) | Self::Bad(reason) => reason,
+        }
+    }
+
+    fn map(&self, words: impl FnOnce(&str) -> String) -> Self {
+        match self {
+            Self::Waits(reason) => Self::Waits(words(reason)),
+            Self::Bad(reason) => Self::Bad(words(reason)),
+        }
+    }
+}
+
+/// The pieces of work, and what there is none for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Listed {
     pub pieces: Vec<WorkPiece>,
+    pub set_aside: Vec<SetAside>,
     pub left_out: Vec<LeftOut>,
 }
 
@@ -53,58 +97,151 @@ pub(super) fn list(
     path: &Path,
     folder: &Path,
     input: &InputSection,
+    limits: Limits,
     overrides: &Overrides,
 ) -> Result<Listed, PlanError> {
-    let found = Found::look(folder, input).map_err(|source| PlanError::Folder {
+    for (key, names) in [
+        ("controller", &input.controller),
+        ("tracker", &input.tracker),
+    ] {
+        name_sessions(path, key, names, input.sessions_by)?;
+    }
+    let found = Found::look(folder, input, limits).map_err(|source| PlanError::Folder {
         path: path.to_owned(),
         folder: folder.to_owned(),
         source,
     })?;
-    let test_names = if overrides.test.is_empty() {
-        &input.test
-    } else {
-        &overrides.test
+    let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
+    let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
+    let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
+    named_once(named.as_deref().unwrap_or_default(), &test)?;
+    named_once(&test, &[])?;
+    let training = match &named {
+        Some(names) => names.iter().map(|name| found.named(name)).collect(),
+        None => all_but(&found.sessions, &test),
     };
-    let test = found.named(test_names)?;
-    let named = if overrides.sessions.is_empty() {
-        input.sessions.as_ref()
-    } else {
-        Some(&overrides.sessions)
-    };
-    let training = match named {
-        Some(names) => {
-            named_once(names, test_names)?;
-            found.named(names)?
-        }
-        None => found.all_but(test_names),
-    };
-    named_once(test_names, &[])?;
-    if training.is_empty() {
-        return Err(found.nothing());
+    let judges: Vec<Session> = test.iter().map(|name| found.named(name)).collect();
+    let (pieces, set_aside) = pieces(input.pool, &training, &judges);
+    let waits = |aside: &SetAside| matches!(aside.why, Why::Waits(_));
+    if pieces.is_empty() && !set_aside.iter().any(waits) {
+        return Err(nothing(folder, input, &found, &training, &judges));
     }
-    // A folder that is no session matters only where every session of the folder is asked for.
-    let left_out = named.map_or(found.left_out, |_| Vec::new());
     Ok(Listed {
-        pieces: pieces(input.pool, &training, &test),
-        left_out,
+        pieces,
+        set_aside,
+        // What is no session matters only where every session of the folder is asked for.
+        left_out: named.map_or(found.left_out, |_| Vec::new()),
     })
 }
 
-fn pieces(pool: Pool, training: &[SessionFiles], test: &[SessionFiles]) -> Vec<WorkPiece> {
-    let piece = |session: &str, training: &[SessionFiles]| WorkPiece {
-        session: session.to_owned(),
-        training: training.to_vec(),
-        test: test.to_vec(),
+/// Names have `{session}` in their last part where sessions are found by it, and nowhere else.
+fn name_sessions(
+    path: &Path,
+    key: &str,
+    names: &LogNames,
+    by: SessionsBy,
+) -> Result<(), PlanError> {
+    let wanted = match by {
+        SessionsBy::FileName => {
+            "names with one {session} in their last part, as sessions_by = \"file_name\" asks"
+        }
+        _ => {
+            "names of files without {session}, which only sessions_by = \"file_name\" gives a meaning to"
+        }
     };
-    let numbered = || training.iter().enumerate();
-    match pool {
-        Pool::Each => numbered()
-            .map(|(i, s)| piece(&s.name, &training[i..=i]))
-            .collect(),
-        Pool::Until => numbered()
-            .map(|(i, s)| piece(&s.name, &training[..=i]))
-            .collect(),
-        Pool::All => vec![piece(POOLED, training)],
+    let places = |pattern: &String| {
+        let last = Path::new(pattern).file_name().unwrap_or_default();
+        let last = last.to_string_lossy().matches(SESSION_PLACE).count();
+        (pattern.matches(SESSION_PLACE).count(), last)
+    };
+    let right = usize::from(by == SessionsBy::FileName);
+    let patterns = names.patterns();
+    if !patterns.is_empty()
+        && patterns
+            .iter()
+            .all(|pattern| places(pattern) == (right, right))
+    {
+        return Ok(());
+    }
+    Err(PlanError::Setting {
+        path: path.to_owned(),
+        key: format!("[input] {key}"),
+        found: format!("{:?}", names.to_string()),
+        wanted: wanted.to_owned(),
+    })
+}
+
+fn all_but(sessions: &[Session], test: &[String]) -> Vec<Session> {
+    let others = sessions.iter().filter(|s| !test.contains(&s.name));
+    others.cloned().collect()
+}
+
+/// The pieces of what is ready, and the rest.
+fn pieces(pool: Pool, training: &[Session], judges: &[Session]) -> (Vec<WorkPiece>, Vec<SetAside>) {
+    let (mut pieces, mut set_aside) = (Vec::new(), Vec::new());
+    let mut ready: Vec<SessionFiles> = Vec::new();
+    let test: Result<Vec<SessionFiles>, Why> = judges.iter().map(judge).collect();
+    let mut add = |name: &str, training: &[SessionFiles], aside: &mut Vec<SetAside>| match &test {
+        Ok(test) => pieces.push(WorkPiece {
+            session: name.to_owned(),
+            training: training.to_vec(),
+            test: test.clone(),
+        }),
+        Err(why) => aside.push(SetAside::new(name, why.clone(), 0)),
+    };
+    let mut listed = 0;
+    for session in training {
+        match (session.files(), pool) {
+            (Err(why), Pool::Each) => {
+                set_aside.push(SetAside::new(&session.name, why.clone(), listed));
+            }
+            (Err(why), Pool::All | Pool::Until) => {
+                let why = why.map(|reason| format!("{reason}; the pool learns without it"));
+                set_aside.push(SetAside::new(&session.name, why, listed));
+            }
+            (Ok(files), pool) => {
+                ready.push(files);
+                let from = if pool == Pool::Each {
+                    ready.len() - 1
+                } else {
+                    0
+                };
+                if pool != Pool::All {
+                    add(&session.name, &ready[from..], &mut set_aside);
+                    listed += 1;
+                }
+            }
+        }
+    }
+    if pool == Pool::All && !ready.is_empty() {
+        add(POOLED, &ready, &mut set_aside);
+    }
+    (pieces, set_aside)
+}
+
+/// A session that judges, or why those that it would judge have no work.
+fn judge(session: &Session) -> Result<SessionFiles, Why> {
+    let not_yet = |why: &Why| why.map(|reason| format!("{} judges it: {reason}", session.name));
+    session.files().map_err(not_yet)
+}
+
+impl Session {
+    fn files(&self) -> Result<SessionFiles, &Why> {
+        let files = |logs: &SessionLogs| SessionFiles {
+            name: self.name.clone(),
+            logs: logs.clone(),
+        };
+        self.logs.as_ref().map(files)
+    }
+}
+
+impl SetAside {
+    fn new(session: &str, why: Why, before: usize) -> Self {
+        Self {
+            session: session.to_owned(),
+            why,
+            before,
+        }
     }
 }
 
@@ -126,90 +263,32 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), PlanError> {
     Ok(())
 }
 
-/// What the sessions' folder holds.
-struct Found<'a> {
-    folder: &'a Path,
-    input: &'a InputSection,
-    sessions: Vec<SessionFiles>,
-    left_out: Vec<LeftOut>,
-}
-
-impl<'a> Found<'a> {
-    /// Every sub-folder, by name.
-    fn look(folder: &'a Path, input: &'a InputSection) -> io::Result<Self> {
-        let mut found = Self {
-            folder,
-            input,
-            sessions: Vec::new(),
-            left_out: Vec::new(),
+/// Why there is nothing to do, and nothing to wait for.
+fn nothing(
+    folder: &Path,
+    input: &InputSection,
+    found: &Found<'_>,
+    training: &[Session],
+    judges: &[Session],
+) -> PlanError {
+    let bad = training.iter().chain(judges).find_map(|session| {
+        let why = session.files().err()?;
+        Some((session.name.clone(), why.reason().to_owned()))
+    });
+    if let Some((session, reason)) = bad {
+        return PlanError::Session {
+            session,
+            reason,
+            folder: folder.to_owned(),
+            found: found.sessions.iter().map(|s| s.name.clone()).collect(),
         };
-        let entries = fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
-        let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
-        paths.sort();
-        for path in paths.into_iter().filter(|path| path.is_dir()) {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            match found.session(&name) {
-                Ok(session) => found.sessions.push(session),
-                Err(reason) => found.left_out.push(LeftOut {
-                    folder: name.into_owned(),
-                    reason,
-                }),
-            }
-        }
-        Ok(found)
     }
-
-    /// The session of a name, or what it lacks.
-    fn session(&self, name: &str) -> Result<SessionFiles, String> {
-        let parts: Vec<_> = Path::new(name).components().collect();
-        if !matches!(parts[..], [Component::Normal(_)]) {
-            return Err("a session is named by its folder's name, not by a path".to_owned());
-        }
-        if name == POOLED {
-            return Err(format!(
-                "{POOLED:?} is what pooled fits are named; rename the folder"
-            ));
-        }
-        let own = self.folder.join(name);
-        if !own.is_dir() {
-            return Err("there is no such folder".to_owned());
-        }
-        Ok(SessionFiles {
-            name: name.to_owned(),
-            logs: SessionLogs {
-                controller: logs::find(&own, &self.input.controller)?,
-                tracker: logs::find(&own, &self.input.tracker)?,
-            },
-        })
-    }
-
-    fn named(&self, names: &[String]) -> Result<Vec<SessionFiles>, PlanError> {
-        let named = |name: &String| {
-            self.session(name).map_err(|reason| PlanError::Session {
-                session: name.clone(),
-                reason,
-                folder: self.folder.to_owned(),
-                found: self.sessions.iter().map(|s| s.name.clone()).collect(),
-            })
-        };
-        names.iter().map(named).collect()
-    }
-
-    fn all_but(&self, test: &[String]) -> Vec<SessionFiles> {
-        let training = self.sessions.iter().filter(|s| !test.contains(&s.name));
-        training.cloned().collect()
-    }
-
-    fn nothing(&self) -> PlanError {
-        PlanError::NoSessions {
-            folder: self.folder.to_owned(),
-            controller: self.input.controller.clone(),
-            tracker: self.input.tracker.clone(),
-            left_out: self
-                .left_out
-                .iter()
-                .map(|left| format!("{} ({})", left.folder, left.reason))
-                .collect(),
-        }
+    let left = found.left_out.iter();
+    PlanError::NoSessions {
+        folder: folder.to_owned(),
+        wanted: input.sessions_by.of(&input.controller, &input.tracker),
+        left_out: left
+            .map(|left| format!("{} ({})", left.name, left.reason))
+            .collect(),
     }
 }

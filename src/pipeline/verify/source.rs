@@ -56,8 +56,9 @@ impl Source {
             .collect();
         let named = |names: &[String]| -> Result<Vec<SessionFiles>, NoSource> {
             let missing = |name: &String| {
-                let reason = "there is no such folder".to_owned();
-                NoSource::Missing(name.clone(), reason)
+                let aside = plan.set_aside.iter().find(|aside| aside.session == *name);
+                let reason = aside.map_or("it is not there", |aside| aside.why.reason());
+                NoSource::Missing(name.clone(), reason.to_owned())
             };
             let files = |name| files.get(name).cloned().ok_or_else(|| missing(name));
             names.iter().map(files).collect()

@@ -1,0 +1,89 @@
+//! The lake's lock, as a batch takes it: at once, after the other one, or not at all.
+
+use std::thread::sleep;
+use std::time::Duration;
+
+use super::stop::Stop;
+use crate::cli::messages::Printable;
+use crate::io::lake::{Holder, Lake, Lock, Locking};
+use crate::units::span;
+
+/// How often a batch that waits looks again: short against any batch, and nothing for a machine.
+const LOOK_AGAIN: Duration = Duration::from_millis(250);
+
+/// Whose turn it is.
+#[derive(Debug)]
+pub enum Turn {
+    /// Ours: with the lock, where the file system gives one.
+    Ours(Option<Lock>),
+    /// Another batch's, or nobody's as an end was asked for; it was told.
+    NotOurs,
+}
+
+/// Locks the lake, after the batch that has it if `wait` says so.
+pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
+    let mut told = false;
+    loop {
+        let holder = match lake.lock(by) {
+            Locking::Done(lock) => return Turn::Ours(Some(lock)),
+            Locking::Held(holder) => holder,
+            Locking::Refused(error) => {
+                tracing::warn!(
+                    "{error}; going on without a lock: the lake stays sound, but another batch at the same time would do \
+                     the same work"
+                );
+                return Turn::Ours(None);
+            }
+        };
+        if stop.asked() {
+            tracing::warn!("ended by {} while waiting for the lake", stop.name());
+            return Turn::NotOurs;
+        }
+        if !wait {
+            tracing::error!(
+                "{}; nothing was done. Run again when it has ended, or with --wait",
+                held(&holder)
+            );
+            return Turn::NotOurs;
+        }
+        if !told {
+            tracing::info!("{}; waiting for its end", held(&holder));
+            told = true;
+        }
+        sleep(LOOK_AGAIN);
+    }
+}
+
+fn held(holder: &Holder) -> String {
+    let who = match holder.words.as_str() {
+        "" => "a process that has not said which",
+        words => words,
+    };
+    let since = holder
+        .age
+        .map_or_else(String::new, |age| format!("; for {}", span(age)));
+    format!(
+        "another batch works on this lake: {}{since} (it locks {})",
+        Printable(who),
+        holder.path.display()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_holder_is_told_whatever_it_says() {
+        let holder = |words: &str| Holder {
+            path: "lake/.lock".into(),
+            words: words.to_owned(),
+            age: Some(Duration::from_secs(125)),
+        };
+        assert_eq!(
+            held(&holder("process 7 on host a: run b\u{1b}.toml")),
+            "another batch works on this lake: process 7 on host a: run b\\u{1b}.toml; for 2 min (it locks lake/.lock)"
+        );
+        assert!(held(&holder("")).contains("has not said which"));
+    }
+}

@@ -1,0 +1,218 @@
+//! What a batch comes to: a line for each session, what is new in words, the totals, the exit code.
+//!
+//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
+//! what it says; a name cannot break a line or begin one. Sessions stand in the order of the plan.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use super::near;
+use super::stop::Stop;
+use super::work::{Ending, Failure};
+use crate::cli::messages::Printable;
+use crate::cli::{DONE, NO_RESULT, NOT_MET};
+use crate::grid::Verdict;
+use crate::pipeline::plan::{Plan, SessionFiles, SetAside, Why};
+use crate::pipeline::run::Done;
+
+/// The pieces of work in words.
+pub fn work(plan: &Plan) -> String {
+    let names = |sessions: &[SessionFiles]| {
+        let names: Vec<_> = sessions
+            .iter()
+            .map(|s| Printable(&s.name).to_string())
+            .collect();
+        names.join(", ")
+    };
+    let mut text = String::new();
+    for piece in &plan.pieces {
+        let session = Printable(&piece.session);
+        write!(text, "{session}: learns from {}", names(&piece.training)).expect("a string");
+        if !piece.test.is_empty() {
+            write!(text, "; judged on {}", names(&piece.test)).expect("a string");
+        }
+        text.push('\n');
+    }
+    for aside in &plan.set_aside {
+        text += &aside_line(aside);
+    }
+    text
+}
+
+/// Lines, words and totals; set aside are the plan's own, and those that pools had to do without.
+pub fn summary(plan: &Plan, endings: &[Ending], set_aside: &[SetAside]) -> String {
+    let sessions = plan.pieces.iter().map(|piece| piece.session.as_str());
+    let mut text = lines(sessions.zip(endings), set_aside);
+    text.push('\n');
+    for ending in endings {
+        text += &paragraph(ending);
+    }
+    text += &Totals::of(endings, set_aside).words(plan.stages.tolerance.mm);
+    text
+}
+
+/// A line for each session, those set aside in between where they were listed.
+fn lines<'a>(
+    endings: impl Iterator<Item = (&'a str, &'a Ending)>,
+    set_aside: &[SetAside],
+) -> String {
+    let mut aside = set_aside.iter().peekable();
+    let mut text = String::new();
+    for (place, (session, ending)) in endings.enumerate() {
+        while let Some(before) = aside.next_if(|aside| aside.before <= place) {
+            text += &aside_line(before);
+        }
+        text += &line(session, ending);
+    }
+    aside.map(aside_line).for_each(|line| text += &line);
+    text
+}
+
+fn line(session: &str, ending: &Ending) -> String {
+    match ending {
+        Ending::Done(done) => {
+            let state = if done.already_there {
+                "done-before"
+            } else {
+                "done"
+            };
+            state_line(state, session, &outcome(done))
+        }
+        Ending::Failed(Failure { reason, .. }) => {
+            state_line("failed", session, &format!("no result: {reason}"))
+        }
+        Ending::Stopped => state_line("stopped", session, "ended under way; run it again"),
+        Ending::NotStarted => state_line("not-started", session, "run it again"),
+    }
+}
+
+fn aside_line(aside: &SetAside) -> String {
+    match &aside.why {
+        Why::Waits(reason) => state_line("waits", &aside.session, reason),
+        Why::Bad(reason) => state_line("failed", &aside.session, &format!("no result: {reason}")),
+    }
+}
+
+fn state_line(state: &str, session: &str, words: &str) -> String {
+    format!("{state:<12} {}: {}\n", Printable(session), Printable(words))
+}
+
+/// A result in one line.
+fn outcome(done: &Done) -> String {
+    let mut text = format!("{}, run {}", verdict(&done.verdict), done.run);
+    for line in &done.rejected {
+        write!(text, ", too much rejected: {line}").expect("a string");
+    }
+    if let (true, Some(page)) = (done.already_there, &done.page) {
+        write!(text, ", page {}", near(page).display()).expect("a string");
+    }
+    text
+}
+
+/// What is new; of what was done before, the line says enough.
+fn paragraph(ending: &Ending) -> String {
+    let Ending::Done(done) = ending else {
+        return String::new();
+    };
+    if done.already_there {
+        return String::new();
+    }
+    let mut text = format!("{}: run {}\n", Printable(&done.session), done.run);
+    for line in &done.words {
+        writeln!(text, "  {}", Printable(line)).expect("a string");
+    }
+    let page = done.page.as_ref().map(|page| ("page", page));
+    for (what, path) in page.into_iter().chain([("tables", &done.tables)]) {
+        let path: PathBuf = near(path);
+        writeln!(text, "  {what}: {}", path.display()).expect("a string");
+    }
+    text.push('\n');
+    text
+}
+
+fn verdict(verdict: &Verdict) -> String {
+    match verdict {
+        Verdict::Meets => "within tolerance".to_owned(),
+        Verdict::DoesNotMeet => "not within tolerance".to_owned(),
+        Verdict::NotShown(reason) => format!("not shown to be within tolerance: {reason}"),
+    }
+}
+
+/// How many sessions ended how.
+#[derive(Debug, Default)]
+struct Totals {
+    new: usize,
+    before: usize,
+    met: usize,
+    failed: usize,
+    waiting: usize,
+    /// By a signal: ended or not begun.
+    stopped: usize,
+}
+
+impl Totals {
+    fn of(endings: &[Ending], set_aside: &[SetAside]) -> Self {
+        let mut totals = Self::default();
+        for ending in endings {
+            match ending {
+                Ending::Done(done) => {
+                    totals.before += usize::from(done.already_there);
+                    totals.new += usize::from(!done.already_there);
+                    totals.met += usize::from(done.verdict == Verdict::Meets);
+                }
+                Ending::Failed(_) => totals.failed += 1,
+                Ending::Stopped | Ending::NotStarted => totals.stopped += 1,
+            }
+        }
+        for aside in set_aside {
+            match aside.why {
+                Why::Waits(_) => totals.waiting += 1,
+                Why::Bad(_) => totals.failed += 1,
+            }
+        }
+        totals
+    }
+
+    fn words(&self, tolerance_mm: f64) -> String {
+        let Self {
+            new,
+            before,
+            met,
+            failed,
+            waiting,
+            stopped,
+        } = self;
+        let results = new + before;
+        let not_met = results - met;
+        let all = results + failed + stopped;
+        let mut text = format!(
+            "{met} of {all} within {tolerance_mm} mm, {failed} without a result: {new} done, {before} done before, \
+             {not_met} not met, {failed} failed, {waiting} waiting"
+        );
+        if *stopped > 0 {
+            write!(text, ", {stopped} stopped").expect("a string");
+        }
+        text + "\n"
+    }
+}
+
+/// The exit code of a batch: a signal that left work undone before all, then a session without a result, then a tolerance.
+pub fn exit_code(endings: &[Ending], set_aside: &[SetAside], stop: &Stop) -> u8 {
+    let undone = |ending: &Ending| matches!(ending, Ending::Stopped | Ending::NotStarted);
+    if let (true, Some(code)) = (endings.iter().any(undone), stop.exit_code()) {
+        return code;
+    }
+    let failed = |ending: &Ending| matches!(ending, Ending::Failed(_));
+    let bad = |aside: &SetAside| matches!(aside.why, Why::Bad(_));
+    let not_good = |ending: &Ending| matches!(ending, Ending::Done(done) if !done.is_good());
+    if endings.iter().any(failed) || set_aside.iter().any(bad) {
+        NO_RESULT
+    } else if endings.iter().any(not_good) {
+        NOT_MET
+    } else {
+        DONE
+    }
+}
+
+#[cfg(test)]
+mod tests;

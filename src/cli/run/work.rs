@@ -1,0 +1,138 @@
+//! Pieces of work on threads: whatever goes wrong with one stays with it, and a pool goes on without a session that cannot be
+//! used.
+
+use std::num::NonZeroUsize;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use super::stop::{Stop, Stoppable};
+use crate::cli::messages::Printable;
+use crate::cli::progress::Bars;
+use crate::pipeline::plan::{POOLED, Plan, SetAside, Why, WorkPiece};
+use crate::pipeline::run::{Done, run_piece};
+
+/// How one piece of work ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// With a result.
+    Done(Done),
+    /// Without one.
+    Failed(Failure),
+    /// A signal ended it under way.
+    Stopped,
+    /// A signal came before it was begun.
+    NotStarted,
+}
+
+/// Why a piece of work has no result.
+#[derive(Debug)]
+pub struct Failure {
+    /// In words.
+    pub reason: String,
+    /// The session whose fault it is, where it is one's.
+    pub session: Option<String>,
+}
+
+/// A piece's ending, and the sessions that it had to do without.
+type Ended = (Ending, Vec<SetAside>);
+
+/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that pools
+/// had to do without.
+pub fn all(
+    plan: &Plan,
+    jobs: NonZeroUsize,
+    bars: &Bars,
+    stop: &Stop,
+) -> (Vec<Ending>, Vec<SetAside>) {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut own = Vec::new();
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            let Some(piece) = plan.pieces.get(place) else {
+                return own;
+            };
+            own.push((place, pooled(plan, place, piece, bars, stop)));
+        }
+    };
+    let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
+        let workers = jobs.get().min(plan.pieces.len());
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
+        let joined = workers.into_iter().map(joined);
+        joined
+            .flat_map(|own| own.expect("a piece's panic is caught"))
+            .collect()
+    });
+    ended.sort_by_key(|(place, _)| *place);
+    let (endings, without): (Vec<_>, Vec<_>) = ended.into_iter().map(|(_, ended)| ended).unzip();
+    (endings, without.concat())
+}
+
+/// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
+fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ended {
+    let mut piece = piece.clone();
+    let mut without: Vec<SetAside> = Vec::new();
+    loop {
+        match one(plan, &piece, bars, stop) {
+            Ending::Failed(Failure {
+                reason,
+                session: Some(bad),
+            }) if can_spare(&piece, &bad) => {
+                tracing::warn!(
+                    session = piece.session,
+                    "going on without {}",
+                    Printable(&bad)
+                );
+                piece.training.retain(|files| files.name != bad);
+                let why = Why::Bad(format!("{reason}; the pool learns without it"));
+                without.push(SetAside {
+                    session: bad,
+                    why,
+                    before: place,
+                });
+            }
+            ending => {
+                // Learnt until a session, each one before it has a piece and a line of its own.
+                without.retain(|_| piece.session == POOLED);
+                return (ending, without);
+            }
+        }
+    }
+}
+
+/// Whether a piece is one still without this session.
+fn can_spare(piece: &WorkPiece, session: &str) -> bool {
+    let learnt = piece.training.iter().any(|files| files.name == session);
+    learnt && piece.training.len() > 1 && piece.session != session
+}
+
+/// Does one piece, unless an end was asked for.
+fn one(plan: &Plan, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
+    if stop.asked() {
+        return Ending::NotStarted;
+    }
+    let session = Printable(&piece.session).to_string();
+    let progress = &bars.of(&session);
+    let progress = Stoppable { progress, stop };
+    let attempt = AssertUnwindSafe(|| run_piece(plan, piece, &progress));
+    let failure = match panic::catch_unwind(attempt) {
+        Ok(Ok(done)) => return Ending::Done(done),
+        Ok(Err(error)) => Failure {
+            reason: error.to_string(),
+            session: error.session().map(str::to_owned),
+        },
+        // However a thread of the piece passed it on, it was unwound because an end was asked for.
+        Err(_) if stop.asked() => {
+            tracing::warn!(session, "ended by {}", stop.name());
+            return Ending::Stopped;
+        }
+        Err(_) => Failure {
+            reason: "a defect of posegrid, told above; please report it".to_owned(),
+            session: None,
+        },
+    };
+    tracing::error!(session, "{}", failure.reason);
+    Ending::Failed(failure)
+}

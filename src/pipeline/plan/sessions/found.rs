@@ -1,0 +1,235 @@
+//! What stands in the sessions' folder: a sub-folder for each session, or files that name theirs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::growing::growing;
+use super::{LeftOut, POOLED, Why, logs};
+use crate::io::log::{Limits, SessionLogs, session_record};
+use crate::pipeline::file::{InputSection, LogNames, SessionsBy};
+use logs::Lack;
+
+/// A session as it was found: with its files, or why there is no work with it now.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Session {
+    /// Its name.
+    pub name: String,
+    /// The files of its two sides.
+    pub logs: Result<SessionLogs, Why>,
+}
+
+/// Files of one side, or why there are none.
+type Side = Result<Vec<PathBuf>, Lack>;
+
+/// Everything that the sessions' folder holds.
+#[derive(Debug)]
+pub struct Found<'a> {
+    folder: &'a Path,
+    input: &'a InputSection,
+    limits: Limits,
+    /// By name.
+    pub sessions: Vec<Session>,
+    /// By name.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl<'a> Found<'a> {
+    /// Looks into the folder.
+    pub fn look(folder: &'a Path, input: &'a InputSection, limits: Limits) -> io::Result<Self> {
+        let mut found = Self {
+            folder,
+            input,
+            limits,
+            sessions: Vec::new(),
+            left_out: Vec::new(),
+        };
+        match input.sessions_by {
+            SessionsBy::Folder => found.by_folder()?,
+            SessionsBy::FileName => found.by_file_name()?,
+            SessionsBy::Metadata => found.by_metadata()?,
+        }
+        found.names_are_sound();
+        Ok(found)
+    }
+
+    /// The session of a name.
+    pub fn named(&self, name: &str) -> Session {
+        let found = self.sessions.iter().find(|session| session.name == name);
+        found.cloned().unwrap_or_else(|| Session {
+            name: name.to_owned(),
+            logs: Err(Why::Bad(self.not_there(name))),
+        })
+    }
+
+    fn not_there(&self, name: &str) -> String {
+        let left = self.left_out.iter().find(|left| left.name == name);
+        match (left, self.input.sessions_by) {
+            (Some(left), _) => left.reason.clone(),
+            (None, SessionsBy::Folder) if name.contains('/') => {
+                "a session is named by its folder's name, not by a path".to_owned()
+            }
+            (None, SessionsBy::Folder) => "there is no such folder".to_owned(),
+            (None, _) => "no file names it".to_owned(),
+        }
+    }
+
+    fn by_folder(&mut self) -> io::Result<()> {
+        for path in entries(self.folder)? {
+            let name = name_of(&path);
+            if path.is_dir() {
+                let controller = logs::find(&path, &self.input.controller);
+                let tracker = logs::find(&path, &self.input.tracker);
+                self.add(name, controller, tracker);
+            } else if !path.exists() {
+                self.leave_out(name, "it is a link that leads nowhere".to_owned());
+            }
+        }
+        Ok(())
+    }
+
+    fn by_file_name(&mut self) -> io::Result<()> {
+        let mut controllers = logs::find_named(self.folder, &self.input.controller)?;
+        let mut trackers = logs::find_named(self.folder, &self.input.tracker)?;
+        let names: BTreeSet<String> = controllers.keys().chain(trackers.keys()).cloned().collect();
+        for name in names {
+            let absent =
+                |names: &LogNames| Err(Lack::Absent(format!("there is no {}", names.of(&name))));
+            let controller = controllers.remove(&name);
+            let tracker = trackers.remove(&name);
+            self.add(
+                name.clone(),
+                controller.unwrap_or_else(|| absent(&self.input.controller)),
+                tracker.unwrap_or_else(|| absent(&self.input.tracker)),
+            );
+        }
+        Ok(())
+    }
+
+    fn by_metadata(&mut self) -> io::Result<()> {
+        let controllers = logs::all(self.folder, &self.input.controller)?;
+        let trackers = logs::all(self.folder, &self.input.tracker)?;
+        let files: BTreeSet<&PathBuf> = controllers.iter().chain(&trackers).collect();
+        let mut sides: BTreeMap<String, [Vec<PathBuf>; 2]> = BTreeMap::new();
+        for path in files {
+            match self.recorded_name(path) {
+                Err(reason) => self.leave_out(name_of(path), reason),
+                Ok(session) => {
+                    let both = sides.entry(session).or_default();
+                    for (side, files) in both.iter_mut().zip([&controllers, &trackers]) {
+                        side.extend(files.contains(path).then(|| path.clone()));
+                    }
+                }
+            }
+        }
+        for (session, [controller, tracker]) in sides {
+            let controller = only_one(controller, "controller's", &self.input.controller);
+            let tracker = only_one(tracker, "tracker's", &self.input.tracker);
+            self.add(session, controller, tracker);
+        }
+        Ok(())
+    }
+
+    /// The session that a log's metadata names.
+    fn recorded_name(&self, path: &Path) -> Result<String, String> {
+        let record = session_record(path, self.limits).map_err(|error| error.to_string())?;
+        if let Some(name) = record.get("session").filter(|name| !name.is_empty()) {
+            return Ok(name.clone());
+        }
+        let nothing = "it has no metadata record `session` with a `session`";
+        let grows = growing(path, self.settle(), self.limits);
+        Err(grows.map_or_else(|| nothing.to_owned(), |grows| format!("{nothing}; {grows}")))
+    }
+
+    /// Adds a session, or what looks like one and has neither side.
+    fn add(&mut self, name: String, controller: Side, tracker: Side) {
+        let logs = match (controller, tracker) {
+            (Err(Lack::Absent(one)), Err(Lack::Absent(other))) => {
+                return self.leave_out(name, both_lacks(&one, &other));
+            }
+            (Err(Lack::Wrong(reason)), _) | (_, Err(Lack::Wrong(reason))) => Err(Why::Bad(reason)),
+            (Err(Lack::Absent(reason)), _) | (_, Err(Lack::Absent(reason))) => {
+                Err(Why::Waits(format!("{reason} yet")))
+            }
+            (Ok(controller), Ok(tracker)) => self.settled(SessionLogs {
+                controller,
+                tracker,
+            }),
+        };
+        self.sessions.push(Session { name, logs });
+    }
+
+    /// The logs, unless one of them is still being written.
+    fn settled(&self, logs: SessionLogs) -> Result<SessionLogs, Why> {
+        let mut paths = logs.controller.iter().chain(&logs.tracker);
+        let grows = paths.find_map(|path| growing(path, self.settle(), self.limits));
+        grows.map_or(Ok(logs), |grows| Err(Why::Waits(grows)))
+    }
+
+    const fn settle(&self) -> Duration {
+        Duration::from_secs(self.input.settle_s)
+    }
+
+    fn leave_out(&mut self, name: String, reason: String) {
+        self.left_out.push(LeftOut { name, reason });
+    }
+
+    /// A name that is taken, or that two have, is no name.
+    fn names_are_sound(&mut self) {
+        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+        for session in &self.sessions {
+            *counts.entry(session.name.clone()).or_default() += 1;
+        }
+        self.sessions
+            .dedup_by(|later, first| later.name == first.name);
+        for session in &mut self.sessions {
+            if session.name == POOLED {
+                let reason =
+                    format!("{POOLED:?} is what pooled fits are named; rename the session");
+                session.logs = Err(Why::Bad(reason));
+            } else if counts[&session.name] > 1 {
+                let reason = "two folders have this name, as far as it is text; rename one";
+                session.logs = Err(Why::Bad(reason.to_owned()));
+            }
+        }
+    }
+}
+
+fn both_lacks(one: &str, other: &str) -> String {
+    if one == other {
+        one.to_owned()
+    } else {
+        format!("{one}, and {other}")
+    }
+}
+
+/// Of metadata alone it cannot be told whether two files are one recording or two.
+fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
+    match &files[..] {
+        [] => Err(Lack::Absent(format!("no file of {names} names it"))),
+        [_] => Ok(files),
+        several => {
+            let names: Vec<_> = several.iter().map(|path| name_of(path)).collect();
+            Err(Lack::Wrong(format!(
+                "{} all say that they are its {side} log; a session has one file a side here (with sessions_by = \
+                 \"file_name\" a split recording has several)",
+                names.join(", ")
+            )))
+        }
+    }
+}
+
+fn name_of(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+/// What a folder holds, by name.
+fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
+    let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
+    paths.sort();
+    Ok(paths)
+}
