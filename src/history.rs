@@ -21,6 +21,7 @@ pub mod estimate;
 pub mod suspects;
 #[cfg(test)]
 pub(crate) mod tests;
+mod words;
 
 use std::collections::BTreeMap;
 
@@ -192,11 +193,19 @@ impl Course {
     fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {
         let first = self.first.as_ref().unwrap_or(&session.estimate);
         let since = since_first(first, &session.estimate);
-        let limit = self.limit.get_or_insert_with(|| Limit::of(since.len() + ACCURACY_CHARTS)).size;
+        let limit = self
+            .limit
+            .get_or_insert_with(|| Limit::of(since.len() + ACCURACY_CHARTS))
+            .size;
         let mut charted = Vec::new();
         for shift in since {
             let chart = self.charts.entry(shift.column.to_string()).or_default();
-            charted.push(chart.next(&shift.column.to_string(), shift.value, Some(shift.sd), limit));
+            charted.push(chart.next(
+                &shift.column.to_string(),
+                shift.value,
+                Some(shift.sd),
+                limit,
+            ));
         }
         for figure in &session.accuracy {
             let chart = self.charts.entry(figure.name.clone()).or_default();
@@ -207,6 +216,15 @@ impl Course {
 }
 
 impl Judged {
+    /// The figures whose moving average is beyond its limit.
+    pub fn out_of_control(&self) -> impl Iterator<Item = &str> {
+        let out = self
+            .charted
+            .iter()
+            .filter(|charted| charted.is_out() == Some(true));
+        out.map(|charted| charted.name.as_str())
+    }
+
     fn first() -> Self {
         Self {
             segment: 0,
@@ -287,10 +305,17 @@ fn since_first(first: &Estimate, own: &Estimate) -> Vec<Shift> {
 /// `A⁺` of a symmetric positive semidefinite matrix over its eigenvalues above `least`, and how many those are.
 pub(crate) fn inverse_above(matrix: &DMatrix<f64>, least: f64) -> (DMatrix<f64>, usize) {
     let size = matrix.nrows();
+    if size == 0 {
+        return (matrix.clone(), 0);
+    }
     let eigen = matrix.clone().symmetric_eigen();
     let mut inverse = DMatrix::zeros(size, size);
     let mut rank = 0;
-    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+    for (value, vector) in eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.column_iter())
+    {
         if *value > least {
             inverse.ger(value.recip(), &vector, &vector, 1.0);
             rank += 1;

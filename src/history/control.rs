@@ -139,7 +139,8 @@ pub fn run_length(limit: f64) -> f64 {
     let normal = Normal::standard();
     let width = 2.0 * limit / STATES as f64;
     let middle = |state: usize| -limit + width * (state as f64 + 0.5);
-    let below = |edge: f64, from: usize| normal.cdf((edge - (1.0 - WEIGHT) * middle(from)) / WEIGHT);
+    let below =
+        |edge: f64, from: usize| normal.cdf((edge - (1.0 - WEIGHT) * middle(from)) / WEIGHT);
     let stays = DMatrix::from_fn(STATES, STATES, |from, to| {
         let share = below(middle(to) + 0.5 * width, from) - below(middle(to) - 0.5 * width, from);
         f64::from(from == to) - share

@@ -15,8 +15,8 @@ use std::fmt;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{bits, inverse_above};
 use super::suspects::Suspect;
+use super::{bits, inverse_above};
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
 use crate::fit::saved::{SavedCalibration, SavedError};
@@ -105,11 +105,21 @@ impl Estimate {
     /// Of a whole error model of one session.
     pub fn of_full(model: &FullModel) -> Option<Self> {
         let frames = model.fitted_frames();
-        let (places, columns): (Vec<usize>, Vec<Column>) = shared_columns(model).into_iter().unzip();
+        let (places, columns): (Vec<usize>, Vec<Column>) =
+            shared_columns(model).into_iter().unzip();
         let scale = model.prior_sd();
         let precision: Vec<f64> = places.iter().map(|&place| scale[place].powi(-2)).collect();
-        let means: Vec<f64> = places.iter().map(|&place| model.column_mean(place)).collect();
-        Self::of_posterior(columns, &model.covariance_of(&places), &means, &precision, *frames.first()?)
+        let means: Vec<f64> = places
+            .iter()
+            .map(|&place| model.column_mean(place))
+            .collect();
+        Self::of_posterior(
+            columns,
+            &model.covariance_of(&places),
+            &means,
+            &precision,
+            *frames.first()?,
+        )
     }
 
     /// Of a geometric calibration of one session, or of base and target alone.
@@ -123,11 +133,16 @@ impl Estimate {
         let known: Vec<Parameter> = named.iter().copied().chain(frame_motions()).collect();
         let offset = |parameter: Parameter| {
             let place = named.iter().position(|own| *own == parameter);
-            place.and_then(|place| saved.geometry.get(place)).copied().unwrap_or(0.0)
+            place
+                .and_then(|place| saved.geometry.get(place))
+                .copied()
+                .unwrap_or(0.0)
         };
         let mut columns = Vec::new();
         for unknown in &saved.unknowns {
-            let found = known.iter().find(|own| own.to_string() == unknown.parameter);
+            let found = known
+                .iter()
+                .find(|own| own.to_string() == unknown.parameter);
             let parameter = found.ok_or_else(|| SavedError::Unknown {
                 what: "a parameter",
                 name: unknown.parameter.clone(),
@@ -138,9 +153,19 @@ impl Estimate {
         let of = |i: usize, j: usize| saved.covariance[i.max(j)][i.min(j)];
         let covariance = DMatrix::from_fn(size, size, of);
         let means: Vec<f64> = columns.iter().map(|parameter| offset(*parameter)).collect();
-        let precision: Vec<f64> = saved.prior_sd.iter().map(|sd| sd.map_or(0.0, |sd| sd.powi(-2))).collect();
+        let precision: Vec<f64> = saved
+            .prior_sd
+            .iter()
+            .map(|sd| sd.map_or(0.0, |sd| sd.powi(-2)))
+            .collect();
         let columns = columns.into_iter().map(Column::Chain).collect();
-        Ok(Self::of_posterior(columns, &covariance, &means, &precision, frames))
+        Ok(Self::of_posterior(
+            columns,
+            &covariance,
+            &means,
+            &precision,
+            frames,
+        ))
     }
 
     /// Takes the prior out; `None` where the covariance is none.
@@ -153,14 +178,27 @@ impl Estimate {
     ) -> Option<Self> {
         let units: Vec<f64> = columns.iter().map(Column::unit).collect();
         let size = columns.len();
-        let scaled = DMatrix::from_fn(size, size, |i, j| covariance[(i, j)] / (units[i] * units[j]));
+        let scaled = DMatrix::from_fn(size, size, |i, j| {
+            covariance[(i, j)] / (units[i] * units[j])
+        });
         let posterior = scaled.cholesky()?.inverse();
         // From the frames as they were found, base and target are off by nothing, and their prior by as much as they moved.
         let prior = |i: usize| precision[i] * units[i].powi(2);
-        let is_frame = |i: usize| matches!(columns[i], Column::Chain(Parameter::Base(_) | Parameter::Target(_)));
+        let is_frame = |i: usize| {
+            matches!(
+                columns[i],
+                Column::Chain(Parameter::Base(_) | Parameter::Target(_))
+            )
+        };
         let offset = |i: usize| means[i] / units[i];
         let own = DVector::from_fn(size, |i, _| if is_frame(i) { 0.0 } else { offset(i) });
-        let expected = DVector::from_fn(size, |i, _| if is_frame(i) { -offset(i) * prior(i) } else { 0.0 });
+        let expected = DVector::from_fn(size, |i, _| {
+            if is_frame(i) {
+                -offset(i) * prior(i)
+            } else {
+                0.0
+            }
+        });
         let moment = &posterior * own - expected;
         let mut information = posterior;
         for i in 0..size {
@@ -202,12 +240,21 @@ impl Estimate {
         };
         let motion = motion(&from, &to);
         let turned = part == Suspect::Base || self.turns_target();
-        let angle = if turned { 1e3 * motion.fixed_rows::<3>(3).norm() } else { 0.0 };
+        let angle = if turned {
+            1e3 * motion.fixed_rows::<3>(3).norm()
+        } else {
+            0.0
+        };
         motion.fixed_rows::<3>(0).norm() > limit || angle > limit
     }
 
     fn turns_target(&self) -> bool {
-        let turns = |column: &Column| matches!(column, Column::Chain(Parameter::Target(Motion::Rotation(_))));
+        let turns = |column: &Column| {
+            matches!(
+                column,
+                Column::Chain(Parameter::Target(Motion::Rotation(_)))
+            )
+        };
         self.columns.iter().any(turns)
     }
 
@@ -219,18 +266,29 @@ impl Estimate {
             return self.clone();
         }
         let block = |rows: &[usize], columns: &[usize]| {
-            DMatrix::from_fn(rows.len(), columns.len(), |i, j| self.information[(rows[i], columns[j])])
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
+                self.information[(rows[i], columns[j])]
+            })
         };
-        let moment = |places: &[usize]| DVector::from_fn(places.len(), |i, _| self.moment[places[i]]);
+        let moment =
+            |places: &[usize]| DVector::from_fn(places.len(), |i, _| self.moment[places[i]]);
         let (inverse, _) = inverse_above(&block(&gone, &gone), NOTHING);
         let across = block(&kept, &gone) * inverse;
         let columns: Vec<Column> = kept.iter().map(|&place| self.columns[place]).collect();
-        let has = |is: fn(&Parameter) -> bool| columns.iter().any(|c| matches!(c, Column::Chain(p) if is(p)));
+        let has = |is: fn(&Parameter) -> bool| {
+            columns
+                .iter()
+                .any(|c| matches!(c, Column::Chain(p) if is(p)))
+        };
         Self {
             information: block(&kept, &kept) - &across * block(&gone, &kept),
             moment: moment(&kept) - &across * moment(&gone),
-            base: self.base.filter(|_| has(|p| matches!(p, Parameter::Base(_)))),
-            target: self.target.filter(|_| has(|p| matches!(p, Parameter::Target(_)))),
+            base: self
+                .base
+                .filter(|_| has(|p| matches!(p, Parameter::Base(_)))),
+            target: self
+                .target
+                .filter(|_| has(|p| matches!(p, Parameter::Target(_)))),
             columns,
         }
     }
@@ -265,17 +323,28 @@ impl Estimate {
             .iter()
             .map(|column| self.columns.iter().position(|own| own == column))
             .collect();
-        let at = |i: usize, j: usize| places[i].zip(places[j]).map_or(0.0, |own| self.information[own]);
+        let at = |i: usize, j: usize| {
+            places[i]
+                .zip(places[j])
+                .map_or(0.0, |own| self.information[own])
+        };
         let size = columns.len();
         let moment = DVector::from_fn(size, |i, _| places[i].map_or(0.0, |own| moment[own]));
         (DMatrix::from_fn(size, size, at), moment)
     }
 
     /// How far a column's own frame stands from the one given, in the column's unit.
-    fn moved(&self, place: usize, base: Option<&Isometry3<f64>>, target: Option<&Isometry3<f64>>) -> f64 {
+    fn moved(
+        &self,
+        place: usize,
+        base: Option<&Isometry3<f64>>,
+        target: Option<&Isometry3<f64>>,
+    ) -> f64 {
         let column = &self.columns[place];
         let by = |pair: Option<(&Isometry3<f64>, &Isometry3<f64>)>, along: Motion| {
-            pair.map_or(0.0, |(from, to)| component(&motion(from, to), along) / column.unit())
+            pair.map_or(0.0, |(from, to)| {
+                component(&motion(from, to), along) / column.unit()
+            })
         };
         match *column {
             Column::Chain(Parameter::Base(along)) => by(base.zip(self.base.as_ref()), along),
@@ -310,7 +379,9 @@ fn frame_motions() -> impl Iterator<Item = Parameter> {
         let along = |of: fn(Axis) -> Motion| Axis::ALL.into_iter().map(of);
         along(Motion::Translation).chain(along(Motion::Rotation))
     };
-    motions().map(Parameter::Base).chain(motions().map(Parameter::Target))
+    motions()
+        .map(Parameter::Base)
+        .chain(motions().map(Parameter::Target))
 }
 
 /// Columns of the model that sessions share, with their places; parts that were dropped have no scale and say nothing.
@@ -323,10 +394,18 @@ fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
                 let parameter = |unknown: &Unknown| Column::Chain(unknown.parameter);
                 shared.extend(own.zip(model.unknowns().iter().map(parameter)));
             }
-            Block::Gravity => shared.extend(own.map(|place| (place, Column::Gravity(place - first)))),
+            Block::Gravity => {
+                shared.extend(own.map(|place| (place, Column::Gravity(place - first))))
+            }
             Block::Curve(joint) => shared.extend(own.take(2 * CURVE_PAIRS).map(|place| {
                 let coefficient = place - first;
-                (place, Column::Curve { joint: joint + 1, coefficient })
+                (
+                    place,
+                    Column::Curve {
+                        joint: joint + 1,
+                        coefficient,
+                    },
+                )
             })),
             _ => {}
         }
@@ -371,7 +450,12 @@ mod by_name {
 #[cfg(test)]
 impl Estimate {
     /// What stations of the same poses would say of an arm whose columns are off by `truth` (mm, rad): Λ stays, η is drawn.
-    pub(crate) fn drawn(&self, root: &DMatrix<f64>, truth: &[(Column, f64)], noise: &[f64]) -> Self {
+    pub(crate) fn drawn(
+        &self,
+        root: &DMatrix<f64>,
+        truth: &[(Column, f64)],
+        noise: &[f64],
+    ) -> Self {
         let mut offsets = DVector::zeros(self.columns.len());
         for (column, value) in truth {
             let place = self.columns.iter().position(|own| own == column);

@@ -1,10 +1,12 @@
 //! Which part moved: each suspect is asked what its change alone explains.
 //!
 //! 1. Suspects are the base, the target, each joint's offset, each joint's offset and curve together, each link, and everything.
+//!    The last link moves the target and the first link's offset the base, whatever the poses, so these are not asked again.
 //!    The alarm is the smallest p-value times their number (Bonferroni) against [`FALSE_ALARM`](super::FALSE_ALARM).
-//! 2. A suspect is a candidate if no other (nor everything) explains significantly more together with it than it does alone.
-//!    Of candidates within each other the smallest stays. Several that stay cannot be told apart: their motions were the
-//!    same at the poses measured.
+//! 2. A suspect suffices if no other (nor everything) explains significantly more together with it than it does alone. Of
+//!    those that suffice the likeliest is a candidate, and each that is less likely by a factor of twenty at most, the chi-square
+//!    that noise would add by degrees of freedom taken off. Of candidates within each other the smallest stays. Several
+//!    that stay cannot be told apart.
 //! 3. Where there is no candidate several parts moved: the one that explains most is taken for sure, and the
 //!    question is asked again beside it, up to four parts.
 
@@ -17,6 +19,8 @@ use crate::kinematics::{LinkQuantity, Parameter};
 
 /// Probability that a part is said to have moved beside the one that did, over all others.
 const ADDS: f64 = 0.01;
+/// Twice the logarithm of the factor by which a part has to be likelier than another to be told apart from it.
+const TOLD_APART: f64 = 6.0;
 /// Parts that can be named at once.
 const MOST_PARTS: usize = 4;
 
@@ -70,7 +74,8 @@ impl Suspect {
             | (Self::Base, Column::Chain(Parameter::Base(_)))
             | (Self::Target, Column::Chain(Parameter::Target(_))) => true,
             (Self::Link(own), Column::Chain(Parameter::Link { joint, quantity })) => {
-                own == *joint && !matches!(quantity, LinkQuantity::Theta)
+                let is_base = own == 1 && matches!(quantity, LinkQuantity::D);
+                own == *joint && !matches!(quantity, LinkQuantity::Theta) && !is_base
             }
             (
                 Self::JointOffset(own) | Self::JointCurve(own),
@@ -124,11 +129,23 @@ impl Finding {
         }
     }
 
+    /// What it says of one part, in the word of the table.
+    pub fn verdict_of(&self, part: Suspect) -> &'static str {
+        match self {
+            Self::Moved { surely, .. } if surely.contains(&part) => "moved",
+            Self::Moved { one_of, .. } if one_of.contains(&part) && one_of.len() == 1 => "moved",
+            Self::Moved { one_of, .. } if one_of.contains(&part) => "one_of_several",
+            _ => "no_change",
+        }
+    }
+
     /// The parts that moved, the first of those that cannot be told apart among them.
     pub fn named(&self) -> Vec<Suspect> {
         match self {
             Self::Nothing => Vec::new(),
-            Self::Moved { surely, one_of } => surely.iter().chain(one_of.first()).copied().collect(),
+            Self::Moved { surely, one_of } => {
+                surely.iter().chain(one_of.first()).copied().collect()
+            }
         }
     }
 }
@@ -141,7 +158,7 @@ pub fn suspects(columns: &[Column]) -> Vec<Suspect> {
         .into_iter()
         .chain(of_joints(Suspect::JointOffset))
         .chain(of_joints(Suspect::JointCurve))
-        .chain(of_joints(Suspect::Link))
+        .chain((1..joints).map(Suspect::Link))
         .filter(|suspect| columns.iter().any(|column| suspect.has(column)))
         .filter(|suspect| match suspect {
             // Without a curve it is the offset again.
@@ -235,19 +252,28 @@ impl<'c> Inquiry<'c> {
             .map(|(_, suspect)| suspect)
     }
 
-    /// The suspects that, with `surely`, leave nothing for others to explain.
+    /// The suspects that, with `surely`, leave nothing for others to explain, the likeliest of them.
     fn candidates(&self, surely: &[Suspect]) -> Vec<Suspect> {
         let others = self.single().filter(|suspect| !surely.contains(suspect));
-        let kept: Vec<Suspect> = others
-            .filter(|suspect| self.suffices(&with(surely, *suspect)))
-            .collect();
-        let within = |small: Suspect, large: Suspect| {
-            let places = self.places(&[small]);
-            let around = self.places(&[large]);
-            places.len() < around.len() && places.iter().all(|place| around.contains(place))
-        };
-        let smallest = |large: &Suspect| !kept.iter().any(|small| within(*small, *large));
-        kept.iter().copied().filter(smallest).collect()
+        let enough = others.filter(|suspect| self.suffices(&with(surely, *suspect)));
+        let scored = enough.map(|suspect| {
+            let test = self.explains(&with(surely, suspect));
+            (suspect, test.statistic - test.freedom as f64)
+        });
+        let scored: Vec<(Suspect, f64)> = scored.collect();
+        let best = scored.iter().map(|(_, score)| *score);
+        let best = best.fold(f64::NEG_INFINITY, f64::max);
+        let near = scored
+            .iter()
+            .filter(|(_, score)| *score >= best - TOLD_APART);
+        let near: Vec<Suspect> = near.map(|(suspect, _)| *suspect).collect();
+        let smallest = |large: &Suspect| !near.iter().any(|small| self.is_within(*small, *large));
+        near.iter().copied().filter(smallest).collect()
+    }
+
+    fn is_within(&self, small: Suspect, large: Suspect) -> bool {
+        let (places, around) = (self.places(&[small]), self.places(&[large]));
+        places.len() < around.len() && places.iter().all(|place| around.contains(place))
     }
 
     fn suffices(&self, parts: &[Suspect]) -> bool {
