@@ -19,8 +19,6 @@ pub mod compare;
 pub mod control;
 pub mod estimate;
 pub mod suspects;
-#[cfg(test)]
-pub(crate) mod tests;
 mod words;
 
 use std::collections::BTreeMap;
@@ -30,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::kinematics::{LinkQuantity, Parameter};
 use compare::{Comparison, Shift};
-use control::{Chart, Charted, Limit};
+use control::{Chart, Charted};
 use estimate::{Column, Estimate};
 use suspects::{Asked, Finding, Suspect, find, suspects};
 
@@ -38,8 +36,6 @@ use suspects::{Asked, Finding, Suspect, find, suspects};
 pub const FALSE_ALARM: f64 = 1e-3;
 /// From here on a base or a target is set up anew, mm and mrad: not a change of what stood there before.
 pub const SET_UP_ANEW: f64 = 10.0;
-/// Accuracy charts that the run length of a robot's charts is shared with, at most.
-const ACCURACY_CHARTS: usize = 8;
 
 /// What makes the figures of two sessions comparable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -111,9 +107,9 @@ pub struct Course {
     before: Option<(Estimate, usize)>,
     /// The first session of the segment.
     first: Option<Estimate>,
+    /// The session in which base or target was set up anew last.
+    set_up: BTreeMap<Suspect, Estimate>,
     charts: BTreeMap<String, Chart>,
-    /// The limit of so many charts.
-    limit: Option<Limit>,
 }
 
 impl Course {
@@ -160,8 +156,10 @@ impl Course {
         let moved = finding.parts();
         let kept = forgetting(&known, &moved);
         self.before = (!moved.is_empty()).then(|| (known.clone(), against));
-        self.pooled = if moved.is_empty() { against + 1 } else { 1 };
+        let is_all = moved.contains(&Suspect::Anything);
+        self.pooled = if is_all { 1 } else { against + 1 };
         self.pool = Some(kept.plus(own));
+        self.refer(&anew, own);
         Judged {
             segment: 0,
             began: Vec::new(),
@@ -191,27 +189,47 @@ impl Course {
     }
 
     fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {
-        let first = self.first.as_ref().unwrap_or(&session.estimate);
-        let since = since_first(first, &session.estimate);
-        let limit = self
-            .limit
-            .get_or_insert_with(|| Limit::of(since.len() + ACCURACY_CHARTS))
-            .size;
         let mut charted = Vec::new();
-        for shift in since {
-            let chart = self.charts.entry(shift.column.to_string()).or_default();
-            charted.push(chart.next(
-                &shift.column.to_string(),
-                shift.value,
-                Some(shift.sd),
-                limit,
-            ));
+        for Shift { column, value, sd } in self.since_first(&session.estimate) {
+            let name = column.to_string();
+            let chart = self.charts.entry(name.clone()).or_default();
+            charted.push(chart.next(&name, value, Some(sd)));
         }
         for figure in &session.accuracy {
             let chart = self.charts.entry(figure.name.clone()).or_default();
-            charted.push(chart.next(&figure.name, figure.value, None, limit));
+            charted.push(chart.next(&figure.name, figure.value, None));
         }
         charted
+    }
+
+    /// How far base, target and joints stand from the first session, or from where base or target were set up anew.
+    fn since_first(&self, own: &Estimate) -> Vec<Shift> {
+        let is_own = |reference: &Estimate| reference == own;
+        let Some(first) = self.first.as_ref().filter(|first| !is_own(first)) else {
+            return Vec::new();
+        };
+        let is_anew = |shift: &Shift| self.set_up.keys().any(|part| part.has(&shift.column));
+        let mut since = since(first, own);
+        since.retain(|shift| !is_anew(shift));
+        for (part, reference) in self
+            .set_up
+            .iter()
+            .filter(|(_, reference)| !is_own(reference))
+        {
+            let shifts = self::since(reference, own).into_iter();
+            since.extend(shifts.filter(|shift| part.has(&shift.column)));
+        }
+        since.sort_by_key(|shift| shift.column);
+        since
+    }
+
+    /// Base or target that stand elsewhere are charted anew from here.
+    fn refer(&mut self, anew: &[Suspect], own: &Estimate) {
+        for part in anew {
+            self.set_up.insert(*part, own.clone());
+            let prefix = format!("{}_", part.word());
+            self.charts.retain(|name, _| !name.starts_with(&prefix));
+        }
     }
 }
 
@@ -284,9 +302,9 @@ fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
     comparison.explained(&places).shifts(comparison, &places)
 }
 
-/// Base, target and joint offsets against the first session, all free at once. The first joint's offset is the base's
-/// turn about its axis, the last joint's the target's: those are charted there.
-fn since_first(first: &Estimate, own: &Estimate) -> Vec<Shift> {
+/// Base, target and joint offsets against another session, all free at once. The first joint's offset is the base's turn
+/// about its axis, the last joint's the target's: those are charted there.
+fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
     let (known, _) = without_what_is_new(first, own);
     let comparison = Comparison::new(&known, own);
     let last = comparison.columns().iter().filter_map(Column::joint).max();

@@ -4,8 +4,7 @@
 //! read; 1 a robot has no session, or output cannot be written; 2 bad usage, or no such lake, robot or session.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -19,6 +18,7 @@ use crate::io::lake::Lake;
 use crate::io::table::{Table, write};
 use crate::io::tables::PublishError;
 use crate::io::tables::{drift, history as history_table};
+use crate::io::whole_file::replace_whole;
 use crate::manifest::RunKey;
 use crate::pipeline::history::{
     Asked, Figure, HistoryError, LeftOut, PastSession, Reason, RobotHistory, figures, history,
@@ -100,7 +100,9 @@ fn told(args: &HistoryArgs, bars: &Bars) -> Result<Vec<RobotHistory>, HistoryCom
     let robots = history(&lake, &asked, &bars.of("history"))?;
     for robot in &robots {
         warn(robot);
-        messages::result(Printable(&words(robot)));
+        for line in words(robot) {
+            messages::result(Printable(&line));
+        }
     }
     if let Some(folder) = &args.output {
         let written = output(&lake, &robots, folder)?;
@@ -128,30 +130,31 @@ fn warn(robot: &RobotHistory) {
     }
 }
 
-fn words(robot: &RobotHistory) -> String {
-    let mut text = format!("{}: {} sessions", robot.robot, robot.sessions.len());
-    if let (Some(first), Some(last)) = (robot.sessions.first(), robot.sessions.last()) {
-        write!(text, ", {} to {}", first.key.session, last.key.session).expect("a string");
-    }
-    let mut line = |words: String| {
-        text.push_str("\n  ");
-        text.push_str(&words);
-    };
+fn words(robot: &RobotHistory) -> Vec<String> {
+    let count = robot.sessions.len();
+    let mut lines = Vec::new();
     if let Some(last) = robot.sessions.last() {
-        line(format!("newest: {}", newest(last)));
-        line(in_control(last));
+        lines.push(format!("newest: {}", newest(last)));
+        lines.push(in_control(last));
     }
-    changes(robot).into_iter().for_each(&mut line);
-    if let Some(words) = left_out(robot) {
-        line(words);
-    }
-    line(format!(
-        "false alarms to expect of {} sessions: {:.1} by the test, {:.1} by the charts, at most",
-        robot.sessions.len(),
-        FALSE_ALARM * robot.sessions.len() as f64,
-        FALSE_ALARM * robot.sessions.len() as f64
+    lines.extend(changes(robot));
+    lines.extend(left_out(robot));
+    let expected = FALSE_ALARM * count as f64;
+    lines.push(format!(
+        "false alarms to expect of {count} sessions: {expected:.1} by the test, {expected:.1} by the charts, at most"
     ));
-    text
+    let indented = lines.iter().map(|line| format!("  {line}"));
+    [headline(robot)].into_iter().chain(indented).collect()
+}
+
+fn headline(robot: &RobotHistory) -> String {
+    let text = format!("{}: {} sessions", robot.robot, robot.sessions.len());
+    match (robot.sessions.first(), robot.sessions.last()) {
+        (Some(first), Some(last)) => {
+            format!("{text}, {} to {}", first.key.session, last.key.session)
+        }
+        _ => text,
+    }
 }
 
 fn newest(session: &PastSession) -> String {
@@ -279,11 +282,8 @@ fn output(
         )?);
     }
     for (robot, (figures, _)) in robots.iter().zip(&all) {
-        let name = lake
-            .robot_folder(&robot.robot)
-            .map_err(HistoryError::from)?;
-        let page = trend(robot, figures);
         let name = file_name(lake, &robot.robot)?;
+        let page = trend(robot, figures);
         written.push(put(folder, &name, page.as_bytes())?);
     }
     Ok(written)
@@ -307,13 +307,8 @@ fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {
 /// Puts a file in the place of the one of last time, whole or not at all.
 fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, HistoryCommandError> {
     let path = folder.join(name);
-    let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        Ok(file.persist(&path)?)
-    });
-    match written {
-        Ok(_) => Ok(path),
+    match replace_whole(&path, bytes) {
+        Ok(()) => Ok(path),
         Err(source) => Err(HistoryCommandError::Write { path, source }),
     }
 }

@@ -6,8 +6,10 @@
 //! independent standard normal, whatever level and spread are, so the run length of the average follows from its limit
 //! alone. The limit is found by the Markov chain of Brook and Evans (1972).
 //!
-//! Of k charts of a robot each has a run length of 1000 k sessions without a change: of all together one in 1000 sessions
-//! alarms by chance, at most. After an alarm a chart begins anew with the value that raised it.
+//! A robot has 30 charts at most: base and target with six components each, ten joints, eight accuracy figures. Each has a run
+//! length of 30 000 sessions without a change: of all together one in 1000 sessions alarms by chance, at most. After an alarm a chart begins anew with the value that raised it.
+
+use std::sync::LazyLock;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -18,6 +20,8 @@ use super::bits;
 
 /// Weight of the newest score.
 pub const WEIGHT: f64 = 0.2;
+/// Charts of a robot, at most.
+const CHARTS: usize = 30;
 /// States of the Markov chain: the limit is good to a thousandth.
 const STATES: usize = 81;
 /// A score is no larger than this.
@@ -34,14 +38,6 @@ pub struct Chart {
     squares: f64,
     #[serde(with = "bits::number")]
     average: f64,
-}
-
-/// What the moving average may reach.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Limit {
-    /// To either side of zero.
-    #[serde(with = "bits::number")]
-    pub size: f64,
 }
 
 /// One value on its chart.
@@ -75,7 +71,7 @@ impl Charted {
 
 impl Chart {
     /// Puts the next value on the chart.
-    pub fn next(&mut self, name: &str, value: f64, sd: Option<f64>, limit: f64) -> Charted {
+    pub fn next(&mut self, name: &str, value: f64, sd: Option<f64>) -> Charted {
         let score = self.score(value);
         if let Some(score) = score {
             self.average += WEIGHT * (score - self.average);
@@ -86,7 +82,7 @@ impl Chart {
             sd,
             score,
             average: score.map(|_| self.average),
-            limit,
+            limit: limit(),
         };
         if charted.is_out() == Some(true) {
             *self = Self::default();
@@ -117,21 +113,24 @@ impl Chart {
     }
 }
 
-impl Limit {
-    /// The limit of each of `charts` charts.
-    pub fn of(charts: usize) -> Self {
-        let asked = charts.max(1) as f64 / FALSE_ALARM;
-        let (mut low, mut high) = (0.5, 3.0);
-        for _ in 0..40 {
-            let middle = f64::midpoint(low, high);
-            if run_length(middle) < asked {
-                low = middle;
-            } else {
-                high = middle;
-            }
+/// The limit of the average of each of a robot's charts.
+pub fn limit() -> f64 {
+    static LIMIT: LazyLock<f64> = LazyLock::new(|| limit_of(CHARTS as f64 / FALSE_ALARM));
+    *LIMIT
+}
+
+/// The limit that gives a run length, by bisection.
+fn limit_of(sessions: f64) -> f64 {
+    let (mut low, mut high) = (0.5, 3.0);
+    for _ in 0..40 {
+        let middle = f64::midpoint(low, high);
+        if run_length(middle) < sessions {
+            low = middle;
+        } else {
+            high = middle;
         }
-        Self { size: high }
     }
+    high
 }
 
 /// Sessions until the average leaves ±`limit`, on average and without a change, from zero on.
@@ -159,16 +158,15 @@ mod tests {
         let of = |l: f64| run_length(l * (WEIGHT / (2.0 - WEIGHT)).sqrt());
         assert!((of(2.860) / 370.0 - 1.0).abs() < 0.03, "{}", of(2.860));
         assert!((of(2.962) / 500.0 - 1.0).abs() < 0.03, "{}", of(2.962));
-        assert!((run_length(Limit::of(15).size) / 15_000.0 - 1.0).abs() < 1e-3);
+        assert!((run_length(limit()) / 30_000.0 - 1.0).abs() < 1e-3);
     }
 
     #[test]
     fn a_step_is_out_and_the_chart_begins_anew_on_it() {
         let mut chart = Chart::default();
-        let limit = Limit::of(1).size;
         let values = (0..20).map(|i| f64::from(i % 3)).chain([9.0; 6]);
         let out: Vec<bool> = values
-            .map(|value| chart.next("x", value, None, limit).is_out() == Some(true))
+            .map(|value| chart.next("x", value, None).is_out() == Some(true))
             .collect();
         // Up to the step all is in; the step raises one alarm, and is then the level.
         assert_eq!(out.iter().position(|out| *out), Some(20));
@@ -179,7 +177,7 @@ mod tests {
     fn values_that_are_all_the_same_have_no_score() {
         let mut chart = Chart::default();
         for _ in 0..5 {
-            assert_eq!(chart.next("x", 1.0, None, 1.0).is_out(), None);
+            assert_eq!(chart.next("x", 1.0, None).is_out(), None);
         }
     }
 }

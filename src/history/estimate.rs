@@ -353,6 +353,25 @@ impl Estimate {
         }
     }
 
+    /// What the stations of a session at the same poses would say of an arm whose columns are off by `truth` (mm, rad), base
+    /// and target from the same frames: Λ stays, and η is drawn with `normals`, one standard normal number for each column.
+    pub fn drawn(&self, truth: &[(Column, f64)], normals: &[f64]) -> Self {
+        let offset = |column: &Column| {
+            let own = truth.iter().filter(|(own, _)| own == column);
+            own.map(|(_, value)| value).sum::<f64>() / column.unit()
+        };
+        let size = self.columns.len();
+        let offsets = DVector::from_fn(size, |i, _| offset(&self.columns[i]));
+        let eigen = self.information.clone().symmetric_eigen();
+        let noise = DVector::from_fn(size, |i, _| {
+            eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]
+        });
+        Self {
+            moment: &self.information * offsets + &eigen.eigenvectors * noise,
+            ..self.clone()
+        }
+    }
+
     pub(super) const fn frames(&self) -> (Option<&Isometry3<f64>>, Option<&Isometry3<f64>>) {
         (self.base.as_ref(), self.target.as_ref())
     }
@@ -444,33 +463,5 @@ mod by_name {
         };
         let joint = joint.parse().ok()?;
         Some(Parameter::Link { joint, quantity })
-    }
-}
-
-#[cfg(test)]
-impl Estimate {
-    /// What stations of the same poses would say of an arm whose columns are off by `truth` (mm, rad): Λ stays, η is drawn.
-    pub(crate) fn drawn(
-        &self,
-        root: &DMatrix<f64>,
-        truth: &[(Column, f64)],
-        noise: &[f64],
-    ) -> Self {
-        let mut offsets = DVector::zeros(self.columns.len());
-        for (column, value) in truth {
-            let place = self.columns.iter().position(|own| own == column);
-            offsets[place.expect("a column of the estimate")] = value / column.unit();
-        }
-        Self {
-            moment: &self.information * offsets + root * DVector::from_column_slice(noise),
-            ..self.clone()
-        }
-    }
-
-    /// `Λ^½`.
-    pub(crate) fn root(&self) -> DMatrix<f64> {
-        let eigen = self.information.clone().symmetric_eigen();
-        let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
-        &eigen.eigenvectors * DMatrix::from_diagonal(&roots) * eigen.eigenvectors.transpose()
     }
 }

@@ -132,6 +132,9 @@ impl Finding {
     /// What it says of one part, in the word of the table.
     pub fn verdict_of(&self, part: Suspect) -> &'static str {
         match self {
+            Self::Moved { .. } if part == Suspect::Anything => "moved",
+            // More than can be told apart: each part may have.
+            Self::Moved { one_of, .. } if one_of.contains(&Suspect::Anything) => "one_of_several",
             Self::Moved { surely, .. } if surely.contains(&part) => "moved",
             Self::Moved { one_of, .. } if one_of.contains(&part) && one_of.len() == 1 => "moved",
             Self::Moved { one_of, .. } if one_of.contains(&part) => "one_of_several",

@@ -45,10 +45,15 @@ impl Judged {
             .collect();
         let size = match part {
             Suspect::Base | Suspect::Target => Some(motion(&own)),
-            Suspect::JointOffset(_) => own
-                .first()
-                .map(|shift| format!("by {:.0} ± {:.0} µrad", 1e6 * shift.value, 1e6 * shift.sd)),
-            Suspect::JointCurve(_) | Suspect::Link(_) | Suspect::Anything => None,
+            Suspect::JointOffset(_) => own.first().map(|shift| {
+                format!(
+                    "moved by {:.0} ± {:.0} µrad",
+                    1e6 * shift.value,
+                    1e6 * shift.sd
+                )
+            }),
+            Suspect::JointCurve(_) | Suspect::Link(_) => Some("changed".to_owned()),
+            Suspect::Anything => None,
         };
         size.map_or_else(|| part.to_string(), |size| format!("{part} {size}"))
     }
@@ -69,11 +74,11 @@ fn motion(shifts: &[&Shift]) -> String {
     }
     if turned > 0.0 {
         format!(
-            "by {:.3} mm and {:.3} mrad",
+            "moved by {:.3} mm and {:.3} mrad",
             moved.sqrt(),
             1e3 * turned.sqrt()
         )
     } else {
-        format!("by {:.3} mm", moved.sqrt())
+        format!("moved by {:.3} mm", moved.sqrt())
     }
 }

@@ -212,7 +212,7 @@ fn of_robot(
         from_summary: facts.len() - new,
         summary_error: None,
     };
-    if is_whole && (new > 0 || !is_written) {
+    if is_whole && !judged.is_cut && (new > 0 || !is_written) {
         let written = judged.write(lake, &folder);
         history.summary_error = written.err().map(|error| error.to_string());
     }

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -18,6 +18,7 @@ use super::CurrentRow;
 use super::rows::Fact;
 use crate::history::{Course, Judged};
 use crate::io::lake::Lake;
+use crate::io::whole_file::replace_whole;
 use crate::manifest::VERSION;
 
 /// Raised when the lines or what they mean change.
@@ -32,6 +33,8 @@ pub(super) struct Summary {
     pub(super) entries: Vec<Entry>,
     /// The state after the last of them.
     pub(super) course: Course,
+    /// Whether sessions behind the last row were cut off, so that the state is not that after the last.
+    pub(super) is_cut: bool,
 }
 
 /// A session judged.
@@ -102,7 +105,8 @@ impl Summary {
         if !rows.iter().zip(&self.entries).all(same) {
             return Self::default();
         }
-        // The state is that after the last: with fewer rows nothing follows any more.
+        // The state is that after the last: with fewer rows nothing follows any more, and nothing may be kept.
+        self.is_cut = self.entries.len() > rows.len();
         self.entries.truncate(rows.len());
         self
     }
@@ -122,13 +126,10 @@ impl Summary {
             rest.push(b'\n');
         }
         let rest = String::from_utf8(rest).map_err(io::Error::other)?;
-        let mut file = tempfile::NamedTempFile::new_in(beside)?;
-        serde_json::to_writer(&mut file, &Head::of(&rest))?;
-        file.write_all(b"\n")?;
-        file.write_all(rest.as_bytes())?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
+        let mut bytes = serde_json::to_vec(&Head::of(&rest))?;
+        bytes.push(b'\n');
+        bytes.extend(rest.as_bytes());
+        replace_whole(&path, &bytes)
     }
 }
 
