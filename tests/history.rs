@@ -3,6 +3,8 @@
 #[path = "run/cell.rs"]
 #[allow(dead_code, reason = "this binary uses its own part")]
 mod cell;
+#[path = "history/simulated.rs"]
+mod simulated;
 
 use std::fs;
 use std::path::Path;

@@ -9,44 +9,21 @@
 //! from reported to commanded angle) is integrated out under its prior in each session by itself: a test gets
 //! less sharp by it, never too sharp. Columns are in units of what a change of them can be at most ([`Column::unit`]).
 
+mod column;
+mod posterior;
+
 use std::collections::BTreeSet;
-use std::fmt;
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
 
 use super::suspects::Suspect;
 use super::{bits, inverse_above};
-use crate::fit::full::FullModel;
-use crate::fit::full::layout::Block;
-use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{Frames, Unknown};
 use crate::kinematics::{Motion, Parameter};
+pub use column::Column;
 
-/// Pairs `cos, sin` of a joint's curve that sessions share: those of at least 90° a period.
-const CURVE_PAIRS: usize = 4;
-/// What a length can change by, mm, and an angle, mrad: the pipeline's own weak prior.
-const UNIT: f64 = 3.0;
-/// What a joint's curve or its giving way can change by, rad.
-const CURVE_UNIT_RAD: f64 = 3e-4;
 /// Information of a forgotten part below which it says nothing.
 const NOTHING: f64 = 1e-9;
-
-/// What a column of an estimate is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Column {
-    /// A parameter of the measurement chain; base and target by a small motion after their frame.
-    Chain(#[serde(with = "by_name")] Parameter),
-    /// A joint giving way, by its place among the model's coefficients.
-    Gravity(usize),
-    /// A coefficient of a joint's error curve.
-    Curve {
-        /// The joint, from 1.
-        joint: usize,
-        /// Which, from 0: cos, sin of the first harmonic, and so on.
-        coefficient: usize,
-    },
-}
 
 /// What stations determined of the columns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,155 +41,7 @@ pub struct Estimate {
     target: Option<Isometry3<f64>>,
 }
 
-impl Column {
-    /// The joint it belongs to, from 1.
-    pub const fn joint(&self) -> Option<usize> {
-        match self {
-            Self::Chain(Parameter::Link { joint, .. }) | Self::Curve { joint, .. } => Some(*joint),
-            _ => None,
-        }
-    }
-
-    /// What a change of it can be at most, mm or rad.
-    pub fn unit(&self) -> f64 {
-        match self {
-            Self::Chain(parameter) if parameter.is_angle() => 1e-3 * UNIT,
-            Self::Chain(_) => UNIT,
-            Self::Gravity(_) | Self::Curve { .. } => CURVE_UNIT_RAD,
-        }
-    }
-
-    /// `mm` or `rad`.
-    pub const fn unit_name(&self) -> &'static str {
-        match self {
-            Self::Chain(parameter) => parameter.unit(),
-            Self::Gravity(_) | Self::Curve { .. } => "rad",
-        }
-    }
-}
-
-impl fmt::Display for Column {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Chain(parameter) => parameter.fmt(f),
-            Self::Gravity(place) => write!(f, "gravity_{}", place + 1),
-            Self::Curve { joint, coefficient } => write!(f, "curve_{joint}_{}", coefficient + 1),
-        }
-    }
-}
-
 impl Estimate {
-    /// Of a whole error model of one session.
-    pub fn of_full(model: &FullModel) -> Option<Self> {
-        let frames = model.fitted_frames();
-        let (places, columns): (Vec<usize>, Vec<Column>) =
-            shared_columns(model).into_iter().unzip();
-        let scale = model.prior_sd();
-        let precision: Vec<f64> = places.iter().map(|&place| scale[place].powi(-2)).collect();
-        let means: Vec<f64> = places
-            .iter()
-            .map(|&place| model.column_mean(place))
-            .collect();
-        Self::of_posterior(
-            columns,
-            &model.covariance_of(&places),
-            &means,
-            &precision,
-            *frames.first()?,
-        )
-    }
-
-    /// Of a geometric calibration of one session, or of base and target alone.
-    pub fn of_geometric(saved: &SavedCalibration) -> Result<Option<Self>, SavedError> {
-        let Some(session) = saved.sessions.first() else {
-            return Ok(None);
-        };
-        let frames = session.frames()?;
-        let chain = saved.arm.chain()?;
-        let named = chain.parameters();
-        let known: Vec<Parameter> = named.iter().copied().chain(frame_motions()).collect();
-        let offset = |parameter: Parameter| {
-            let place = named.iter().position(|own| *own == parameter);
-            place
-                .and_then(|place| saved.geometry.get(place))
-                .copied()
-                .unwrap_or(0.0)
-        };
-        let mut columns = Vec::new();
-        for unknown in &saved.unknowns {
-            let found = known
-                .iter()
-                .find(|own| own.to_string() == unknown.parameter);
-            let parameter = found.ok_or_else(|| SavedError::Unknown {
-                what: "a parameter",
-                name: unknown.parameter.clone(),
-            })?;
-            columns.push(*parameter);
-        }
-        let size = columns.len();
-        let of = |i: usize, j: usize| saved.covariance[i.max(j)][i.min(j)];
-        let covariance = DMatrix::from_fn(size, size, of);
-        let means: Vec<f64> = columns.iter().map(|parameter| offset(*parameter)).collect();
-        let precision: Vec<f64> = saved
-            .prior_sd
-            .iter()
-            .map(|sd| sd.map_or(0.0, |sd| sd.powi(-2)))
-            .collect();
-        let columns = columns.into_iter().map(Column::Chain).collect();
-        Ok(Self::of_posterior(
-            columns,
-            &covariance,
-            &means,
-            &precision,
-            frames,
-        ))
-    }
-
-    /// Takes the prior out; `None` where the covariance is none.
-    fn of_posterior(
-        columns: Vec<Column>,
-        covariance: &DMatrix<f64>,
-        means: &[f64],
-        precision: &[f64],
-        frames: Frames,
-    ) -> Option<Self> {
-        let units: Vec<f64> = columns.iter().map(Column::unit).collect();
-        let size = columns.len();
-        let scaled = DMatrix::from_fn(size, size, |i, j| {
-            covariance[(i, j)] / (units[i] * units[j])
-        });
-        let posterior = scaled.cholesky()?.inverse();
-        // From the frames as they were found, base and target are off by nothing, and their prior by as much as they moved.
-        let prior = |i: usize| precision[i] * units[i].powi(2);
-        let is_frame = |i: usize| {
-            matches!(
-                columns[i],
-                Column::Chain(Parameter::Base(_) | Parameter::Target(_))
-            )
-        };
-        let offset = |i: usize| means[i] / units[i];
-        let own = DVector::from_fn(size, |i, _| if is_frame(i) { 0.0 } else { offset(i) });
-        let expected = DVector::from_fn(size, |i, _| {
-            if is_frame(i) {
-                -offset(i) * prior(i)
-            } else {
-                0.0
-            }
-        });
-        let moment = &posterior * own - expected;
-        let mut information = posterior;
-        for i in 0..size {
-            information[(i, i)] -= prior(i);
-        }
-        Some(Self {
-            columns,
-            information,
-            moment,
-            base: Some(*frames.tracker_from_base.isometry()),
-            target: Some(*frames.flange_from_target.isometry()),
-        })
-    }
-
     /// The columns.
     pub fn columns(&self) -> &[Column] {
         &self.columns
@@ -388,80 +217,5 @@ fn component(motion: &Vector6<f64>, along: Motion) -> f64 {
     match along {
         Motion::Translation(axis) => motion[axis as usize],
         Motion::Rotation(axis) => motion[3 + axis as usize],
-    }
-}
-
-/// The motions of base and target, as parameters.
-fn frame_motions() -> impl Iterator<Item = Parameter> {
-    use crate::kinematics::Axis;
-    let motions = || {
-        let along = |of: fn(Axis) -> Motion| Axis::ALL.into_iter().map(of);
-        along(Motion::Translation).chain(along(Motion::Rotation))
-    };
-    motions()
-        .map(Parameter::Base)
-        .chain(motions().map(Parameter::Target))
-}
-
-/// Columns of the model that sessions share, with their places; parts that were dropped have no scale and say nothing.
-fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
-    let mut shared = Vec::new();
-    for (block, own) in model.layout().blocks() {
-        let first = own.start;
-        match block {
-            Block::Unknowns => {
-                let parameter = |unknown: &Unknown| Column::Chain(unknown.parameter);
-                shared.extend(own.zip(model.unknowns().iter().map(parameter)));
-            }
-            Block::Gravity => {
-                shared.extend(own.map(|place| (place, Column::Gravity(place - first))))
-            }
-            Block::Curve(joint) => shared.extend(own.take(2 * CURVE_PAIRS).map(|place| {
-                let coefficient = place - first;
-                (
-                    place,
-                    Column::Curve {
-                        joint: joint + 1,
-                        coefficient,
-                    },
-                )
-            })),
-            _ => {}
-        }
-    }
-    shared.retain(|(place, _)| model.prior_sd()[*place] > 0.0);
-    shared
-}
-
-/// Parameters by their names.
-mod by_name {
-    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
-
-    use crate::kinematics::{LinkQuantity, Parameter};
-
-    pub fn serialize<S: Serializer>(parameter: &Parameter, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_str(parameter)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Parameter, D::Error> {
-        let name = String::deserialize(from)?;
-        super::frame_motions()
-            .find(|own| own.to_string() == name)
-            .or_else(|| link(&name))
-            .ok_or_else(|| D::Error::custom(format!("{name:?} is no parameter")))
-    }
-
-    fn link(name: &str) -> Option<Parameter> {
-        let (quantity, joint) = name.rsplit_once('_')?;
-        let quantity = match quantity {
-            "theta" => LinkQuantity::Theta,
-            "d" => LinkQuantity::D,
-            "a" => LinkQuantity::A,
-            "alpha" => LinkQuantity::Alpha,
-            "beta" => LinkQuantity::Beta,
-            _ => return None,
-        };
-        let joint = joint.parse().ok()?;
-        Some(Parameter::Link { joint, quantity })
     }
 }

@@ -1,17 +1,18 @@
 //! A lake → what changed over the sessions of each robot.
 //!
 //! Steps, for one robot:
-//! 1. every row of `runs` is read and digested ([`rows`]); a row that cannot be read, a run that another replaces and
+//! 1. every row of `runs` is read and digested (`rows`); a row that cannot be read, a run that another replaces and
 //!    an estimate over several sessions are left out, with the reason;
-//! 2. sessions are put in order: by the first stamp of the controller's log (`clocks.origin_ns`), then by name. Stamps are the
+//! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name. Stamps are the
 //!    controller's own: where its clock was set back, so is the order;
 //! 3. what was judged before is taken from the summary beside the lake's tables as far as its digests are those of
-//!    the rows today ([`summary`]); the other sessions are read ([`session`]) and judged ([`crate::history`]);
+//!    the rows today (`summary`); the other sessions are read (`session`) and judged ([`crate::history`]);
 //! 4. the summary is written again where there was something new.
 //!
 //! The summary is no table of the lake: it can be removed at any time and is then made again.
 
 mod figures;
+mod order;
 mod rows;
 mod session;
 mod summary;
@@ -28,6 +29,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::manifest::RunKey;
 use crate::progress::Progress;
 pub use figures::{Figure, Kind, figures};
+use order::{CurrentRow, current, within};
 use rows::{Fact, Row};
 use summary::{Entry, Summary};
 pub use trend::trend;
@@ -236,111 +238,9 @@ impl RobotHistory {
                 measured_at_ns: row.fact.measured_at_ns,
                 judged,
             }),
-            Err(reason) => self.left_out.push(LeftOut {
-                place: row.place,
-                key: Some(row.fact.key),
-                reason: Reason::Unreadable(reason),
-            }),
+            Err(reason) => self.left_out.push(row.left_out(Reason::Unreadable(reason))),
         }
     }
-}
-
-/// The row of a current run.
-struct CurrentRow {
-    place: PathBuf,
-    digest: String,
-    fact: Fact,
-}
-
-/// The current run of each session in order, and what is left out.
-fn current(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
-    let (mut kept, mut left_out) = (Vec::new(), Vec::new());
-    for row in rows {
-        match row.fact {
-            Ok(fact) => kept.push(CurrentRow {
-                place: row.place,
-                digest: row.digest,
-                fact,
-            }),
-            Err(reason) => left_out.push(LeftOut {
-                place: row.place,
-                key: None,
-                reason: Reason::Unreadable(reason),
-            }),
-        }
-    }
-    let replaced: std::collections::BTreeSet<(String, String)> = kept
-        .iter()
-        .filter_map(|row| Some((row.fact.key.session.clone(), row.fact.replaces.clone()?)))
-        .collect();
-    // Where two machines wrote at once several are replaced by none: the last by name counts.
-    let mut last: BTreeMap<String, String> = BTreeMap::new();
-    for RunKey { session, run, .. } in kept.iter().map(|row| &row.fact.key) {
-        if !replaced.contains(&(session.clone(), run.clone())) {
-            let own = last.entry(session.clone()).or_default();
-            *own = own.clone().max(run.clone());
-        }
-    }
-    let reason = |row: &CurrentRow| {
-        let key = &row.fact.key;
-        match &row.fact.kind {
-            rows::Kind::Plan => Some(Reason::Plan),
-            rows::Kind::Pooled => Some(Reason::Pooled),
-            rows::Kind::Session if last.get(&key.session) == Some(&key.run) => None,
-            rows::Kind::Session => Some(Reason::Replaced),
-        }
-    };
-    let mut current = Vec::new();
-    for row in kept {
-        match reason(&row) {
-            None => current.push(row),
-            Some(reason) => left_out.push(LeftOut {
-                place: row.place,
-                key: Some(row.fact.key),
-                reason,
-            }),
-        }
-    }
-    current.sort_by(|a, b| {
-        let name = |row: &CurrentRow| (row.fact.measured_at_ns, row.fact.key.session.clone());
-        name(a).cmp(&name(b))
-    });
-    (current, left_out)
-}
-
-/// Those from `since` to `until`.
-fn within(
-    rows: Vec<CurrentRow>,
-    asked: &Asked,
-    robot: &str,
-    left_out: &mut Vec<LeftOut>,
-) -> Result<Vec<CurrentRow>, HistoryError> {
-    let place = |session: &Option<String>| match session {
-        None => Ok(None),
-        Some(name) => {
-            let found = rows.iter().position(|row| row.fact.key.session == *name);
-            found.map(Some).ok_or_else(|| HistoryError::NoSession {
-                robot: robot.to_owned(),
-                session: name.clone(),
-            })
-        }
-    };
-    let first = place(&asked.since)?.unwrap_or(0);
-    let last = place(&asked.until)?.unwrap_or(usize::MAX);
-    let (mut kept, mut others) = (Vec::new(), Vec::new());
-    for (i, row) in rows.into_iter().enumerate() {
-        if (first..=last).contains(&i) {
-            kept.push(row)
-        } else {
-            others.push(row)
-        }
-    }
-    left_out.extend(others.into_iter().map(|row| LeftOut {
-        place: row.place,
-        key: Some(row.fact.key),
-        reason: Reason::NotAsked,
-    }));
-    Ok(kept)
 }
 
 /// What each row says that could be read, by its digest.

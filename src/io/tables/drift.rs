@@ -1,7 +1,7 @@
 //! `drift`: what moved between sessions, suspect by suspect, and how far.
 
 use super::PublishError;
-use crate::history::compare::Shift;
+use crate::history::compare::{ChiSquare, Shift};
 use crate::history::suspects::{Asked, Suspect};
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
@@ -25,13 +25,11 @@ pub fn drift(robots: &[RobotHistory]) -> Result<Table, PublishError> {
     let of = || rows.iter();
     let key = || of().map(|row| &row.session.key);
     let judged = || of().map(|row| &row.session.judged);
-    let asked = || of().map(|row| row.asked);
-    let shift = || of().map(|row| row.shift);
     let began = |row: &Row<'_>| {
         let words = &row.session.judged.began;
         (!words.is_empty()).then(|| words.join("; "))
     };
-    Ok(Columns::new(schema::find("drift")?, rows.len())
+    let columns = Columns::new(schema::find("drift")?, rows.len())
         .column("robot", key().map(|key| key.robot.as_str()))
         .column("session", key().map(|key| key.session.as_str()))
         .column("run", key().map(|key| key.run.as_str()))
@@ -41,37 +39,46 @@ pub fn drift(robots: &[RobotHistory]) -> Result<Table, PublishError> {
         .column("against", judged().map(|judged| judged.against))
         .column("suspect", of().map(|row| row.suspect.word()))
         .column("joint", of().map(|row| row.suspect.joint()))
+        .column("verdict", of().map(verdict))
+        .column("lasting", of().map(|row| row.lasting));
+    Ok(shifts(tests(columns, &rows), &rows).finish()?)
+}
+
+fn tests(columns: Columns, rows: &[Row<'_>]) -> Columns {
+    let test = |of: fn(&Asked) -> ChiSquare| rows.iter().map(move |row| row.asked.map(of));
+    [
+        ("", test(|asked| asked.alone)),
+        ("remainder_", test(|asked| asked.remainder)),
+    ]
+    .into_iter()
+    .fold(columns, |columns, (prefix, test)| {
+        let of = || test.clone();
+        columns
+            .column(
+                &format!("{prefix}chi_square"),
+                of().map(|test| Some(test?.statistic)),
+            )
+            .column(
+                &format!("{prefix}degrees_of_freedom"),
+                of().map(|test| Some(test?.freedom)),
+            )
+            .column(
+                &format!("{prefix}p_value"),
+                of().map(|test| Some(test?.p_value())),
+            )
+    })
+}
+
+fn shifts(columns: Columns, rows: &[Row<'_>]) -> Columns {
+    let shift = || rows.iter().map(|row| row.shift);
+    columns
         .column(
             "component",
             shift().map(|shift| Some(shift?.column.to_string())),
         )
-        .column(
-            "chi_square",
-            asked().map(|asked| Some(asked?.alone.statistic)),
-        )
-        .column(
-            "degrees_of_freedom",
-            asked().map(|asked| Some(asked?.alone.freedom)),
-        )
-        .column("p_value", asked().map(|asked| Some(asked?.alone.p_value())))
-        .column(
-            "remainder_chi_square",
-            asked().map(|asked| Some(asked?.remainder.statistic)),
-        )
-        .column(
-            "remainder_degrees_of_freedom",
-            asked().map(|asked| Some(asked?.remainder.freedom)),
-        )
-        .column(
-            "remainder_p_value",
-            asked().map(|asked| Some(asked?.remainder.p_value())),
-        )
         .column("shift", shift().map(|shift| Some(shift?.value)))
         .column("standard_error", shift().map(|shift| Some(shift?.sd)))
         .column("unit", shift().map(|shift| Some(shift?.column.unit_name())))
-        .column("verdict", of().map(verdict))
-        .column("lasting", of().map(|row| row.lasting))
-        .finish()?)
 }
 
 fn rows(sessions: &[PastSession]) -> Vec<Row<'_>> {

@@ -14,7 +14,7 @@ use super::summary::Summary;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::table;
-use crate::manifest::RunKey;
+use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;
 
 /// The folder of a robot's rows.
@@ -152,41 +152,30 @@ fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
     let schema = schema::find("runs").map_err(|error| error.to_string())?;
     let row = table::read(place, schema).map_err(|error| error.to_string())?;
     let claim = Claim::of(&row).map_err(told)?;
-    let expected = lake
-        .path(schema, &claim.key)
-        .map_err(|error| error.to_string())?;
+    let expected = lake.path(schema, &claim.key);
+    let expected = expected.map_err(|error| error.to_string())?;
     if expected != *place {
-        return Err(told(format!(
-            "it says of itself that it is {}",
-            expected.display()
-        )));
+        let reason = format!("it says of itself that it is {}", expected.display());
+        return Err(told(reason));
     }
-    let own = claim.sessions == [claim.key.session.clone()];
-    let kind = match claim.sessions.len() {
-        0 => Kind::Plan,
-        _ if own => Kind::Session,
-        _ => Kind::Pooled,
-    };
+    let replaces = row.text("replaces").iter().flatten().next();
+    fact(lake, claim, replaces.map(str::to_owned))
+}
+
+fn fact(lake: &Lake, claim: Claim, replaces: Option<String>) -> Result<Fact, String> {
+    let kind = kind(&claim);
     let digest = |table: &str| {
-        let own = claim
-            .files
-            .iter()
-            .find(|file| file.table == table && file.session == claim.key.session);
+        let is_own = |file: &&Written| file.table == table && file.session == claim.key.session;
+        let own = claim.files.iter().find(is_own);
         own.map_or_else(String::new, |file| file.digest.clone())
     };
     let robot_file = claim.inputs.iter().find(|input| input.name == "robot");
     Ok(Fact {
-        measured_at_ns: if kind == Kind::Session {
-            first_stamp(lake, &claim.key)?
-        } else {
-            0
+        measured_at_ns: match kind {
+            Kind::Session => first_stamp(lake, &claim.key)?,
+            Kind::Pooled | Kind::Plan => 0,
         },
-        replaces: row
-            .text("replaces")
-            .iter()
-            .flatten()
-            .next()
-            .map(str::to_owned),
+        replaces,
         kind,
         tables: ["calibrations", "accuracy"].map(digest),
         robot_file: robot_file.map_or_else(String::new, |input| input.digest.clone()),
@@ -195,6 +184,14 @@ fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
         settings: claim.settings_digest,
         key: claim.key,
     })
+}
+
+fn kind(claim: &Claim) -> Kind {
+    match claim.sessions.as_slice() {
+        [] => Kind::Plan,
+        [own] if *own == claim.key.session => Kind::Session,
+        _ => Kind::Pooled,
+    }
 }
 
 /// First stamp of the session's controller log.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::CurrentRow;
+use super::order::CurrentRow;
 use super::rows::Fact;
 use crate::history::{Course, Judged};
 use crate::io::lake::Lake;
