@@ -5,6 +5,7 @@
 
 pub mod check;
 pub mod compensate;
+pub mod history;
 pub mod inspect;
 pub mod messages;
 pub mod plan;
@@ -62,6 +63,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
+    History(history::HistoryArgs),
     Verify(verify::VerifyArgs),
     Schema(schema::SchemaArgs),
 }
@@ -78,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => shown(simulate::run(&args)),
         Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
         Command::Compensate(args) => compensate::main(&args),
+        Command::History(args) => ExitCode::from(history::run(&args, &bars)),
         Command::Verify(args) => ExitCode::from(verify::run(&args, &bars)),
         Command::Schema(args) => shown(schema::show(&args)),
     }

@@ -37,6 +37,9 @@ pub mod report;
 pub mod plan;
 pub mod simulate;
 
+// Across sessions.
+pub mod history;
+
 // Everything that reads and writes.
 pub mod cli;
 pub mod io;

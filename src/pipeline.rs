@@ -2,6 +2,7 @@
 
 pub mod damage;
 pub mod file;
+pub mod history;
 pub mod outcome;
 pub mod plan;
 pub mod planning;

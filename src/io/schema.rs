@@ -129,7 +129,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 18] = [
+const FILES: [&str; 19] = [
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),
@@ -146,6 +146,7 @@ const FILES: [&str; 18] = [
     include_str!("../../schemas/sampling_plan.toml"),
     include_str!("../../schemas/plan_figures.toml"),
     include_str!("../../schemas/history.toml"),
+    include_str!("../../schemas/drift.toml"),
     include_str!("../../schemas/targets.toml"),
     include_str!("../../schemas/corrected_targets.toml"),
 ];

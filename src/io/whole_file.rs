@@ -30,6 +30,22 @@ pub fn write_whole<E: From<io::Error>>(
     written
 }
 
+/// Puts `bytes` in the place of what stands under `path`, if anything does, whole or not at all.
+pub fn replace_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?;
+    let mut temporary = std::ffi::OsString::from(".");
+    temporary.push(name);
+    temporary.push(format!(".tmp-{}", std::process::id()));
+    let temporary = path.with_file_name(temporary);
+    let written = write_synced(&temporary, |sink| sink.write_all(bytes))
+        .and_then(|()| fs::rename(&temporary, path));
+    if written.is_err() {
+        // As above.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}
+
 fn write_synced<E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,

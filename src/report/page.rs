@@ -12,6 +12,7 @@
 
 mod accuracy;
 pub mod content;
+pub mod history;
 mod joints;
 mod logs;
 mod models;

@@ -1,0 +1,147 @@
+//! `posegrid history`: accuracy over time and drift, from the tables of a lake.
+//!
+//! Exit codes: 0 the newest session of every robot is where it was and in control; 3 one is not, or some run could not be
+//! read; 1 a robot has no session, or output cannot be written; 2 bad usage, or no such lake, robot or session.
+
+mod output;
+mod words;
+
+use std::io;
+use std::path::PathBuf;
+
+use clap::Args;
+use thiserror::Error;
+
+use super::messages::{self, Printable};
+use super::progress::Bars;
+use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
+use crate::io::lake::Lake;
+use crate::io::tables::PublishError;
+use crate::pipeline::history::{
+    Asked, HistoryError, LeftOut, PastSession, Reason, RobotHistory, history,
+};
+use output::output;
+use words::words;
+
+/// What changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+Each session's current run is held against all sessions before it, pooled: what moved, base, target or which joint, or what
+cannot be told apart. A session without any change has a false alarm once in 1000 at most. Control charts (EWMA of
+self-starting scores) tell whether accuracy and places keep their ordinary level; all charts of a robot together have one
+false alarm in 1000 sessions at most. Sessions are in the order of the first stamps of their controller logs.
+
+What was judged is kept in LAKE/.history, checked against the rows of runs each time; --fresh does without.
+
+Examples:
+  posegrid history lake
+  posegrid history lake --robot ur10 --output trend     # trend/history.parquet, drift.parquet and ur10.html
+
+Exit codes: 0 every robot's newest session is where it was and in control; 3 one is not, or a run could not be read; 1 a robot
+has no session, or the output cannot be written; 2 bad usage, or no such lake, robot or session.")]
+pub struct HistoryArgs {
+    /// The folder of the published tables
+    pub lake: PathBuf,
+    /// Only this robot
+    #[arg(long, value_name = "ROBOT")]
+    pub robot: Option<String>,
+    /// From this session on: nothing before it takes part
+    #[arg(long, value_name = "SESSION")]
+    pub since: Option<String>,
+    /// Up to this session
+    #[arg(long, value_name = "SESSION")]
+    pub until: Option<String>,
+    /// Write the tables history and drift and a page for each robot into this folder, in place of those of last time
+    #[arg(long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Judge every session anew, without what was kept
+    #[arg(long)]
+    pub fresh: bool,
+}
+
+/// Why there is no history.
+#[derive(Debug, Error)]
+enum HistoryCommandError {
+    #[error(transparent)]
+    History(#[from] HistoryError),
+    #[error(transparent)]
+    Tables(#[from] PublishError),
+    #[error("cannot write {}: {source}; check the space and the permissions of the folder", path.display())]
+    Write { path: PathBuf, source: io::Error },
+}
+
+/// Tells the history; gives the exit code.
+pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
+    match told(args, bars) {
+        Ok(robots) => exit_code(&robots),
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            match error {
+                HistoryCommandError::History(_) => BAD_USAGE,
+                HistoryCommandError::Tables(_) | HistoryCommandError::Write { .. } => NO_RESULT,
+            }
+        }
+    }
+}
+
+fn told(args: &HistoryArgs, bars: &Bars) -> Result<Vec<RobotHistory>, HistoryCommandError> {
+    let lake = Lake::new(&args.lake);
+    let asked = Asked {
+        robot: args.robot.clone(),
+        since: args.since.clone(),
+        until: args.until.clone(),
+        fresh: args.fresh,
+    };
+    let robots = history(&lake, &asked, &bars.of("history"))?;
+    for robot in &robots {
+        warn(robot);
+        for line in words(robot) {
+            messages::result(Printable(&line));
+        }
+    }
+    if let Some(folder) = &args.output {
+        let written = output(&lake, &robots, folder)?;
+        for path in written {
+            messages::result(format!(
+                "written: {}",
+                Printable(&path.display().to_string())
+            ));
+        }
+    }
+    Ok(robots)
+}
+
+fn warn(robot: &RobotHistory) {
+    for LeftOut { reason, .. } in &robot.left_out {
+        if let Reason::Unreadable(reason) = reason {
+            tracing::warn!("left out: {}", Printable(reason));
+        }
+    }
+    if let Some(error) = &robot.summary_error {
+        tracing::warn!(
+            "what was judged cannot be kept in the lake's folder .history: {}; the next time takes as long",
+            Printable(error)
+        );
+    }
+}
+
+fn exit_code(robots: &[RobotHistory]) -> u8 {
+    if robots.iter().any(|robot| robot.sessions.is_empty()) {
+        return NO_RESULT;
+    }
+    let is_moved = |last: &PastSession| {
+        last.judged.in_words().is_some() || last.judged.out_of_control().next().is_some()
+    };
+    let is_open = |robot: &RobotHistory| {
+        robot.sessions.last().is_some_and(is_moved)
+            || robot
+                .left_out
+                .iter()
+                .any(|own| matches!(own.reason, Reason::Unreadable(_)))
+    };
+    if robots.iter().any(is_open) {
+        NOT_MET
+    } else {
+        DONE
+    }
+}

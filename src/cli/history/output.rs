@@ -1,0 +1,83 @@
+//! The files of a history: two tables of all robots, a page for each.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::HistoryCommandError;
+use crate::cli::messages::Printable;
+use crate::io::lake::Lake;
+use crate::io::table::{Table, write};
+use crate::io::tables::{drift, history};
+use crate::io::whole_file::replace_whole;
+use crate::manifest::RunKey;
+use crate::pipeline::history::{Figure, HistoryError, PastSession, RobotHistory, figures, trend};
+
+/// Writes the tables and the pages; gives their paths.
+pub(super) fn output(
+    lake: &Lake,
+    robots: &[RobotHistory],
+    folder: &Path,
+) -> Result<Vec<PathBuf>, HistoryCommandError> {
+    let wrong = |source| HistoryCommandError::Write {
+        path: folder.to_owned(),
+        source,
+    };
+    std::fs::create_dir_all(folder).map_err(wrong)?;
+    let all: Vec<Vec<Vec<Figure>>> = robots.iter().map(|robot| read(lake, robot)).collect();
+    let mut written = Vec::new();
+    for table in [
+        history::history(&rows(robots, &all))?,
+        drift::drift(robots)?,
+    ] {
+        let name = format!("{}.parquet", table.schema().table);
+        written.push(put(folder, &name, &bytes(&table, folder)?)?);
+    }
+    for (robot, figures) in robots.iter().zip(&all) {
+        let name = file_name(lake, &robot.robot)?;
+        written.push(put(folder, &name, trend(robot, figures).as_bytes())?);
+    }
+    Ok(written)
+}
+
+/// The figures of each session; what of them cannot be read is told.
+fn read(lake: &Lake, robot: &RobotHistory) -> Vec<Vec<Figure>> {
+    let (figures, wrong) = figures(lake, &robot.sessions);
+    for reason in wrong {
+        tracing::warn!("left out of the table history: {}", Printable(&reason));
+    }
+    figures
+}
+
+fn rows<'h>(
+    robots: &'h [RobotHistory],
+    all: &'h [Vec<Vec<Figure>>],
+) -> Vec<(&'h PastSession, &'h Figure)> {
+    let sessions = robots.iter().flat_map(|robot| &robot.sessions);
+    let figures = sessions.zip(all.iter().flatten());
+    let each = figures.flat_map(|(session, own)| own.iter().map(move |figure| (session, figure)));
+    each.collect()
+}
+
+/// Named as the lake names it: a robot's name may be anything.
+fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
+    let key = RunKey::new("robot", "session", robot);
+    let path = lake.page(&key)?;
+    let name = path.file_name().unwrap_or_default();
+    Ok(name.to_string_lossy().into_owned())
+}
+
+fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {
+    write(table, Vec::new()).map_err(|error| HistoryCommandError::Write {
+        path: folder.to_owned(),
+        source: io::Error::other(error),
+    })
+}
+
+/// Puts a file in the place of the one of last time, whole or not at all.
+fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, HistoryCommandError> {
+    let path = folder.join(name);
+    match replace_whole(&path, bytes) {
+        Ok(()) => Ok(path),
+        Err(source) => Err(HistoryCommandError::Write { path, source }),
+    }
+}

@@ -1,0 +1,122 @@
+//! The history of a robot in a few lines.
+
+use std::collections::BTreeMap;
+
+use crate::history::FALSE_ALARM;
+use crate::pipeline::history::{PastSession, RobotHistory};
+
+/// Changes told on stdout, the newest ones.
+const TOLD: usize = 3;
+
+/// The lines.
+pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
+    let count = robot.sessions.len();
+    let mut lines = Vec::new();
+    if let Some(last) = robot.sessions.last() {
+        lines.push(format!("newest: {}", newest(last)));
+        lines.push(in_control(last));
+    }
+    lines.extend(changes(robot));
+    lines.extend(left_out(robot));
+    let expected = FALSE_ALARM * count as f64;
+    lines.push(format!(
+        "false alarms to expect of {count} sessions: {expected:.1} by the test, {expected:.1} by the charts, at most"
+    ));
+    let indented = lines.iter().map(|line| format!("  {line}"));
+    [headline(robot)].into_iter().chain(indented).collect()
+}
+
+fn headline(robot: &RobotHistory) -> String {
+    let text = format!("{}: {} sessions", robot.robot, robot.sessions.len());
+    match (robot.sessions.first(), robot.sessions.last()) {
+        (Some(first), Some(last)) => {
+            format!("{text}, {} to {}", first.key.session, last.key.session)
+        }
+        _ => text,
+    }
+}
+
+fn newest(session: &PastSession) -> String {
+    let judged = &session.judged;
+    let what = judged
+        .in_words()
+        .unwrap_or_else(|| "nothing moved".to_owned());
+    match judged.against {
+        0 if judged.began.is_empty() => "the first, nothing to hold it against".to_owned(),
+        0 => format!(
+            "begins segment {}, as {} changed: nothing to hold it against",
+            judged.segment,
+            judged.began.join(", ")
+        ),
+        1 => format!("{what}, against the session before"),
+        count => format!("{what}, against {count} sessions before"),
+    }
+}
+
+fn in_control(session: &PastSession) -> String {
+    let charted = &session.judged.charted;
+    let out: Vec<&str> = session.judged.out_of_control().collect();
+    let shown = charted.iter().filter(|one| one.is_out().is_some()).count();
+    if shown == 0 {
+        "control charts: not shown, they need three sessions of one segment".to_owned()
+    } else if out.is_empty() {
+        format!("control charts: all {shown} in control")
+    } else {
+        format!("control charts: out of control: {}", out.join(", "))
+    }
+}
+
+/// A session in which something moved, and whether that lasts.
+type Changed<'h> = (&'h PastSession, Option<bool>);
+
+fn changes(robot: &RobotHistory) -> Vec<String> {
+    let lasting = RobotHistory::lasting(&robot.sessions);
+    let has_moved = |(session, _): &Changed<'_>| session.judged.in_words().is_some();
+    let with_lasting = robot.sessions.iter().zip(lasting);
+    let changed: Vec<Changed<'_>> = with_lasting.filter(has_moved).collect();
+    let is_out = |session: &&PastSession| session.judged.out_of_control().next().is_some();
+    let out = robot.sessions.iter().filter(is_out).count();
+    let segments = robot.sessions.last().map_or(0, |last| last.judged.segment);
+    let count = |lasts| changed.iter().filter(|(_, own)| *own == lasts).count();
+    let (all, lasting, alone, open) = (
+        changed.len(),
+        count(Some(true)),
+        count(Some(false)),
+        count(None),
+    );
+    let summary = format!(
+        "changes: {all} sessions, {lasting} lasting, {alone} of one session, {open} not settled; out of control: {out} sessions; \
+         segments: {segments}"
+    );
+    let newest = changed.iter().rev().take(TOLD).rev();
+    [summary].into_iter().chain(newest.map(change)).collect()
+}
+
+fn change((session, lasting): &Changed<'_>) -> String {
+    let words = session.judged.in_words().unwrap_or_default();
+    let settled = match lasting {
+        Some(true) => "lasts",
+        Some(false) => "of this session alone",
+        None => "not settled yet",
+    };
+    format!("  {}: {words} ({settled})", session.key.session)
+}
+
+fn left_out(robot: &RobotHistory) -> Option<String> {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for left_out in &robot.left_out {
+        *counts.entry(left_out.reason.word()).or_default() += 1;
+    }
+    let words: Vec<String> = counts
+        .iter()
+        .map(|(reason, count)| format!("{count} {reason}"))
+        .collect();
+    (!words.is_empty()).then(|| {
+        format!(
+            "runs: {}, {} used; left out: {}",
+            robot.runs,
+            robot.sessions.len(),
+            words.join(", ")
+        )
+    })
+}

@@ -1,0 +1,192 @@
+//! The state between sessions: what is pooled, what stands from when, and the charts.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::compare::{Comparison, Shift};
+use super::control::{Chart, Charted};
+use super::estimate::{Column, Estimate};
+use super::suspects::{Finding, Suspect, find, suspects};
+use super::{Basis, Judged, SET_UP_ANEW, SessionFigures};
+use crate::kinematics::{LinkQuantity, Parameter};
+
+/// The sessions so far, as far as the next one needs them.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Course {
+    segment: usize,
+    basis: Option<Basis>,
+    /// All sessions since each part last moved.
+    pool: Option<Estimate>,
+    pooled: usize,
+    /// The pool before a change that is not settled yet.
+    before: Option<(Estimate, usize)>,
+    /// The first session of the segment.
+    first: Option<Estimate>,
+    /// The session in which base or target was set up anew last.
+    set_up: BTreeMap<Suspect, Estimate>,
+    charts: BTreeMap<String, Chart>,
+}
+
+impl Course {
+    /// Judges the next session.
+    pub fn next(&mut self, session: &SessionFigures) -> Judged {
+        let began = self.turn_to(&session.basis);
+        let own = &session.estimate;
+        let mut judged = match self.pool.take() {
+            None => {
+                self.pool = Some(own.clone());
+                self.pooled = 1;
+                self.first = Some(own.clone());
+                Judged::default()
+            }
+            Some(pool) => self.held_against(pool, own),
+        };
+        judged.segment = self.segment;
+        judged.began = began;
+        judged.charted = self.chart(session);
+        judged
+    }
+
+    /// Begins a new segment where the basis is another; gives what differs.
+    fn turn_to(&mut self, basis: &Basis) -> Vec<String> {
+        let began = match &self.basis {
+            Some(own) if own == basis => return Vec::new(),
+            Some(own) => own.differences(basis),
+            None => Vec::new(),
+        };
+        *self = Self {
+            segment: self.segment + 1,
+            basis: Some(basis.clone()),
+            ..Self::default()
+        };
+        began
+    }
+
+    fn held_against(&mut self, pool: Estimate, own: &Estimate) -> Judged {
+        let (pool, against, settles) = self.settled(pool, own);
+        let (known, anew) = without_what_is_new(&pool, own);
+        let comparison = Comparison::new(&known, own);
+        let groups = suspects(comparison.columns());
+        let (asked, finding) = find(&comparison, &groups);
+        let moved = finding.parts();
+        let kept = forgetting(&known, &moved);
+        self.before = (!moved.is_empty()).then(|| (known.clone(), against));
+        let is_all = moved.contains(&Suspect::Anything);
+        self.pooled = if is_all { 1 } else { against + 1 };
+        self.pool = Some(kept.plus(own));
+        self.refer(&anew, own);
+        Judged {
+            against,
+            set_up_anew: anew,
+            asked,
+            moved: moved_by(&comparison, &finding),
+            finding,
+            settles,
+            ..Judged::default()
+        }
+    }
+
+    /// The pool to compare with, once the session has told whether the change before it lasts.
+    fn settled(&mut self, pool: Estimate, own: &Estimate) -> (Estimate, usize, Option<bool>) {
+        let Some((before, count)) = self.before.take() else {
+            return (pool, self.pooled, None);
+        };
+        let (known, _) = without_what_is_new(&before, own);
+        let comparison = Comparison::new(&known, own);
+        let (_, finding) = find(&comparison, &suspects(comparison.columns()));
+        if finding == Finding::Nothing {
+            (before, count, Some(false))
+        } else {
+            (pool, self.pooled, Some(true))
+        }
+    }
+
+    fn chart(&mut self, session: &SessionFigures) -> Vec<Charted> {
+        let mut charted = Vec::new();
+        for Shift { column, value, sd } in self.since_first(&session.estimate) {
+            let name = column.to_string();
+            let chart = self.charts.entry(name.clone()).or_default();
+            charted.push(chart.next(&name, value, Some(sd)));
+        }
+        for figure in &session.accuracy {
+            let chart = self.charts.entry(figure.name.clone()).or_default();
+            charted.push(chart.next(&figure.name, figure.value, None));
+        }
+        charted
+    }
+
+    /// How far base, target and joints stand from the first session, or from where base or target were set up anew.
+    fn since_first(&self, own: &Estimate) -> Vec<Shift> {
+        let is_own = |reference: &Estimate| reference == own;
+        let Some(first) = self.first.as_ref().filter(|first| !is_own(first)) else {
+            return Vec::new();
+        };
+        let is_anew = |shift: &Shift| self.set_up.keys().any(|part| part.has(&shift.column));
+        let mut since = since(first, own);
+        since.retain(|shift| !is_anew(shift));
+        for (part, reference) in self
+            .set_up
+            .iter()
+            .filter(|(_, reference)| !is_own(reference))
+        {
+            let shifts = self::since(reference, own).into_iter();
+            since.extend(shifts.filter(|shift| part.has(&shift.column)));
+        }
+        since.sort_by_key(|shift| shift.column);
+        since
+    }
+
+    /// Base or target that stand elsewhere are charted anew from here.
+    fn refer(&mut self, anew: &[Suspect], own: &Estimate) {
+        for part in anew {
+            self.set_up.insert(*part, own.clone());
+            let prefix = format!("{}_", part.word());
+            self.charts.retain(|name, _| !name.starts_with(&prefix));
+        }
+    }
+}
+
+/// The pool without base or target where those stand elsewhere in this session, and which.
+fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Suspect>) {
+    let anew: Vec<Suspect> = [Suspect::Base, Suspect::Target]
+        .into_iter()
+        .filter(|suspect| own.is_far_from(pool, *suspect, SET_UP_ANEW))
+        .collect();
+    (forgetting(pool, &anew), anew)
+}
+
+/// The pool without what it knows of these parts.
+fn forgetting(pool: &Estimate, parts: &[Suspect]) -> Estimate {
+    if parts.contains(&Suspect::Anything) {
+        return pool.without(|_| true);
+    }
+    pool.without(|column| parts.iter().any(|part| part.has(column)))
+}
+
+/// How far the parts named have moved, all at once.
+fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
+    let named = finding.named();
+    let places = comparison.places(|column| {
+        named.iter().any(|part| part.has(column)) && !named.contains(&Suspect::Anything)
+    });
+    comparison.explained(&places).shifts(comparison, &places)
+}
+
+/// Base, target and joint offsets against another session, all free at once. The first joint's offset is the base's turn
+/// about its axis, the last joint's the target's: those are charted there.
+fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
+    let (known, _) = without_what_is_new(first, own);
+    let comparison = Comparison::new(&known, own);
+    let last = comparison.columns().iter().filter_map(Column::joint).max();
+    let charted = |column: &Column| match column {
+        Column::Chain(Parameter::Base(_)) => known.has_base(),
+        Column::Chain(Parameter::Target(_)) => known.has_target(),
+        Column::Chain(Parameter::Link { joint, quantity }) => {
+            *quantity == LinkQuantity::Theta && *joint > 1 && Some(*joint) != last
+        }
+        Column::Gravity(_) | Column::Curve { .. } => false,
+    };
+    let places = comparison.places(charted);
+    comparison.explained(&places).shifts(&comparison, &places)
+}

@@ -1,0 +1,221 @@
+//! What one session determined by its own stations: the model's posterior, with the prior taken out again.
+//!
+//! With posterior covariance C, mean m and prior precision P the stations alone say `Λ = C⁻¹ − P` about the columns, with the
+//! moment `η = C⁻¹ m` (the prior expects zero offsets). Two sessions of one arm have one truth but independent
+//! stations, so Λ and η add up, while posteriors, which share their prior, do not.
+//!
+//! Kept are the columns that sessions share and that one may want to hold against each other: geometry, base and target, gravity, and
+//! the slow part of each joint's curve. Everything else (the fast part of curves, gear lines, drift within the session, the way
+//! from reported to commanded angle) is integrated out under its prior in each session by itself: a test gets
+//! less sharp by it, never too sharp. Columns are in units of what a change of them can be at most ([`Column::unit`]).
+
+mod column;
+mod posterior;
+
+use std::collections::BTreeSet;
+
+use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::suspects::Suspect;
+use super::{bits, inverse_above};
+use crate::kinematics::{Motion, Parameter};
+pub use column::Column;
+
+/// Information of a forgotten part below which it says nothing.
+const NOTHING: f64 = 1e-9;
+
+/// What stations determined of the columns.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    columns: Vec<Column>,
+    /// Λ, in the columns' units.
+    #[serde(with = "bits::matrix")]
+    information: DMatrix<f64>,
+    /// η: Λ times the offsets; base and target are offsets from the frames here.
+    #[serde(with = "bits::vector")]
+    moment: DVector<f64>,
+    #[serde(with = "bits::frame")]
+    base: Option<Isometry3<f64>>,
+    #[serde(with = "bits::frame")]
+    target: Option<Isometry3<f64>>,
+}
+
+impl Estimate {
+    /// The columns.
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// Whether it still knows where a base stood.
+    pub const fn has_base(&self) -> bool {
+        self.base.is_some()
+    }
+
+    /// Whether it still knows where a target sat.
+    pub const fn has_target(&self) -> bool {
+        self.target.is_some()
+    }
+
+    /// Whether base or target stands `limit` mm or mrad and more from where the other has it; false where one has none.
+    pub fn is_far_from(&self, other: &Self, part: Suspect, limit: f64) -> bool {
+        let pair = match part {
+            Suspect::Base => (other.base, self.base),
+            Suspect::Target => (other.target, self.target),
+            _ => (None, None),
+        };
+        let (Some(from), Some(to)) = pair else {
+            return false;
+        };
+        let motion = motion(&from, &to);
+        let turned = part == Suspect::Base || self.turns_target();
+        let angle = if turned {
+            1e3 * motion.fixed_rows::<3>(3).norm()
+        } else {
+            0.0
+        };
+        motion.fixed_rows::<3>(0).norm() > limit || angle > limit
+    }
+
+    fn turns_target(&self) -> bool {
+        let turns = |column: &Column| {
+            matches!(
+                column,
+                Column::Chain(Parameter::Target(Motion::Rotation(_)))
+            )
+        };
+        self.columns.iter().any(turns)
+    }
+
+    /// The same without the columns that `is_forgotten`, which stay free.
+    pub fn without(&self, is_forgotten: impl Fn(&Column) -> bool) -> Self {
+        let (gone, kept): (Vec<usize>, Vec<usize>) =
+            (0..self.columns.len()).partition(|&place| is_forgotten(&self.columns[place]));
+        if gone.is_empty() {
+            return self.clone();
+        }
+        let block = |rows: &[usize], columns: &[usize]| {
+            DMatrix::from_fn(rows.len(), columns.len(), |i, j| {
+                self.information[(rows[i], columns[j])]
+            })
+        };
+        let moment =
+            |places: &[usize]| DVector::from_fn(places.len(), |i, _| self.moment[places[i]]);
+        let (inverse, _) = inverse_above(&block(&gone, &gone), NOTHING);
+        let across = block(&kept, &gone) * inverse;
+        let columns: Vec<Column> = kept.iter().map(|&place| self.columns[place]).collect();
+        let has = |is: fn(&Parameter) -> bool| {
+            columns
+                .iter()
+                .any(|c| matches!(c, Column::Chain(p) if is(p)))
+        };
+        Self {
+            information: block(&kept, &kept) - &across * block(&gone, &kept),
+            moment: moment(&kept) - &across * moment(&gone),
+            base: self
+                .base
+                .filter(|_| has(|p| matches!(p, Parameter::Base(_)))),
+            target: self
+                .target
+                .filter(|_| has(|p| matches!(p, Parameter::Target(_)))),
+            columns,
+        }
+    }
+
+    /// Both together, about the frames of `self`.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        let all: BTreeSet<Column> = self.columns.iter().chain(&other.columns).copied().collect();
+        let columns: Vec<Column> = all.into_iter().collect();
+        let (base, target) = (self.base.or(other.base), self.target.or(other.target));
+        let own = self.spread(&columns, base.as_ref(), target.as_ref());
+        let others = other.spread(&columns, base.as_ref(), target.as_ref());
+        Self {
+            columns,
+            information: own.0 + others.0,
+            moment: own.1 + others.1,
+            base,
+            target,
+        }
+    }
+
+    /// Λ and η over `columns`, offsets taken from these frames; columns that it has not it knows nothing of.
+    pub(super) fn spread(
+        &self,
+        columns: &[Column],
+        base: Option<&Isometry3<f64>>,
+        target: Option<&Isometry3<f64>>,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let moved = DVector::from_fn(self.columns.len(), |i, _| self.moved(i, base, target));
+        let moment = &self.moment + &self.information * moved;
+        let places: Vec<Option<usize>> = columns
+            .iter()
+            .map(|column| self.columns.iter().position(|own| own == column))
+            .collect();
+        let at = |i: usize, j: usize| {
+            places[i]
+                .zip(places[j])
+                .map_or(0.0, |own| self.information[own])
+        };
+        let size = columns.len();
+        let moment = DVector::from_fn(size, |i, _| places[i].map_or(0.0, |own| moment[own]));
+        (DMatrix::from_fn(size, size, at), moment)
+    }
+
+    /// How far a column's own frame stands from the one given, in the column's unit.
+    fn moved(
+        &self,
+        place: usize,
+        base: Option<&Isometry3<f64>>,
+        target: Option<&Isometry3<f64>>,
+    ) -> f64 {
+        let column = &self.columns[place];
+        let by = |pair: Option<(&Isometry3<f64>, &Isometry3<f64>)>, along: Motion| {
+            pair.map_or(0.0, |(from, to)| {
+                component(&motion(from, to), along) / column.unit()
+            })
+        };
+        match *column {
+            Column::Chain(Parameter::Base(along)) => by(base.zip(self.base.as_ref()), along),
+            Column::Chain(Parameter::Target(along)) => by(target.zip(self.target.as_ref()), along),
+            _ => 0.0,
+        }
+    }
+
+    /// What the stations of a session at the same poses would say of an arm whose columns are off by `truth` (mm, rad), base
+    /// and target from the same frames: Λ stays, and η is drawn with `normals`, one standard normal number for each column.
+    pub fn drawn(&self, truth: &[(Column, f64)], normals: &[f64]) -> Self {
+        let offset = |column: &Column| {
+            let own = truth.iter().filter(|(own, _)| own == column);
+            own.map(|(_, value)| value).sum::<f64>() / column.unit()
+        };
+        let size = self.columns.len();
+        let offsets = DVector::from_fn(size, |i, _| offset(&self.columns[i]));
+        let eigen = self.information.clone().symmetric_eigen();
+        let noise = DVector::from_fn(size, |i, _| {
+            eigen.eigenvalues[i].max(0.0).sqrt() * normals[i]
+        });
+        Self {
+            moment: &self.information * offsets + &eigen.eigenvectors * noise,
+            ..self.clone()
+        }
+    }
+
+    pub(super) const fn frames(&self) -> (Option<&Isometry3<f64>>, Option<&Isometry3<f64>>) {
+        (self.base.as_ref(), self.target.as_ref())
+    }
+}
+
+/// The motion after `from` that leads to `to`: a translation, mm, and a rotation vector, rad.
+fn motion(from: &Isometry3<f64>, to: &Isometry3<f64>) -> Vector6<f64> {
+    let between = from.inverse() * to;
+    let (t, r) = (between.translation.vector, between.rotation.scaled_axis());
+    Vector6::new(t.x, t.y, t.z, r.x, r.y, r.z)
+}
+
+fn component(motion: &Vector6<f64>, along: Motion) -> f64 {
+    match along {
+        Motion::Translation(axis) => motion[axis as usize],
+        Motion::Rotation(axis) => motion[3 + axis as usize],
+    }
+}

@@ -1,0 +1,84 @@
+//! What moved, in words.
+
+use super::Judged;
+use super::compare::Shift;
+use super::estimate::Column;
+use super::suspects::{Finding, Suspect};
+use crate::kinematics::{Motion, Parameter};
+
+impl Judged {
+    /// What moved, how far, and what it cannot be told apart from; nothing where nothing did.
+    pub fn in_words(&self) -> Option<String> {
+        let mut said: Vec<String> = self
+            .set_up_anew
+            .iter()
+            .map(|part| format!("{part} set up anew"))
+            .collect();
+        if let Finding::Moved { surely, one_of } = &self.finding {
+            said.extend(surely.iter().map(|part| self.with_size(*part)));
+            said.extend(
+                one_of
+                    .first()
+                    .map(|first| self.alternatives(*first, one_of)),
+            );
+        }
+        (!said.is_empty()).then(|| said.join(" and "))
+    }
+
+    fn alternatives(&self, first: Suspect, one_of: &[Suspect]) -> String {
+        let others: Vec<String> = one_of.iter().skip(1).map(ToString::to_string).collect();
+        if others.is_empty() {
+            return self.with_size(first);
+        }
+        format!(
+            "{}, or {}: they cannot be told apart",
+            self.with_size(first),
+            others.join(" or ")
+        )
+    }
+
+    fn with_size(&self, part: Suspect) -> String {
+        let own: Vec<&Shift> = self
+            .moved
+            .iter()
+            .filter(|shift| part.has(&shift.column))
+            .collect();
+        let size = match part {
+            Suspect::Base | Suspect::Target => Some(motion(&own)),
+            Suspect::JointOffset(_) => own.first().map(|shift| {
+                format!(
+                    "moved by {:.0} ± {:.0} µrad",
+                    1e6 * shift.value,
+                    1e6 * shift.sd
+                )
+            }),
+            Suspect::JointCurve(_) | Suspect::Link(_) => Some("changed".to_owned()),
+            Suspect::Anything => None,
+        };
+        size.map_or_else(|| part.to_string(), |size| format!("{part} {size}"))
+    }
+}
+
+/// How far a frame moved and turned.
+fn motion(shifts: &[&Shift]) -> String {
+    let (mut moved, mut turned) = (0.0_f64, 0.0_f64);
+    for shift in shifts {
+        match shift.column {
+            Column::Chain(
+                Parameter::Base(Motion::Rotation(_)) | Parameter::Target(Motion::Rotation(_)),
+            ) => {
+                turned += shift.value.powi(2);
+            }
+            _ => moved += shift.value.powi(2),
+        }
+    }
+    if turned > 0.0 {
+        format!(
+            "moved by {:.3} mm and {:.3} mrad",
+            moved.sqrt(),
+            1e3 * turned.sqrt()
+        )
+    } else {
+        format!("moved by {:.3} mm", moved.sqrt())
+    }
+}

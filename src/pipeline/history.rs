@@ -1,0 +1,278 @@
+//! A lake → what changed over the sessions of each robot.
+//!
+//! Steps, for one robot:
+//! 1. every row of `runs` is read and digested (`rows`); a row that cannot be read, a run that another replaces and
+//!    an estimate over several sessions are left out, with the reason;
+//! 2. sessions are put in order (`order`): by the first stamp of the controller's log (`clocks.origin_ns`), then by name. Stamps are the
+//!    controller's own: where its clock was set back, so is the order;
+//! 3. what was judged before is taken from the summary beside the lake's tables as far as its digests are those of
+//!    the rows today (`summary`); the other sessions are read (`session`) and judged ([`crate::history`]);
+//! 4. the summary is written again where there was something new.
+//!
+//! The summary is no table of the lake: it can be removed at any time and is then made again.
+
+mod figures;
+mod order;
+mod rows;
+mod session;
+mod summary;
+mod trend;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+use thiserror::Error;
+
+use crate::history::Judged;
+use crate::io::lake::{Lake, LakeError};
+use crate::manifest::RunKey;
+use crate::progress::Progress;
+pub use figures::{Figure, Kind, figures};
+use order::{CurrentRow, current, within};
+use rows::{Fact, Row};
+use summary::{Entry, Summary};
+pub use trend::trend;
+
+/// Sessions read at the same time: each takes some tens of megabytes meanwhile.
+const AT_ONCE: usize = 4;
+
+/// What is asked for.
+#[derive(Debug, Clone, Default)]
+pub struct Asked {
+    /// Only this robot.
+    pub robot: Option<String>,
+    /// From this session on.
+    pub since: Option<String>,
+    /// Up to this session.
+    pub until: Option<String>,
+    /// Whether to judge every session anew, without the summary.
+    pub fresh: bool,
+}
+
+/// The history of one robot.
+#[derive(Debug, Clone)]
+pub struct RobotHistory {
+    /// The robot.
+    pub robot: String,
+    /// The sessions in order.
+    pub sessions: Vec<PastSession>,
+    /// Runs left out: where, and why.
+    pub left_out: Vec<LeftOut>,
+    /// Rows of `runs` in all: those of `sessions` and `left_out`.
+    pub runs: usize,
+    /// Sessions taken from the summary.
+    pub from_summary: usize,
+    /// Why the summary could not be written.
+    pub summary_error: Option<String>,
+}
+
+/// A session in the history.
+#[derive(Debug, Clone)]
+pub struct PastSession {
+    /// Its current run.
+    pub key: RunKey,
+    /// First stamp of its controller's log.
+    pub measured_at_ns: i64,
+    /// What the history says of it.
+    pub judged: Judged,
+}
+
+/// A run that takes no part.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// The file of its row.
+    pub place: PathBuf,
+    /// Session and run, where the row could be read.
+    pub key: Option<RunKey>,
+    /// Why.
+    pub reason: Reason,
+}
+
+/// Why a run takes no part.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Reason {
+    /// Another run of the session took its place.
+    Replaced,
+    /// It is an estimate over several sessions.
+    Pooled,
+    /// It is a plan, which measured nothing.
+    Plan,
+    /// It is before or after what was asked for.
+    NotAsked,
+    /// A file of it is damaged, missing or not of this lake.
+    Unreadable(String),
+}
+
+impl Reason {
+    /// The reason in a word or two, to count by.
+    pub const fn word(&self) -> &'static str {
+        match self {
+            Self::Replaced => "replaced by another run",
+            Self::Pooled => "an estimate over several sessions",
+            Self::Plan => "a plan",
+            Self::NotAsked => "not asked for",
+            Self::Unreadable(_) => "not readable",
+        }
+    }
+}
+
+/// Why there is no history.
+#[derive(Debug, Error)]
+pub enum HistoryError {
+    /// No lake.
+    #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` told as its tables", .0.display())]
+    NoLake(PathBuf),
+    /// No such robot.
+    #[error("{} has no robot {robot:?}; its robots: {}", lake.display(), robots.join(", "))]
+    NoRobot {
+        /// The lake.
+        lake: PathBuf,
+        /// The robot asked for.
+        robot: String,
+        /// Those there are.
+        robots: Vec<String>,
+    },
+    /// No such session.
+    #[error(
+        "robot {robot:?} has no session {session:?} in its history; `posegrid history` without --since and --until tells those it has"
+    )]
+    NoSession {
+        /// The robot.
+        robot: String,
+        /// The session asked for.
+        session: String,
+    },
+    /// The lake cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+/// The history of each robot of a lake, in the order of their names.
+pub fn history(
+    lake: &Lake,
+    asked: &Asked,
+    progress: &dyn Progress,
+) -> Result<Vec<RobotHistory>, HistoryError> {
+    let folders = rows::robots(lake)?;
+    if folders.is_empty() {
+        return Err(HistoryError::NoLake(lake.root().to_owned()));
+    }
+    let mut robots = Vec::new();
+    let mut names = Vec::new();
+    for folder in folders {
+        let summary = if asked.fresh {
+            Summary::default()
+        } else {
+            Summary::read(lake, &folder)
+        };
+        let rows = rows::of_robot(lake, &folder, &summary)?;
+        let robot = rows::robot(&rows, &folder);
+        names.push(robot.clone());
+        if asked.robot.as_ref().is_none_or(|name| *name == robot) {
+            robots.push(of_robot(
+                lake,
+                asked,
+                robot,
+                rows,
+                (folder, summary),
+                progress,
+            )?);
+        }
+    }
+    match &asked.robot {
+        Some(robot) if robots.is_empty() => Err(HistoryError::NoRobot {
+            lake: lake.root().to_owned(),
+            robot: robot.clone(),
+            robots: names,
+        }),
+        _ => Ok(robots),
+    }
+}
+
+fn of_robot(
+    lake: &Lake,
+    asked: &Asked,
+    robot: String,
+    rows: Vec<Row>,
+    (folder, summary): (rows::RobotFolder, Summary),
+    progress: &dyn Progress,
+) -> Result<RobotHistory, HistoryError> {
+    let runs = rows.len();
+    let all = facts_of(&rows);
+    let is_written = summary.facts == all;
+    let (facts, mut left_out) = current(rows);
+    let facts = within(facts, asked, &robot, &mut left_out)?;
+    let is_whole = asked.since.is_none() && asked.until.is_none();
+    let (mut judged, new) = judge(lake, &facts, summary, progress);
+    judged.facts = all;
+    let mut history = RobotHistory {
+        robot,
+        sessions: Vec::new(),
+        left_out,
+        runs,
+        from_summary: facts.len() - new,
+        summary_error: None,
+    };
+    if is_whole && !judged.is_cut && (new > 0 || !is_written) {
+        let written = judged.write(lake, &folder);
+        history.summary_error = written.err().map(|error| error.to_string());
+    }
+    for (row, entry) in facts.into_iter().zip(judged.entries) {
+        history.take(row, entry);
+    }
+    Ok(history)
+}
+
+impl RobotHistory {
+    /// Whether the change that each session showed lasts, as the session after it tells.
+    pub fn lasting(sessions: &[PastSession]) -> Vec<Option<bool>> {
+        let next = sessions.iter().skip(1).map(|next| next.judged.settles);
+        next.chain([None]).take(sessions.len()).collect()
+    }
+
+    fn take(&mut self, row: CurrentRow, entry: Entry) {
+        match entry.judged {
+            Ok(judged) => self.sessions.push(PastSession {
+                key: row.fact.key,
+                measured_at_ns: row.fact.measured_at_ns,
+                judged,
+            }),
+            Err(reason) => self.left_out.push(row.left_out(Reason::Unreadable(reason))),
+        }
+    }
+}
+
+/// What each row says that could be read, by its digest.
+fn facts_of(rows: &[Row]) -> BTreeMap<String, Fact> {
+    let fact = |row: &Row| Some((row.digest.clone(), row.fact.as_ref().ok()?.clone()));
+    rows.iter().filter_map(fact).collect()
+}
+
+/// What is said of each row, and how many of them had to be read.
+fn judge(
+    lake: &Lake,
+    rows: &[CurrentRow],
+    summary: Summary,
+    progress: &dyn Progress,
+) -> (Summary, usize) {
+    let mut judged = summary.as_far_as(rows, |row| session::read(lake, &row.fact).is_ok());
+    let new = &rows[judged.entries.len()..];
+    progress.begin("sessions", new.len() as u64);
+    for some in new.chunks(AT_ONCE) {
+        let read: Vec<_> = some
+            .par_iter()
+            .map(|row| session::read(lake, &row.fact))
+            .collect();
+        for (row, figures) in some.iter().zip(read) {
+            let said = figures.map(|figures| judged.course.next(&figures));
+            judged.entries.push(Entry {
+                digest: row.digest.clone(),
+                judged: said,
+            });
+            progress.advance(1);
+        }
+    }
+    progress.end();
+    (judged, new.len())
+}

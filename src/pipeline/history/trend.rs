@@ -1,0 +1,130 @@
+//! The history of a robot → its trend page.
+
+use std::collections::BTreeMap;
+
+use super::{Figure, Kind, PastSession, RobotHistory};
+use crate::history::FALSE_ALARM;
+use crate::manifest::VERSION;
+use crate::report::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
+use crate::report::page::history::html;
+
+/// The page; `figures` are those of each session.
+pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
+    html(&Content {
+        robot: robot.robot.clone(),
+        version: VERSION.to_owned(),
+        false_alarm: FALSE_ALARM,
+        runs: robot.runs,
+        sessions: sessions(robot),
+        series: series(figures),
+        curves: curves(figures),
+        parameters: parameters(figures),
+        left_out: left_out(robot),
+    })
+}
+
+fn sessions(robot: &RobotHistory) -> Vec<Session> {
+    let lasting = RobotHistory::lasting(&robot.sessions);
+    let session = |(past, lasting): (&PastSession, Option<bool>)| Session {
+        name: past.key.session.clone(),
+        run: past.key.run.clone(),
+        segment: past.judged.segment,
+        began: past.judged.began.clone(),
+        against: past.judged.against,
+        moved: past.judged.in_words(),
+        lasting,
+        out_of_control: past.judged.out_of_control().map(str::to_owned).collect(),
+    };
+    robot.sessions.iter().zip(lasting).map(session).collect()
+}
+
+fn series(figures: &[Vec<Figure>]) -> Vec<Series> {
+    let mut series: BTreeMap<&str, Series> = BTreeMap::new();
+    for (place, figure) in numbered(figures) {
+        let Some(charted) = &figure.charted else {
+            continue;
+        };
+        let own = series.entry(&figure.name).or_insert_with(|| Series {
+            name: figure.name.clone(),
+            unit: figure.unit,
+            is_accuracy: figure.kind == Kind::Accuracy,
+            points: Vec::new(),
+        });
+        own.points.push(Point {
+            session: place + 1,
+            value: figure.value,
+            sd: figure.sd,
+            average: charted.average.map(|average| average / charted.limit),
+        });
+    }
+    series.into_values().collect()
+}
+
+fn numbered(figures: &[Vec<Figure>]) -> impl Iterator<Item = (usize, &Figure)> {
+    figures
+        .iter()
+        .enumerate()
+        .flat_map(|(place, own)| own.iter().map(move |figure| (place, figure)))
+}
+
+/// Curves of the first and of the newest session.
+fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
+    let of = |session: Option<&Vec<Figure>>, joint: i64| -> Vec<[f64; 3]> {
+        let own = session.into_iter().flatten();
+        let own =
+            own.filter(|figure| figure.kind == Kind::JointCurve && figure.joint == Some(joint));
+        own.filter_map(|figure| Some([figure.angle_rad?, figure.value, figure.sd?]))
+            .collect()
+    };
+    let joints = figures
+        .iter()
+        .flatten()
+        .filter(|figure| figure.kind == Kind::JointCurve);
+    let joints = joints.filter_map(|figure| figure.joint).max().unwrap_or(0);
+    let curve = |joint| Curve {
+        joint,
+        first: of(figures.first(), joint),
+        newest: of(figures.last().filter(|_| figures.len() > 1), joint),
+    };
+    (1..=joints).map(curve).collect()
+}
+
+/// Parameters of the first and of the newest session.
+fn parameters(figures: &[Vec<Figure>]) -> Vec<Parameter> {
+    let of = |session: &[Figure], name: &str| {
+        let own = session
+            .iter()
+            .find(|figure| figure.kind == Kind::Parameter && figure.name == name)?;
+        Some((own.value, own.sd?))
+    };
+    let (Some(first), Some(newest)) = (figures.first(), figures.last()) else {
+        return Vec::new();
+    };
+    let own = newest
+        .iter()
+        .filter(|figure| figure.kind == Kind::Parameter);
+    let own = own
+        .filter(|figure| !figure.name.starts_with("base_") && !figure.name.starts_with("target_"));
+    own.map(|figure| Parameter {
+        name: figure.name.clone(),
+        unit: figure.unit,
+        first: of(first, &figure.name),
+        newest: of(newest, &figure.name),
+    })
+    .collect()
+}
+
+fn left_out(robot: &RobotHistory) -> Vec<(String, String)> {
+    let row = |left_out: &super::LeftOut| {
+        let who = match &left_out.key {
+            Some(key) => format!("{}, run {}", key.session, key.run),
+            None => left_out.place.display().to_string(),
+        };
+        let why = match &left_out.reason {
+            super::Reason::Unreadable(reason) => format!("not readable: {reason}"),
+            other => other.word().to_owned(),
+        };
+        (who, why)
+    };
+    robot.left_out.iter().map(row).collect()
+}

@@ -1,0 +1,209 @@
+//! How long a history takes: `cargo bench --bench history`. A lake of 10,000 sessions of one robot (asked: 1 s on two cores), once
+//! from nothing and then from what was kept; beside it the floor, reading and digesting every row of `runs`. The sessions carry
+//! a geometric model of 36 unknowns; whole models take some 0.1 s each the first time, and the same time from what was kept.
+
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use posegrid::fit::saved::SavedCalibration;
+use posegrid::fit::{self, FitSettings, Freedom, Noise, TrackerUncertainty};
+use posegrid::io::lake::Lake;
+use posegrid::io::schema::{self, ColumnType};
+use posegrid::io::table::{Columns, Table, write};
+use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::manifest::{Input, Outcome, RunKey, Work, Written, digest};
+use posegrid::pipeline::history::{Asked, history};
+use posegrid::progress::Quiet;
+use posegrid::simulate::{Poses, SimulateSettings, simulate};
+use rayon::prelude::*;
+
+fn main() {
+    let sessions = if std::env::args().any(|arg| arg == "--bench") {
+        10_000
+    } else {
+        20
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let lake = Lake::new(folder.path());
+    let model = model();
+    (0..sessions)
+        .into_par_iter()
+        .for_each(|number| put(&lake, number, &model));
+    println!("{sessions} sessions");
+    for name in ["from nothing", "from what was kept", "again", "again"] {
+        let begin = Instant::now();
+        let robots = history(&lake, &Asked::default(), &Quiet).expect("a history");
+        let seconds = begin.elapsed().as_secs_f64();
+        let found = &robots[0];
+        assert_eq!((found.sessions.len(), found.left_out.len()), (sessions, 0));
+        println!(
+            "{name:<20} {seconds:>8.2} s, {} of them kept",
+            found.from_summary
+        );
+    }
+    let begin = Instant::now();
+    let bytes: usize = files(&folder.path().join("runs"));
+    println!(
+        "reading and digesting every row of runs alone: {:.2} s, {:.1} MB",
+        begin.elapsed().as_secs_f64(),
+        bytes as f64 / 1e6
+    );
+}
+
+fn files(folder: &Path) -> usize {
+    let robot = fs::read_dir(folder)
+        .expect("readable")
+        .next()
+        .expect("a robot")
+        .expect("readable")
+        .path();
+    let sessions: Vec<_> = fs::read_dir(robot)
+        .expect("readable")
+        .map(|entry| entry.expect("readable").path())
+        .collect();
+    let of = |session: &std::path::PathBuf| -> usize {
+        let rows = fs::read_dir(session)
+            .expect("readable")
+            .map(|row| fs::read(row.expect("readable").path()).expect("readable"));
+        rows.map(|bytes| {
+            let _ = blake3::hash(&bytes);
+            bytes.len()
+        })
+        .sum()
+    };
+    sessions.par_iter().map(of).sum()
+}
+
+/// A geometric calibration of a KR 210 as a run publishes it; the session's name stands for `SESSION`.
+fn model() -> String {
+    let text = fs::read_to_string("pipelines/robots/kr210-r2700-extra.toml").expect("a robot file");
+    let arm: Arm = toml::from_str::<RobotFile>(&text)
+        .expect("a robot file")
+        .arm()
+        .expect("an arm");
+    let home: Vec<f64> = [0.0_f64, -75.0, 95.0, 0.0, 60.0, 0.0]
+        .map(f64::to_radians)
+        .to_vec();
+    let around = |side: f64| home.iter().map(|q| q + side * 0.6).collect();
+    let poses = Poses::Joints {
+        count: 80,
+        lower: around(-1.0),
+        upper: around(1.0),
+    };
+    let simulated =
+        simulate(&arm, &SimulateSettings::realistic(1, home.clone(), poses)).expect("in reach");
+    let tracker = TrackerUncertainty {
+        range_um: 10.0,
+        range_um_per_m: 0.3,
+        transverse_um: 15.0,
+        transverse_um_per_m: 6.0,
+        divisor: 2.0,
+        orientation_rad: None,
+    };
+    let noise = Noise {
+        tracker,
+        repeatability_mm: 0.03,
+        orientations: false,
+    };
+    let seen = fit::observations(0, &simulated.stations(), &arm, &noise);
+    let fitted =
+        fit::identify(&arm, &seen, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit");
+    serde_json::to_string(&SavedCalibration::of(&fitted, &arm, &["SESSION"])).expect("JSON")
+}
+
+/// Writes what the history reads of one session, without the waits for the disk that a run has.
+fn put(lake: &Lake, number: usize, model: &str) {
+    let session = format!("s{number:06}");
+    let work = Work {
+        robot: "kr210".to_owned(),
+        session: session.clone(),
+        pipeline: "nightly".to_owned(),
+        sessions: vec![session.clone()],
+        test_sessions: Vec::new(),
+        inputs: vec![Input {
+            name: "robot".to_owned(),
+            bytes: 1,
+            digest: "00".repeat(32),
+        }],
+        // As long as the settings of a real run.
+        settings: format!("{{\"settings\":\"{}\"}}", "x".repeat(2600)),
+    };
+    let key = work.key();
+    let clocks = filled("clocks", 1, &key, |columns| {
+        (columns.same("origin_ns", number as i64), vec!["origin_ns"])
+    });
+    let own = model.replace("SESSION", &session);
+    let calibrations = filled("calibrations", 1, &key, |columns| {
+        (
+            columns.same("model_kind", "geometric").same("model", own),
+            vec!["model_kind", "model"],
+        )
+    });
+    let names = ["mean", "p95"];
+    let accuracy = filled("accuracy", 2, &key, |columns| {
+        let columns = columns
+            .same("split", "blocks")
+            .same("model", "base_target")
+            .same("role", "held_out")
+            .same("of_session", &session)
+            .column("name", names)
+            .column("value", [Some(0.3 + 1e-3 * (number % 7) as f64), Some(0.6)]);
+        (
+            columns,
+            vec!["split", "model", "role", "of_session", "name", "value"],
+        )
+    });
+    let written = [clocks, calibrations, accuracy].map(|table| save(lake, &table, &key));
+    let outcome = Outcome {
+        verdict: "met".to_owned(),
+        reason: None,
+        replaces: None,
+    };
+    let row = work.runs_table(&[], &written, &outcome).expect("a row");
+    save(lake, &row, &key);
+}
+
+fn save(lake: &Lake, table: &Table, key: &RunKey) -> Written {
+    let path = lake.path(table.schema(), key).expect("a path");
+    fs::create_dir_all(path.parent().expect("in a folder")).expect("writable");
+    let bytes = write(table, Vec::new()).expect("a table");
+    fs::write(&path, &bytes).expect("writable");
+    Written {
+        table: table.schema().table.clone(),
+        session: key.session.clone(),
+        rows: table.rows() as u64,
+        digest: digest(&bytes[..]).expect("bytes").0,
+    }
+}
+
+/// A table whose other columns hold anything that their contract allows.
+fn filled(
+    name: &str,
+    rows: usize,
+    key: &RunKey,
+    own: impl FnOnce(Columns) -> (Columns, Vec<&'static str>),
+) -> Table {
+    let schema = schema::find(name).expect("a table");
+    let (mut columns, given) = own(Columns::new(schema, rows).key(key));
+    for column in &schema.columns[3..] {
+        let name = column.name.as_str();
+        if given.contains(&name) {
+            continue;
+        }
+        columns = match column.kind {
+            _ if column.nullable => columns.absent([name]),
+            ColumnType::Float64 => columns.same(name, 0.0),
+            ColumnType::Int64 => columns.same(name, 0_i64),
+            ColumnType::Bool => columns.same(name, false),
+            ColumnType::String => columns.same(
+                name,
+                column.values.as_ref().map_or("", |words| words[0].as_str()),
+            ),
+            ColumnType::ListFloat64 => columns.same(name, Vec::<f64>::new()),
+            ColumnType::ListInt64 => columns.same(name, Vec::<u64>::new()),
+            ColumnType::ListString => columns.same(name, Vec::<String>::new()),
+        };
+    }
+    columns.finish().expect("the contract is kept")
+}

@@ -1,0 +1,335 @@
+//! False alarms at the stated rate, and known changes named: on sessions drawn from a real fit's own information, and on sessions
+//! simulated station by station and identified by the whole model.
+//!
+//! Rates of long runs: `cargo test --release --test history -- --ignored --nocapture`.
+
+use posegrid::fit::full::{FullModel, FullSettings};
+use posegrid::fit::saved::SavedCalibration;
+use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
+use posegrid::geometry::isometry_from_rpy;
+use posegrid::history::compare::Comparison;
+use posegrid::history::estimate::{Column, Estimate};
+use posegrid::history::suspects::{Asked, Finding, Suspect, find, suspects};
+use posegrid::history::{Basis, Course, Judged, SessionFigures};
+use posegrid::kinematics::{Arm, Axis, LinkQuantity, Motion, Parameter, RobotFile};
+use posegrid::simulate::{
+    ArmErrors, Commanded, Ingredient, Poses, SimulateSettings, Stream, visits,
+};
+
+const STATIONS: usize = 80;
+const HOME_DEG: [f64; 6] = [0.0, -75.0, 95.0, 0.0, 60.0, 0.0];
+const SPREAD_DEG: [f64; 6] = [60.0, 30.0, 35.0, 90.0, 40.0, 120.0];
+
+fn arm() -> Arm {
+    let text = include_str!("../../pipelines/robots/kr210-r2700-extra.toml");
+    let file: RobotFile = toml::from_str(text).expect("a robot file");
+    file.arm().expect("a valid arm")
+}
+
+/// Stations of a KR 210 with realistic errors (arm 7) at random configurations.
+fn observations(
+    arm: &Arm,
+    session: u64,
+    change: impl Fn(&mut SimulateSettings, &mut ArmErrors),
+) -> Vec<Observation> {
+    let home: Vec<f64> = HOME_DEG.iter().map(|q| q.to_radians()).collect();
+    let listed = || Poses::Listed { joints: Vec::new() };
+    let of_arm = SimulateSettings::realistic(7, home.clone(), listed());
+    let mut errors = ArmErrors::draw(arm, &of_arm);
+    let mut settings = SimulateSettings::realistic(1000 + session, home.clone(), listed());
+    change(&mut settings, &mut errors);
+    let target = isometry_from_rpy(
+        settings.cell.flange_from_target_mm,
+        settings.cell.flange_from_target_rpy,
+    );
+    let mut poses = Stream::new(session, Ingredient::Poses);
+    let commanded: Vec<Commanded> = (0..STATIONS)
+        .map(|_| {
+            let sides = SPREAD_DEG.map(|spread| spread.to_radians());
+            let joints: Vec<f64> = home
+                .iter()
+                .zip(sides)
+                .map(|(q, side)| q + poses.between(-side, side))
+                .collect();
+            Commanded {
+                base_from_target: arm.chain().nominal(&arm.axes(&joints)) * target,
+                joints,
+            }
+        })
+        .collect();
+    let visits = visits(arm, &settings, &errors, &commanded);
+    let stations: Vec<_> = visits.into_iter().map(|visit| visit.station).collect();
+    let noise = Noise {
+        tracker: TrackerUncertainty {
+            range_um: 10.0,
+            range_um_per_m: 0.3,
+            transverse_um: 15.0,
+            transverse_um_per_m: 6.0,
+            divisor: 2.0,
+            orientation_rad: None,
+        },
+        repeatability_mm: 0.03,
+        orientations: false,
+    };
+    fit::observations(0, &stations, arm, &noise)
+}
+
+fn geometric(arm: &Arm) -> Estimate {
+    let seen = observations(arm, 1, |_, _| ());
+    let fitted =
+        fit::identify(arm, &seen, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit");
+    let saved = SavedCalibration::of(&fitted, arm, &["one"]);
+    Estimate::of_geometric(&saved)
+        .expect("sound")
+        .expect("an estimate")
+}
+
+fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
+    let settings = FitSettings::default();
+    let start = fit::identify(arm, seen, 1, Freedom::Geometry, &settings).expect("a fit");
+    let quick = FullSettings {
+        harmonics: 12,
+        gear_lines: false,
+        ..FullSettings::default()
+    };
+    let up = Some(nalgebra::Vector3::z_axis());
+    let model = FullModel::train(
+        arm,
+        seen,
+        &start.frames,
+        &start.geometry,
+        settings.prior(),
+        &quick,
+        up,
+    );
+    Estimate::of_full(&model.expect("a model")).expect("an estimate")
+}
+
+/// Sessions of the same poses, with a truth of their own each.
+struct Drawing {
+    of: Estimate,
+    stream: Stream,
+}
+
+impl Drawing {
+    fn new(of: &Estimate, seed: u64) -> Self {
+        Self {
+            of: of.clone(),
+            stream: Stream::new(seed, Ingredient::Errors),
+        }
+    }
+
+    fn next(&mut self, truth: &[(Column, f64)]) -> Estimate {
+        let normals = self.stream.normals(self.of.columns().len(), 1.0);
+        self.of.drawn(truth, &normals)
+    }
+
+    /// A session with that truth against one without.
+    fn compared(&mut self, truth: &[(Column, f64)]) -> (Vec<Asked>, Finding) {
+        let (earlier, later) = (self.next(&[]), self.next(truth));
+        let comparison = Comparison::new(&earlier, &later);
+        find(&comparison, &suspects(comparison.columns()))
+    }
+}
+
+fn base(axis: Axis) -> Column {
+    Column::Chain(Parameter::Base(Motion::Translation(axis)))
+}
+
+fn target(axis: Axis) -> Column {
+    Column::Chain(Parameter::Target(Motion::Translation(axis)))
+}
+
+fn theta(joint: usize) -> Column {
+    let quantity = LinkQuantity::Theta;
+    Column::Chain(Parameter::Link { joint, quantity })
+}
+
+/// Pairs of sessions without a change: how often the test of everything, and the smallest of all corrected, are below 0.1.
+fn below_a_tenth(of: &Estimate, rounds: usize) -> (usize, usize) {
+    let mut drawing = Drawing::new(of, 1);
+    let (mut omnibus, mut any) = (0, 0);
+    for _ in 0..rounds {
+        let (asked, _) = drawing.compared(&[]);
+        let all = asked
+            .iter()
+            .find(|asked| asked.suspect == Suspect::Anything);
+        omnibus += usize::from(all.expect("asked").alone.p_value() < 0.1);
+        let p_values = asked.iter().map(|asked| asked.alone.p_value());
+        any += usize::from(p_values.fold(1.0, f64::min) * (asked.len() as f64) < 0.1);
+    }
+    (omnibus, any)
+}
+
+#[test]
+fn p_values_are_uniform_where_nothing_changed() {
+    let rounds = 400;
+    let (omnibus, any) = below_a_tenth(&geometric(&arm()), rounds);
+    // 10 % of 400 is 40 ± 6; suspects overlap, so of the corrected ones there are fewer, but some.
+    assert!(
+        (22..=58).contains(&omnibus),
+        "{omnibus} of {rounds} below 0.1"
+    );
+    assert!(
+        (6..=58).contains(&any),
+        "{any} of {rounds} families below 0.1"
+    );
+}
+
+/// How often, of `rounds`, the part is among those named, is named alone, and a wrong part is named alone.
+fn named(of: &Estimate, truth: &[(Column, f64)], part: Suspect, rounds: usize) -> [usize; 3] {
+    let mut drawing = Drawing::new(of, 2);
+    let mut counts = [0; 3];
+    for _ in 0..rounds {
+        let (_, finding) = drawing.compared(truth);
+        let parts = finding.parts();
+        counts[0] += usize::from(parts.contains(&part));
+        counts[1] += usize::from(parts == [part]);
+        counts[2] += usize::from(parts.len() == 1 && parts != [part]);
+    }
+    counts
+}
+
+fn changes() -> [(&'static str, Vec<(Column, f64)>, Suspect); 4] {
+    [
+        (
+            "base 0.2 mm along x",
+            vec![(base(Axis::X), 0.2)],
+            Suspect::Base,
+        ),
+        (
+            "target 0.1 mm along x",
+            vec![(target(Axis::X), 0.1)],
+            Suspect::Target,
+        ),
+        (
+            "joint 3 by 50 µrad",
+            vec![(theta(3), 50e-6)],
+            Suspect::JointOffset(3),
+        ),
+        (
+            "joint 3 by 150 µrad",
+            vec![(theta(3), 150e-6)],
+            Suspect::JointOffset(3),
+        ),
+    ]
+}
+
+#[test]
+fn known_changes_are_named() {
+    let of = geometric(&arm());
+    for (name, truth, part) in changes() {
+        let [among, alone, wrong] = named(&of, &truth, part, 40);
+        eprintln!("{name}: among those named {among}, alone {alone}, another alone {wrong}, of 40");
+    }
+}
+
+fn figures(estimate: Estimate) -> SessionFigures {
+    let name = || "the same".to_owned();
+    let basis = Basis {
+        pipeline: name(),
+        version: name(),
+        robot_file: name(),
+        settings: name(),
+        model: name(),
+    };
+    SessionFigures {
+        basis,
+        estimate,
+        accuracy: Vec::new(),
+    }
+}
+
+/// Sessions measured one after another, with what `change` makes of the cell and the arm.
+fn measured(
+    sessions: std::ops::Range<u64>,
+    change: impl Fn(u64, &mut SimulateSettings, &mut ArmErrors),
+) -> Vec<Judged> {
+    let arm = arm();
+    let mut course = Course::default();
+    let judge = |session: u64| {
+        let seen = observations(&arm, session, |settings, errors| {
+            // The base drifts in every session otherwise, and has moved indeed.
+            settings.cell.base_drift_mm = 0.0;
+            change(session, settings, errors);
+        });
+        course.next(&figures(full(&arm, &seen)))
+    };
+    sessions.map(judge).collect()
+}
+
+fn told(judged: &[Judged]) {
+    for (session, judged) in judged.iter().enumerate() {
+        let all = judged
+            .asked
+            .iter()
+            .find(|asked| asked.suspect == Suspect::Anything);
+        let all = all.map(|asked| (asked.alone.statistic, asked.alone.freedom));
+        eprintln!(
+            "{session} against {}: {:?} {all:?} settles {:?}",
+            judged.against,
+            judged.in_words(),
+            judged.settles
+        );
+    }
+}
+
+#[test]
+fn the_whole_model_finds_what_moved_from_measured_stations() {
+    let judged = measured(0..9, |session, settings, errors| {
+        if session >= 3 {
+            settings.cell.tracker_from_base_mm[0] += 0.2;
+        }
+        if session >= 6 {
+            errors.flange_from_target_mm[0] += 0.1;
+        }
+    });
+    told(&judged);
+}
+
+#[test]
+#[ignore = "minutes: rates over many sessions"]
+fn rates_over_many_sessions() {
+    let arm = arm();
+    let of = [
+        ("geometric", geometric(&arm)),
+        ("full", full(&arm, &observations(&arm, 1, |_, _| ()))),
+    ];
+    for (name, of) in &of {
+        let rounds = 3000;
+        let (omnibus, any) = below_a_tenth(of, rounds);
+        println!("{name}, no change: {omnibus} and {any} of {rounds} below 0.1");
+        for (change, truth, part) in changes() {
+            let [among, alone, wrong] = named(of, &truth, part, 300);
+            println!(
+                "{name}, {change}: among {among}, alone {alone}, another alone {wrong}, of 300"
+            );
+        }
+    }
+    let judged = measured(0..120, |_, _, _| ());
+    let alarms = judged
+        .iter()
+        .filter(|judged| judged.finding != Finding::Nothing)
+        .count();
+    let out = judged
+        .iter()
+        .filter(|judged| judged.out_of_control().next().is_some())
+        .count();
+    println!("120 measured sessions without a change: {alarms} alarms, {out} out of control");
+    let mut ratio: Vec<f64> = judged
+        .iter()
+        .filter_map(|judged| {
+            judged
+                .asked
+                .iter()
+                .find(|asked| asked.suspect == Suspect::Anything)
+        })
+        .map(|asked| asked.alone.statistic / asked.alone.freedom as f64)
+        .collect();
+    ratio.sort_by(f64::total_cmp);
+    println!(
+        "chi-square over degrees of freedom: median {:.2}, largest {:.2}",
+        ratio[ratio.len() / 2],
+        ratio[ratio.len() - 1]
+    );
+}
