@@ -13,6 +13,7 @@
 mod current;
 mod error;
 mod name;
+mod parts;
 mod rows;
 mod run;
 pub(crate) mod temporary;
@@ -27,6 +28,7 @@ use crate::manifest::RunKey;
 use error::folder_error;
 
 pub use error::LakeError;
+pub use parts::{OpenTable, WholeTable};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 
