@@ -371,7 +371,6 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
     };
     JoinedSession {
         name: "simulated".to_owned(),
-        log: None,
         log_rejects: vec![],
         counts: BTreeMap::default(),
         commanded: commanded(&joined.stations, arm, &frames),

@@ -30,7 +30,6 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     Some(JoinedSession {
         sampling_plan: None,
         name: name.to_owned(),
-        log: None,
         log_rejects: recording.rejects,
         counts: recording.counts,
         joined,

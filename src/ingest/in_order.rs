@@ -8,13 +8,12 @@ use super::decoded::{DecodedJoints, Origin, Origins};
 use super::rows::Rows;
 use super::{LogReject, Mapping, RowFault, SpanClock, StreamCounts};
 
-/// Samples held back: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
-const HELD_BACK: usize = 16_384;
-
 /// Joint angles on their way.
 #[derive(Debug)]
 pub struct JointsInOrder {
     to_rad: f64,
+    /// Samples that are given on together.
+    piece: usize,
     topic: String,
     held: Held,
     /// Stamp of the last row of the block before.
@@ -46,10 +45,14 @@ pub struct JointAccount {
 }
 
 impl JointsInOrder {
-    /// Nothing read yet.
-    pub fn new(mapping: &Mapping) -> Self {
+    /// Samples held back: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
+    pub const HELD_BACK: usize = 16_384;
+
+    /// Nothing read yet; samples will be given on in pieces of so many, but for the last.
+    pub fn new(mapping: &Mapping, piece: usize) -> Self {
         Self {
             to_rad: mapping.controller.unit.to_rad(),
+            piece,
             topic: mapping.controller.topic.clone(),
             held: Held {
                 angles: vec![Vec::new(); mapping.joints.len()],
@@ -71,7 +74,7 @@ impl JointsInOrder {
         block: &DecodedJoints,
         file: &str,
         place: (u64, u64),
-        give_on: impl FnMut(&[i64], &[&[f64]]),
+        mut give_on: impl FnMut(&[i64], &[&[f64]]),
     ) {
         let stamps = &block.stamps;
         let (Some(&first), Some(&last)) = (stamps.first(), stamps.last()) else {
@@ -95,15 +98,14 @@ impl JointsInOrder {
         self.note_file(file, stamps);
         self.held.take(&rows, block, self.to_rad);
         self.rejects.extend(rows.rejects);
-        if self.held.stamps.len() >= 2 * HELD_BACK {
-            self.give_on(HELD_BACK, give_on);
-        }
+        let due = |held: usize| held.saturating_sub(Self::HELD_BACK) / self.piece * self.piece;
+        self.give_on(due(self.held.stamps.len()), &mut give_on);
     }
 
     /// Gives on what is left; `None` where the log has to be read as a whole, to be put in order or to say why nothing
     /// of it can be used.
-    pub fn finish(mut self, give_on: impl FnMut(&[i64], &[&[f64]])) -> Option<JointAccount> {
-        self.give_on(0, give_on);
+    pub fn finish(mut self, mut give_on: impl FnMut(&[i64], &[&[f64]])) -> Option<JointAccount> {
+        self.give_on(self.held.stamps.len(), &mut give_on);
         // Files are put in the order of their earliest stamps.
         let in_order = self.files.windows(2).all(|pair| pair[0].1 < pair[1].1);
         let usable = self.counts.kept > 0 && self.stamped;
@@ -136,20 +138,22 @@ impl JointsInOrder {
         }
     }
 
-    fn give_on(&mut self, held_back: usize, mut give_on: impl FnMut(&[i64], &[&[f64]])) {
+    /// Gives on the earliest `count` of the samples held back.
+    fn give_on(&mut self, count: usize, give_on: &mut impl FnMut(&[i64], &[&[f64]])) {
+        if count == 0 {
+            return;
+        }
         let held = &mut self.held;
         held.sort();
-        let count = held.stamps.len().saturating_sub(held_back);
-        let (Some(&first), Some(&last)) = (held.stamps.first(), held.stamps[..count].last()) else {
-            return;
-        };
+        let (first, last) = (held.stamps[0], held.stamps[count - 1]);
         self.fits &= held.given_on.is_none_or(|given_on| given_on <= first);
         let stamps = &held.stamps[..count];
         let repeated = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
         self.counts.duplicate_stamps += repeated as u64 + u64::from(held.given_on == Some(first));
-        if self.fits {
-            let angles: Vec<&[f64]> = held.angles.iter().map(|column| &column[..count]).collect();
-            give_on(stamps, &angles);
+        for from in (0..count).step_by(self.piece).take_while(|_| self.fits) {
+            let piece = from..(from + self.piece).min(count);
+            let columns = held.angles.iter().map(|column| &column[piece.clone()]);
+            give_on(&stamps[piece.clone()], &columns.collect::<Vec<_>>());
         }
         held.given_on = Some(last);
         held.stamps.drain(..count);

@@ -15,6 +15,7 @@ mod current;
 mod error;
 mod lock;
 mod name;
+mod parts;
 mod rows;
 mod run;
 pub(crate) mod temporary;
@@ -30,6 +31,7 @@ use error::folder_error;
 
 pub use error::LakeError;
 pub use lock::{Holder, Lock, Locking};
+pub use parts::{OpenTable, WholeTable};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 

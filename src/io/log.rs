@@ -9,7 +9,8 @@
 //! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
 //! 5. [`crate::ingest::ingest`] makes the recording.
 //!
-//! Where the joint samples themselves are not wanted, they go into dwells as they are decoded ([`read_dwells`]).
+//! Where the joint samples themselves need not be held, they go into dwells as they are decoded ([`read_dwells`]), and to
+//! whoever else wants them in order of time ([`read_dwells_beside`]).
 
 mod account;
 mod block;
@@ -39,13 +40,13 @@ use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
-pub use dwells::read_dwells;
+pub use dwells::{JointSink, read_dwells, read_dwells_beside};
 pub use packed::{Packed, PackedFault};
 pub use peeked::{has_no_end, session_record};
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use scan::{Visitor, ns, scan};
-pub use session::{SessionLogs, decode_session};
+pub use session::{SessionLogs, decode_session, read_metadata};
 pub use streams::{Glance, Layout, Suggestion, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;

@@ -31,7 +31,7 @@ mod words;
 
 use thiserror::Error;
 
-use super::lake::{Commit, Lake, LakeError, OpenRun};
+use super::lake::{Commit, LakeError, OpenRun};
 use super::page::{self, About, Said};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
@@ -104,19 +104,15 @@ pub enum PublishError {
     Model(#[from] serde_json::Error),
 }
 
-/// Writes every table of a run, its page, and then its row of `runs`.
+/// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
 pub fn publish(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
-    lake: &Lake,
+    mut run: OpenRun<'_>,
     work: &Work,
     said: &Said,
 ) -> Result<Commit, PublishError> {
-    let key = work.key();
-    let Some(mut run) = lake.start(&key)? else {
-        return Ok(Commit::AlreadyThere);
-    };
-    let tables = publish_tables(outcome, context, &mut run, &key)?;
+    let tables = publish_tables(outcome, context, &mut run)?;
     let counts = counts::counts(outcome);
     let about = About {
         work,
@@ -132,22 +128,23 @@ pub fn publish(
     Ok(run.commit(&row)?)
 }
 
-/// Writes the tables and gives them for the page; decoded samples, which may be many, are written in parts and not kept.
+/// Writes the tables and gives them for the page.
 fn publish_tables(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
     run: &mut OpenRun<'_>,
-    key: &RunKey,
 ) -> Result<Vec<Table>, PublishError> {
+    let key = run.key().clone();
+    run.publish_kept()?;
     let mut tables = Vec::new();
     for session in outcome.training.iter().chain(&outcome.test) {
-        let own = key.of_session(&session.name);
-        tables.extend(of_session(session, context, &own)?);
-        if let Some(log) = &session.log {
-            run.publish_parts(logs::parts(log), |part| logs::logs(log, part, &own))?;
-        }
+        tables.extend(of_session(
+            session,
+            context,
+            &key.of_session(&session.name),
+        )?);
     }
-    tables.extend(of_run(outcome, context, key)?);
+    tables.extend(of_run(outcome, context, &key)?);
     for table in &tables {
         run.publish(table)?;
     }

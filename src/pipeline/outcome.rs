@@ -4,7 +4,7 @@ use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::{Calibration, Gauge};
 use crate::grid::Grids;
-use crate::ingest::{LogReject, Recording};
+use crate::ingest::LogReject;
 use crate::join::Joined;
 use crate::report::{Accuracy, Model, ResidualSet};
 use crate::similarity::Semivariogram;
@@ -14,8 +14,6 @@ use crate::similarity::Semivariogram;
 pub struct JoinedSession {
     /// Its name.
     pub name: String,
-    /// The decoded samples, where they are to be published.
-    pub log: Option<Recording>,
     /// Messages and byte ranges its logs lost.
     pub log_rejects: Vec<LogReject>,
     /// What was read, by kind.

@@ -4,7 +4,6 @@
 //! alone. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
 //! that makes the run exist.
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -22,12 +21,13 @@ use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
-use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::log::{LogError, read_dwells, read_session};
+use crate::io::lake::{Commit, Lake, LakeError, OpenRun};
+use crate::io::log::{LogError, read_dwells, read_dwells_beside, read_metadata};
 use crate::io::page::Said;
+use crate::io::tables::logs::LogTable;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::rest::Rest;
-use crate::join::{JoinError, join, join_at_rest};
+use crate::join::{JoinError, join_at_rest};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
 use crate::report::{Angles, Model, Split};
@@ -59,9 +59,6 @@ impl Done {
         self.verdict == Verdict::Meets && self.rejected.is_empty()
     }
 }
-
-/// A session's recording and, where its joint samples were not kept, where the joints rest.
-type Read = (Recording, Option<Rest>);
 
 /// Why a piece of work has no result.
 #[derive(Debug, Error)]
@@ -151,15 +148,14 @@ pub fn run_piece(
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    let mut recordings = BTreeMap::new();
-    let work = work(plan, piece, &mut recordings, progress)?;
+    let work = work(plan, piece)?;
     let key = work.key();
     let lake = Lake::new(&plan.lake);
-    if lake.exists(&key)? {
+    let Some(mut run) = lake.start(&key)? else {
         return already_there(plan, &lake, &key);
-    }
+    };
     let mut joined = |files: &SessionFiles| {
-        let joined = joined(plan, files, recordings.remove(&files.name), progress);
+        let joined = joined(plan, files, &mut run, progress);
         joined.map_err(|error| error.of(files))
     };
     let training = piece
@@ -176,7 +172,7 @@ pub fn run_piece(
     let context = context(plan, &outcome, lake.current(&key)?);
     let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
     let said = said(plan, &outcome, promised.as_ref())?;
-    let commit = tables::publish(&outcome, &context, &lake, &work, &said)?;
+    let commit = tables::publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
@@ -214,20 +210,15 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunErro
     Ok(page.is_file().then_some(page))
 }
 
-/// The work's identity. A log is only read here where nothing else names the robot.
-pub(super) fn work(
-    plan: &Plan,
-    piece: &WorkPiece,
-    recordings: &mut BTreeMap<String, Read>,
-    progress: &dyn Progress,
-) -> Result<Work, RunError> {
+/// The work's identity. A log is only looked into here where nothing else names the robot.
+pub(super) fn work(plan: &Plan, piece: &WorkPiece) -> Result<Work, RunError> {
     let mut inputs = vec![input(&plan.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
         inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
     Ok(Work {
-        robot: robot_name(plan, piece, recordings, progress)?,
+        robot: robot_name(plan, piece)?,
         session: piece.session.clone(),
         pipeline: plan.pipeline.clone(),
         sessions: names(&piece.training),
@@ -286,12 +277,7 @@ pub(super) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
     })
 }
 
-fn robot_name(
-    plan: &Plan,
-    piece: &WorkPiece,
-    recordings: &mut BTreeMap<String, Read>,
-    progress: &dyn Progress,
-) -> Result<String, RunError> {
+fn robot_name(plan: &Plan, piece: &WorkPiece) -> Result<String, RunError> {
     if let Some(name) = &plan.robot {
         return Ok(name.clone());
     }
@@ -299,10 +285,8 @@ fn robot_name(
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
-    let read = read(plan, files, progress)?;
-    let name = read.0.metadata.get("session.robot").cloned();
-    recordings.insert(files.name.clone(), read);
-    name.ok_or_else(none)
+    let mut metadata = read_metadata(&files.logs, plan.limits)?;
+    metadata.remove("session.robot").ok_or_else(none)
 }
 
 /// What the lake says of a run that it has.
@@ -336,21 +320,32 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
     })
 }
 
-/// Reads a session; without its joint samples, unless they are to be published.
-fn read(plan: &Plan, files: &SessionFiles, progress: &dyn Progress) -> Result<Read, RunError> {
-    let (logs, mapping, limits) = (&files.logs, &plan.mapping, plan.limits);
-    let (recording, rest) = if plan.logs {
-        (read_session(logs, mapping, limits, progress)?, None)
-    } else {
-        let rule = plan.join.arm_rule();
-        let (recording, rest) = read_dwells(logs, mapping, limits, &rule, progress)?;
-        (recording, Some(rest))
+/// Reads a session, and meanwhile writes its decoded samples, where they are to be published.
+fn read(
+    plan: &Plan,
+    files: &SessionFiles,
+    run: &mut OpenRun<'_>,
+    progress: &dyn Progress,
+) -> Result<(Recording, Rest), RunError> {
+    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
+    let within = |recording: &Recording| {
+        damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
+            session: files.name.clone(),
+            damage,
+        })
     };
-    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
-        session: files.name.clone(),
-        damage,
-    })?;
-    Ok((recording, rest))
+    if !plan.logs {
+        let read = read_dwells(logs, mapping, plan.limits, &rule, progress)?;
+        within(&read.0)?;
+        return Ok(read);
+    }
+    let mut samples = LogTable::new(run, &files.name);
+    let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
+    within(&read.0)?;
+    if let Some(table) = samples.finish(&read.0)? {
+        run.keep(table);
+    }
+    Ok(read)
 }
 
 /// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
@@ -369,22 +364,15 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
 fn joined(
     plan: &Plan,
     files: &SessionFiles,
-    read_before: Option<Read>,
+    run: &mut OpenRun<'_>,
     progress: &dyn Progress,
 ) -> Result<JoinedSession, RunError> {
-    let (recording, rest) = match read_before {
-        Some(read) => read,
-        None => read(plan, files, progress)?,
-    };
+    let (recording, rest) = read(plan, files, run, progress)?;
     let wrong = |source| RunError::Join {
         session: files.name.clone(),
         source: Box::new(source),
     };
-    let joined = match &rest {
-        Some(rest) => join_at_rest(&recording, rest, &plan.arm, &plan.join),
-        None => join(&recording, &plan.arm, &plan.join),
-    };
-    let joined = joined.map_err(wrong)?;
+    let joined = join_at_rest(&recording, &rest, &plan.arm, &plan.join).map_err(wrong)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,
@@ -397,9 +385,8 @@ fn joined(
     Ok(JoinedSession {
         name: files.name.clone(),
         sampling_plan: recording.metadata.get("session.plan").cloned(),
-        log_rejects: recording.rejects.clone(),
-        counts: recording.counts.clone(),
-        log: plan.logs.then_some(recording),
+        log_rejects: recording.rejects,
+        counts: recording.counts,
         joined,
         commanded,
     })

@@ -1,11 +1,11 @@
 //! How much more than plain decompression ingest costs, on a log of 2.2 million messages.
 //!
 //! `cargo bench --bench ingest` writes the log (2.0 M joint states of 6 joints, 0.2 M poses, zstd) into a temporary
-//! folder and prints user CPU seconds of each step side by side, from one run. Without `--bench` (as `cargo test`
-//! calls it) a small log shows that it works. `-- dwells` measures only the streaming into dwells, `-- dwells long` also
-//! on a log ten times as long.
+//! folder, once with joints that always move and once with joints that go from rest to rest, and prints user, system and
+//! wall seconds, the ratio of user seconds to those of plain decompression, and peak memory of each step, each taken in a
+//! process of its own. `-- long` does the same on a log ten times as long, side by side. Without `--bench` (as `cargo test`
+//! calls it) a small log shows that it works.
 
-mod dwells;
 mod forms;
 #[expect(
     dead_code,
@@ -13,6 +13,7 @@ mod forms;
 )]
 #[path = "../logs/encodings/proto.rs"]
 mod proto;
+mod steps;
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom};
@@ -25,12 +26,6 @@ use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     TimeSource, TrackerSettings,
 };
-use posegrid::io::inspect::inspect;
-use posegrid::io::lake::Lake;
-use posegrid::io::log::{Limits, decode, read_recording};
-use posegrid::io::tables::logs::{logs, parts};
-use posegrid::manifest::RunKey;
-use posegrid::progress::Quiet;
 
 const JOINTS: [&str; 6] = [
     "joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6",
@@ -43,85 +38,17 @@ const SHARED: &str = "================\nMSG: std_msgs/Header\nbuiltin_interfaces
     ================\nMSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 
 fn main() {
-    let joint_states = if std::env::args().any(|arg| arg == "--bench") {
-        2_000_000
-    } else {
-        2_000
-    };
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    if std::env::args().any(|arg| arg == "dwells") {
-        return dwells::measure_all(folder.path(), joint_states);
+    let args: Vec<String> = std::env::args().collect();
+    if let Some(place) = args.iter().position(|arg| arg == steps::FLAG) {
+        return steps::run_alone(&args[place + 1..]);
     }
-    let path = folder.path().join("log.mcap");
-    write_log(&path, joint_states, |i| i as f64 * 1e-4);
-    let stored = fs::metadata(&path).expect("just written").len();
-    // Also warms the page cache: its first touch is no step's own.
-    let unpacked = decompress(&path);
-    println!(
-        "{} messages, {:.1} MB stored, {:.1} MB decompressed",
-        joint_states + joint_states / 10,
-        stored as f64 / 1e6,
-        unpacked as f64 / 1e6
-    );
-    println!(
-        "{:<44} {:>8} {:>8} {:>8} {:>8}",
-        "step", "user s", "system s", "wall s", "ratio"
-    );
-    let floor = measure("zstd decompression alone", None, || decompress(&path));
-    let limits = Limits::default();
-    let mapping = mapping();
-    measure("decode to columns", Some(floor), || {
-        let decoded = decode(&path, &path, &mapping, limits, &Quiet).expect("a sound log");
-        decoded.joints.stamps.len() as u64
-    });
-    let kept = measure_kept(&path, &mapping, floor);
-    assert_eq!(kept, joint_states, "all joint states are kept");
-    let rows = measure_published(&path, folder.path(), &mapping, floor);
-    assert!(
-        rows >= joint_states + joint_states / 10,
-        "every sample is a row"
-    );
-    measure("inspect", Some(floor), || {
-        inspect(&path, limits, &Quiet)
-            .expect("a sound log")
-            .account
-            .messages
-    });
-    println!("peak memory {} MB", peak_memory_mb());
+    let has = |flag: &str| args.iter().any(|arg| arg == flag);
+    let joint_states = if has("--bench") { 2_000_000 } else { 2_000 };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let lengths = if has("long") { &[1, 10][..] } else { &[1] };
+    let lengths: Vec<u64> = lengths.iter().map(|times| times * joint_states).collect();
+    steps::measure_all(folder.path(), &lengths);
     forms::measure_all(folder.path(), joint_states / 4);
-    dwells::measure_all(folder.path(), joint_states);
-}
-
-fn measure_kept(path: &Path, mapping: &Mapping, floor: f64) -> u64 {
-    let mut kept = 0;
-    measure(
-        "decode, check, order, convert (read_recording)",
-        Some(floor),
-        || {
-            let recording = read_recording(path, path, mapping, Limits::default(), &Quiet)
-                .expect("a sound log");
-            kept = recording.joints.stamps.len() as u64;
-            kept
-        },
-    );
-    kept
-}
-
-/// From the log to the Parquet table of its samples on disk.
-fn measure_published(path: &Path, folder: &Path, mapping: &Mapping, floor: f64) -> u64 {
-    let lake = Lake::new(folder.join("lake"));
-    let key = RunKey::new("robot", "session", "0123456789abcdef0123456789abcdef");
-    let mut rows = 0;
-    measure("the whole path to Parquet log tables", Some(floor), || {
-        let recording =
-            read_recording(path, path, mapping, Limits::default(), &Quiet).expect("a sound log");
-        let mut run = lake.start(&key).expect("a lake").expect("a new run");
-        run.publish_parts(parts(&recording), |part| logs(&recording, part, &key))
-            .expect("space on disk");
-        rows = run.written()[0].rows;
-        rows
-    });
-    rows
 }
 
 /// Runs a step, prints its times, returns its user seconds.
@@ -154,14 +81,6 @@ fn cpu_seconds() -> (f64, f64) {
             / 100.0
     };
     (next(), next())
-}
-
-fn peak_memory_mb() -> u64 {
-    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    peak.and_then(|peak| peak.split_whitespace().next()?.parse::<u64>().ok())
-        .unwrap_or(0)
-        / 1024
 }
 
 /// Decompresses every chunk into one buffer; returns how many bytes.

@@ -1,4 +1,5 @@
-//! Joint states that stream into dwells: what is found and accounted for has to be, bit for bit, what the whole log gives.
+//! Joint states that stream into dwells: what is found and accounted for has to be, bit for bit, what the whole log gives,
+//! and the table of samples written meanwhile byte for byte.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,6 +12,7 @@ use posegrid::join::rest::{Rest, at_rest};
 use posegrid::progress::{Progress, Quiet};
 
 use crate::build::{Cdr, Folder, Log, mapping};
+use crate::tables;
 
 /// 2 ms apart, 200 s: far more samples than are held back or looked at before the first is judged.
 const SAMPLES: usize = 100_000;
@@ -86,6 +88,7 @@ fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
     let streamed = read_dwells(&logs, &mapping(), Limits::default(), &rule, &begun);
     let whole = whole(&logs);
     assert_eq!(format!("{streamed:?}"), format!("{whole:?}"));
+    tables::same_both_ways(&logs, &mapping());
     let dwells = streamed.map_or(0, |(_, rest)| rest.stretches.len());
     (begun.0.into_inner(), dwells)
 }

@@ -12,3 +12,4 @@ mod mutator;
 mod raw;
 mod recordings;
 mod sound;
+mod tables;

@@ -10,7 +10,7 @@ use posegrid::io::log::{Limits, read_recording};
 use posegrid::progress::Quiet;
 
 /// The folder of a recording; `None` where it is not there, which must not happen in CI.
-fn recording(name: &str) -> Option<PathBuf> {
+pub fn recording(name: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../shared/recordings")
         .join(name);
@@ -28,7 +28,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-fn mapping(time: TimeSource) -> Mapping {
+pub fn mapping(time: TimeSource) -> Mapping {
     let joints = [
         "shoulder_pan",
         "shoulder_lift",

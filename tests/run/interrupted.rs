@@ -25,6 +25,36 @@ fn a_killed_run_is_finished_by_the_next_one_with_the_same_bytes() {
     assert_same(&cell.lake(), &expected);
 }
 
+#[test]
+fn samples_stand_under_a_temporary_name_until_their_run_has_a_result() {
+    let samples = "lake = \"lake\"\nlogs = true";
+    let cell = Cell::new()
+        .with("lake = \"lake\"", samples)
+        .with_quickstart("mon");
+    // While the logs are read, or right behind it: long before the first table.
+    killed(&cell, |_, files| files >= 1);
+    let left: Vec<String> = cell.lake().into_keys().collect();
+    assert!(left.iter().all(|path| path.contains(".tmp-")), "{left:?}");
+    cell.run(&[]).expect(0, &["1 of 1 within"]);
+    let samples = cell.table("logs", "mon");
+    assert!(samples.rows() > 10_000, "{}", samples.rows());
+    let left: Vec<String> = cell.lake().into_keys().collect();
+    assert!(!left.iter().any(|path| path.contains(".tmp-")), "{left:?}");
+}
+
+#[test]
+fn a_session_without_a_result_leaves_no_samples() {
+    let cell = Cell::new()
+        .with("lake = \"lake\"", "lake = \"lake\"\nlogs = true")
+        .with("# sessions", "max_lost_share = 0.001")
+        .with_quickstart("mon")
+        .with_log("mon", "controller.mcap", |bytes| {
+            bytes[..bytes.len() / 2].to_vec()
+        });
+    cell.run(&[]).expect(1, &["max_lost_share = 0.001"]);
+    assert!(cell.lake().is_empty());
+}
+
 /// Starts the run and kills it as soon as `now` says so of its age and the number of files in the lake.
 fn killed(cell: &Cell, now: impl Fn(Duration, usize) -> bool) {
     let mut child = started(cell);

@@ -5,17 +5,14 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use parquet::errors::ParquetError;
-use rayon::prelude::*;
 
 use super::error::folder_error;
+use super::parts::{OpenTable, WholeTable};
 use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES};
 use crate::io::schema;
-use crate::io::table::{self, Encoder, PartsFile, Table};
+use crate::io::table::{self, Table};
 use crate::manifest::{RunKey, Written, digest};
-
-/// Parts of a table that are encoded at the same time, at most: each takes some 20 MB meanwhile.
-const PARTS_AT_ONCE: usize = 4;
 
 /// A run whose tables are being written.
 #[derive(Debug)]
@@ -23,6 +20,8 @@ pub struct OpenRun<'a> {
     lake: &'a Lake,
     key: RunKey,
     written: Vec<Written>,
+    /// Tables that wait for the run's result; if there is none they go with it.
+    kept: Vec<WholeTable>,
 }
 
 /// What became of a commit.
@@ -40,7 +39,13 @@ impl<'a> OpenRun<'a> {
             lake,
             key: key.clone(),
             written: Vec::new(),
+            kept: Vec::new(),
         }
+    }
+
+    /// The run.
+    pub const fn key(&self) -> &RunKey {
+        &self.key
     }
 
     /// The tables written so far.
@@ -52,7 +57,15 @@ impl<'a> OpenRun<'a> {
     pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
         let path = self.path(table)?;
         let (temporary, digest) = write(table, &path)?;
-        self.put(table, table.rows() as u64, temporary, digest)
+        let written = Written {
+            table: table.schema().table.clone(),
+            session: table
+                .key()
+                .map_or_else(String::new, |key| key.session.clone()),
+            rows: table.rows() as u64,
+            digest,
+        };
+        self.put_file(path, temporary, written)
     }
 
     /// Writes the run's page.
@@ -71,63 +84,35 @@ impl<'a> OpenRun<'a> {
         self.put_file(path, temporary, written)
     }
 
-    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. Parts are
-    /// made (`table`) and encoded on all threads, while those before them are written; at most four of each
-    /// are in memory. The bytes are the same at any number of threads.
+    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. See
+    /// [`OpenTable::append_all`].
     pub fn publish_parts<P: Send, E: From<LakeError> + Send>(
         &mut self,
         parts: impl IntoIterator<Item = P>,
         table: impl Fn(P) -> Result<Table, E> + Sync,
     ) -> Result<(), E> {
-        let mut parts = parts.into_iter();
-        let Some(first) = parts.next().map(&table).transpose()? else {
-            return Ok(());
-        };
-        let path = self.path(&first)?;
-        let wrong = |error| folder_error("write", &path)(into_io(error));
-        let encoder = Encoder::of(&first).map_err(wrong)?;
-        let mut file = PartsFile::new(&encoder, temporary_beside(&path)?).map_err(wrong)?;
-        let encode = |part: &Table| -> Result<_, E> {
-            Ok((part.rows() as u64, encoder.encode(part).map_err(wrong)?))
-        };
-        let mut rows = 0;
-        let mut ready = vec![encode(&first)?];
-        while !ready.is_empty() {
-            rows += ready.iter().map(|(rows, _)| rows).sum::<u64>();
-            let next: Vec<P> = parts.by_ref().take(at_once()).collect();
-            let append = || ready.iter().try_for_each(|(_, part)| file.append(part));
-            let make = |part| encode(&table(part)?);
-            let make_all = || next.into_par_iter().map(make).collect::<Vec<_>>();
-            let (appended, made) = rayon::join(append, make_all);
-            appended.map_err(wrong)?;
-            // Of several that are wrong the first is told.
-            ready = made.into_iter().collect::<Result<_, E>>()?;
+        let mut open = OpenTable::new(self);
+        open.append_all(parts, table)?;
+        if let Some(whole) = open.finish()? {
+            self.put_file(whole.path, whole.temporary, whole.written)?;
         }
-        let mut temporary = file.finish().map_err(wrong)?;
-        let digest = temporary.sync().map_err(folder_error("write", &path))?;
-        Ok(self.put(&first, rows, temporary, digest)?)
+        Ok(())
+    }
+
+    /// Keeps a table that was written before the run is known to have a result, under its temporary name.
+    pub fn keep(&mut self, table: WholeTable) {
+        self.kept.push(table);
+    }
+
+    /// Puts the tables kept so far in their places.
+    pub fn publish_kept(&mut self) -> Result<(), LakeError> {
+        for table in std::mem::take(&mut self.kept) {
+            self.put_file(table.path, table.temporary, table.written)?;
+        }
+        Ok(())
     }
 
     /// Puts what was written in its place.
-    fn put(
-        &mut self,
-        table: &Table,
-        rows: u64,
-        temporary: Temporary,
-        digest: String,
-    ) -> Result<(), LakeError> {
-        let path = self.path(table)?;
-        let written = Written {
-            table: table.schema().table.clone(),
-            session: table
-                .key()
-                .map_or_else(String::new, |key| key.session.clone()),
-            rows,
-            digest,
-        };
-        self.put_file(path, temporary, written)
-    }
-
     fn put_file(
         &mut self,
         path: PathBuf,
@@ -171,7 +156,7 @@ impl<'a> OpenRun<'a> {
         })
     }
 
-    fn path(&self, table: &Table) -> Result<PathBuf, LakeError> {
+    pub(super) fn path(&self, table: &Table) -> Result<PathBuf, LakeError> {
         match table.key() {
             Some(key) if key.run == self.key.run && key.robot == self.key.robot => {
                 self.lake.path(table.schema(), key)
@@ -215,12 +200,7 @@ fn write(table: &Table, path: &Path) -> Result<(Temporary, String), LakeError> {
     Ok((temporary, digest))
 }
 
-/// As many as there are threads to encode them.
-fn at_once() -> usize {
-    rayon::current_num_threads().min(PARTS_AT_ONCE)
-}
-
-fn temporary_beside(path: &Path) -> Result<Temporary, LakeError> {
+pub(super) fn temporary_beside(path: &Path) -> Result<Temporary, LakeError> {
     let folder = path.parent().expect("a lake's files stand in folders");
     fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
     Temporary::beside(path).map_err(folder_error("write", path))
@@ -234,7 +214,7 @@ fn digest_of(path: &Path) -> Result<String, LakeError> {
 }
 
 /// The system's own error inside a Parquet error, where there is one: a full disk is told as such.
-fn into_io(error: ParquetError) -> io::Error {
+pub(super) fn into_io(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(inner) => match inner.downcast::<io::Error>() {
             Ok(io) => *io,

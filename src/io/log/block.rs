@@ -204,6 +204,8 @@ impl<P> Block<P> {
         let in_chunk = self.extent.chunk.is_some();
         let bytes = records(&self.extent, &self.stored, &self.records);
         let mut unknown = Unknown::default();
+        // Most messages are of the channel of the one before.
+        let mut known: Option<(u16, &V::Decoder)> = None;
         for record in Records::new(bytes) {
             let seen = match record {
                 Err(at) => Seen::Fault(BlockFault::Framing(at)),
@@ -211,8 +213,14 @@ impl<P> Block<P> {
                     None => Seen::Fault(BlockFault::Malformed(op::MESSAGE)),
                     Some(message) => {
                         self.messages += 1;
-                        match registry.decoder(message.channel_id) {
-                            Some(decoder) => visitor.message(decoder, &message, &mut self.part),
+                        let id = message.channel_id;
+                        if known.is_none_or(|(of, _)| of != id) {
+                            known = registry.decoder(id).map(|decoder| (id, decoder));
+                        }
+                        match known {
+                            Some((_, decoder)) => {
+                                visitor.message(decoder, &message, &mut self.part)
+                            }
                             None => unknown.add(&message),
                         }
                         Seen::Known

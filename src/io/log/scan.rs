@@ -5,7 +5,8 @@
 //! 3. A batch of blocks, bounded in bytes, is decompressed, checked and decoded in parallel, each block into a part
 //!    of its own.
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
-//!    that defines channels is worked on when its turn comes.
+//!    that defines channels is worked on when its turn comes. What takes long of that the visitor does while the next
+//!    batch is opened.
 //! 5. Judge what is known only at the end: the checksum of all records, how the file ends.
 
 mod blocks;
@@ -53,6 +54,8 @@ pub trait Visitor: Sync {
     fn message(&self, decoder: &Self::Decoder, message: &MessageRecord<'_>, part: &mut Self::Part);
     /// Empties a part for the next block; its buffers should stay.
     fn clear(&self, part: &mut Self::Part);
+    /// Works on what was merged, while the next blocks are opened; called from one thread at a time.
+    fn meanwhile(&self) {}
     /// Takes over what was made of a block, and adds what it left out of it.
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
 }
@@ -286,9 +289,11 @@ where
         let blocks = &mut self.batch[..self.filled];
         let (visitor, registry) = (&*self.visitor, &self.registry);
         let limit = self.limits.chunk_bytes;
-        blocks
-            .par_iter_mut()
-            .for_each(|block| block.open(visitor, registry, limit));
+        let open = |block: &mut Block<V::Part>| block.open(visitor, registry, limit);
+        rayon::join(
+            || blocks.par_iter_mut().for_each(open),
+            || visitor.meanwhile(),
+        );
         for place in 0..self.filled {
             // Taken out of the batch, to be worked on beside the rest of the scan.
             let mut block = std::mem::take(&mut self.batch[place]);

@@ -10,15 +10,21 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use super::account::Account;
+use super::block::Extent;
 use super::dwells::JointDwells;
-use super::scan::scan;
+use super::record::MessageRecord;
+use super::registry::{Channel, Schema};
+use super::scan::{Visitor, scan};
 use super::streams::{Stream, Streams, Wanted};
 use super::summary::Ending;
 use super::{Limits, LogError, wanted};
-use crate::ingest::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Mapping};
-use crate::progress::Progress;
+use crate::ingest::{
+    Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping,
+};
+use crate::progress::{Progress, Quiet};
 
 /// The files of a session's two sides; a file may belong to both.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -36,6 +42,15 @@ impl SessionLogs {
             controller: vec![controller.to_owned()],
             tracker: vec![tracker.to_owned()],
         }
+    }
+
+    /// The controller's files, in words.
+    pub(super) fn controller_names(&self) -> String {
+        let names = self
+            .controller
+            .iter()
+            .map(|path| path.display().to_string());
+        names.collect::<Vec<_>>().join(", ")
     }
 
     /// Each file once, by its real path.
@@ -108,11 +123,11 @@ pub fn decode_session(
 }
 
 /// The same; joint states go to `dwells`, where there are such, instead of into columns.
-pub(super) fn decode_all(
+pub(super) fn decode_all<'m>(
     logs: &SessionLogs,
-    mapping: &Mapping,
+    mapping: &'m Mapping,
     limits: Limits,
-    dwells: &mut Option<JointDwells>,
+    dwells: &mut Option<Mutex<JointDwells<'m>>>,
     progress: &dyn Progress,
 ) -> Result<Decoded, LogError> {
     let (of_controller, of_tracker) = wanted(mapping);
@@ -132,14 +147,7 @@ pub(super) fn decode_all(
     let mut decoded = Decoded::default();
     for part in &mut parts {
         take_counts(part, &mut decoded);
-        for (name, key, value) in std::mem::take(&mut part.account.metadata) {
-            remember(
-                &mut decoded.metadata,
-                &format!("{name}.{key}"),
-                value,
-                part.role,
-            );
-        }
+        remember_all(&mut decoded.metadata, &mut part.account, part.role);
         decoded.rejects.append(&mut part.account.rejects);
     }
     for wanted in by_side.into_values().flatten() {
@@ -149,12 +157,50 @@ pub(super) fn decode_all(
     Ok(decoded)
 }
 
+/// The metadata records of all logs of a session, as `record.key` → value, controller first; no chunk is opened for them.
+pub fn read_metadata(
+    logs: &SessionLogs,
+    limits: Limits,
+) -> Result<BTreeMap<String, String>, LogError> {
+    // Above this limit a chunk is stepped over.
+    let limits = Limits {
+        chunk_bytes: 0,
+        ..limits
+    };
+    let mut metadata = BTreeMap::new();
+    for file in logs.files() {
+        let name = file.path.display().to_string();
+        let mut account = scan(&file.path, &name, limits, &mut Nothing, &Quiet)?;
+        remember_all(&mut metadata, &mut account, file.role());
+    }
+    Ok(metadata)
+}
+
+/// Wants no message.
+struct Nothing;
+
+impl Visitor for Nothing {
+    type Decoder = ();
+    type Part = ();
+    type Error = LogError;
+
+    fn channel(&mut self, _: &Channel, _: Option<&Schema>) -> Result<(), LogError> {
+        Ok(())
+    }
+
+    fn message(&self, (): &(), _: &MessageRecord<'_>, (): &mut ()) {}
+
+    fn clear(&self, (): &mut ()) {}
+
+    fn merge(&mut self, _: &Extent, (): &mut (), _: &mut Vec<LogReject>) {}
+}
+
 fn read<'m>(
     file: &LogFile,
     wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     limits: Limits,
-    dwells: &mut Option<JointDwells>,
+    dwells: &mut Option<Mutex<JointDwells<'m>>>,
     progress: &dyn Progress,
 ) -> Result<Part<'m>, LogError> {
     let name = file.path.display().to_string();
@@ -221,6 +267,13 @@ fn unknown_topic<'a>(accounts: impl Iterator<Item = &'a Account>, topic: &str) -
             topics.join(", ")
         },
         damage,
+    }
+}
+
+/// Moves the metadata records of a file to those of the session.
+fn remember_all(metadata: &mut BTreeMap<String, String>, account: &mut Account, role: &str) {
+    for (name, key, value) in std::mem::take(&mut account.metadata) {
+        remember(metadata, &format!("{name}.{key}"), value, role);
     }
 }
 

@@ -8,6 +8,7 @@ mod reader;
 mod suggest;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, PoisonError};
 
 use super::block::Extent;
 use super::dwells::JointDwells;
@@ -35,6 +36,16 @@ pub enum Stream {
     Temperatures,
 }
 
+impl Stream {
+    /// In the order of their numbers.
+    pub const ALL: [Self; 4] = [
+        Self::Joints,
+        Self::Commands,
+        Self::Readings,
+        Self::Temperatures,
+    ];
+}
+
 /// A stream and where it comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
@@ -44,7 +55,6 @@ pub struct Wanted {
 }
 
 /// The wanted streams of one file, being filled.
-#[derive(Debug)]
 pub struct Streams<'m> {
     file: String,
     wanted: Vec<Wanted>,
@@ -53,7 +63,7 @@ pub struct Streams<'m> {
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
     /// Where joint states go instead of into columns, if anywhere.
-    pub dwells: Option<JointDwells>,
+    pub dwells: Option<Mutex<JointDwells<'m>>>,
     pub joints: DecodedJoints,
     pub commands: DecodedPoses,
     pub readings: DecodedPoses,
@@ -209,7 +219,7 @@ impl Visitor for Streams<'_> {
 
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
         let Some(reader) = decoder else { return };
-        *part.messages.entry(reader.stream).or_default() += 1;
+        part.messages[reader.stream as usize] += 1;
         if let Err(fault) = reader.read(message, &self.mapping.joints, part) {
             part.faults
                 .entry((reader.stream, fault))
@@ -222,9 +232,19 @@ impl Visitor for Streams<'_> {
         part.clear(self.mapping.joints.len());
     }
 
+    fn meanwhile(&self) {
+        if let Some(dwells) = &self.dwells {
+            let mut dwells = dwells.lock().unwrap_or_else(PoisonError::into_inner);
+            dwells.work();
+        }
+    }
+
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
         match &mut self.dwells {
-            Some(dwells) => dwells.take(&part.joints, &self.file, extent),
+            Some(dwells) => {
+                let dwells = dwells.get_mut().unwrap_or_else(PoisonError::into_inner);
+                dwells.take(&mut part.joints, &self.file, extent);
+            }
             None => append_joints(&mut self.joints, &mut part.joints, extent),
         }
         append_poses(&mut self.commands, &mut part.commands, extent);
@@ -240,8 +260,10 @@ impl Visitor for Streams<'_> {
             self.temperatures.stamps.len(),
             extent,
         );
-        for (stream, count) in &part.messages {
-            *self.messages.entry(*stream).or_default() += count;
+        for (stream, &count) in Stream::ALL.iter().zip(&part.messages) {
+            if count > 0 {
+                *self.messages.entry(*stream).or_default() += count;
+            }
         }
         for ((stream, fault), tally) in std::mem::take(&mut part.faults) {
             *self.undecoded.entry(stream).or_default() += tally.messages.unwrap_or(0);

@@ -1,7 +1,12 @@
 //! `logs`: the decoded samples of both logs, in parts of one row group each, so that only a few are in memory as rows.
+//!
+//! Joint samples come first in the table and are by far the most: they are written while the logs are read
+//! ([`LogTable`]). All others stand in the [`Recording`] anyway, and follow at the end ([`parts`]).
 
 use super::PublishError;
 use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
+use crate::io::lake::{OpenRun, OpenTable, WholeTable};
+use crate::io::log::JointSink;
 use crate::io::schema;
 use crate::io::table::{Columns, ROW_GROUP_ROWS, Table};
 use crate::manifest::RunKey;
@@ -36,6 +41,54 @@ enum Source {
     Temperature,
 }
 
+/// The table of one session, being written while its logs are read. Dropped, it leaves nothing.
+pub struct LogTable<'r> {
+    run: &'r OpenRun<'r>,
+    key: RunKey,
+    /// Joint samples so far.
+    joints: usize,
+    table: Result<OpenTable<'r>, PublishError>,
+}
+
+impl<'r> LogTable<'r> {
+    /// Nothing written yet.
+    pub fn new(run: &'r OpenRun<'r>, session: &str) -> Self {
+        Self {
+            run,
+            key: run.key().of_session(session),
+            joints: 0,
+            table: Ok(OpenTable::new(run)),
+        }
+    }
+
+    /// Writes the samples that the recording has behind the joint samples given before, for [`OpenRun::keep`]; `None`
+    /// where there are none at all.
+    pub fn finish(self, recording: &Recording) -> Result<Option<WholeTable>, PublishError> {
+        let mut table = self.table?;
+        table.append_all(parts(recording), |part| logs(recording, part, &self.key))?;
+        Ok(table.finish()?)
+    }
+}
+
+impl JointSink for LogTable<'_> {
+    fn begin_again(&mut self) {
+        *self = Self::new(self.run, &self.key.session);
+    }
+
+    /// What is wrong is told at the end.
+    fn take(&mut self, stamps_ns: &[i64], angles: &[&[f64]]) {
+        let rows = self.joints..self.joints + stamps_ns.len();
+        self.joints = rows.end;
+        if let Ok(table) = &mut self.table {
+            let part = joint_rows(rows, stamps_ns.iter().copied(), angles, &self.key);
+            let appended = part.and_then(|part| Ok(table.append(&part)?));
+            if let Err(error) = appended {
+                self.table = Err(error);
+            }
+        }
+    }
+}
+
 /// The parts of the table, in the order of its rows.
 pub fn parts(recording: &Recording) -> Vec<Part> {
     let samples = [
@@ -58,7 +111,11 @@ pub fn parts(recording: &Recording) -> Vec<Part> {
 pub fn logs(recording: &Recording, part: Part, key: &RunKey) -> Result<Table, PublishError> {
     let rows = part.rows;
     match part.source {
-        Source::Joints => joint_rows(&recording.joints, rows, key),
+        Source::Joints => {
+            let JointSamples { stamps, angles } = &recording.joints;
+            let angles: Vec<&[f64]> = angles.iter().map(|joint| &joint[rows.clone()]).collect();
+            joint_rows(rows.clone(), in_ns(&stamps[rows]), &angles, key)
+        }
         Source::Command => command_rows(&recording.commands, rows, key),
         Source::Target => target_rows(&recording.readings, rows, key),
         Source::Temperature => temperature_rows(&recording.temperatures, rows, key),
@@ -66,21 +123,21 @@ pub fn logs(recording: &Recording, part: Part, key: &RunKey) -> Result<Table, Pu
 }
 
 /// What every part has: the run, the source, the sample's number and stamp.
-fn columns<C>(
+fn columns(
     key: &RunKey,
     source: &str,
-    rows: &Rows,
-    stamps: &[Stamp<C>],
+    rows: Rows,
+    stamps_ns: impl Iterator<Item = i64>,
 ) -> Result<Columns, PublishError> {
-    let numbers = rows.clone().map(|row| row as u64);
     Ok(Columns::new(schema::find("logs")?, rows.len())
         .key(key)
         .same("source", source)
-        .column("sample", numbers)
-        .column(
-            "stamp_ns",
-            stamps[rows.clone()].iter().map(|stamp| stamp.ns()),
-        ))
+        .column("sample", rows)
+        .column("stamp_ns", stamps_ns))
+}
+
+fn in_ns<C>(stamps: &[Stamp<C>]) -> impl Iterator<Item = i64> {
+    stamps.iter().map(|stamp| stamp.ns())
 }
 
 fn command_rows(
@@ -88,7 +145,8 @@ fn command_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, "command", &rows, &commands.stamps)?
+    let stamps_ns = in_ns(&commands.stamps[rows.clone()]);
+    let table = columns(key, "command", rows.clone(), stamps_ns)?
         .absent(["joints_rad", "temperature_c"])
         .absent(COVARIANCE);
     Ok(placed(
@@ -100,10 +158,15 @@ fn command_rows(
     .finish()?)
 }
 
-fn joint_rows(joints: &JointSamples, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
-    let angles = joints.angles.iter().map(|joint| &joint[rows.clone()]);
-    let table = columns(key, "joints", &rows, &joints.stamps)?
-        .across("joints_rad", &angles.collect::<Vec<_>>())
+/// Stamps and angles (rad, a column a joint) of these rows only.
+fn joint_rows(
+    rows: Rows,
+    stamps_ns: impl Iterator<Item = i64>,
+    angles: &[&[f64]],
+    key: &RunKey,
+) -> Result<Table, PublishError> {
+    let table = columns(key, "joints", rows, stamps_ns)?
+        .across("joints_rad", angles)
         .absent(POSITION)
         .absent(ORIENTATION)
         .absent(COVARIANCE)
@@ -112,8 +175,9 @@ fn joint_rows(joints: &JointSamples, rows: Rows, key: &RunKey) -> Result<Table, 
 }
 
 fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
+    let stamps_ns = in_ns(&readings.stamps[rows.clone()]);
     let table =
-        columns(key, "target", &rows, &readings.stamps)?.absent(["joints_rad", "temperature_c"]);
+        columns(key, "target", rows.clone(), stamps_ns)?.absent(["joints_rad", "temperature_c"]);
     let table = match &readings.covariances {
         None => table.absent(COVARIANCE),
         Some(covariances) => table.group(COVARIANCE, covariances[rows.clone()].iter().copied()),
@@ -132,7 +196,8 @@ fn temperature_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, "temperature", &rows, &temperatures.stamps)?
+    let stamps_ns = in_ns(&temperatures.stamps[rows.clone()]);
+    let table = columns(key, "temperature", rows.clone(), stamps_ns)?
         .column("temperature_c", temperatures.celsius[rows].iter().copied())
         .absent(["joints_rad"])
         .absent(POSITION)

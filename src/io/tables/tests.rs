@@ -12,6 +12,7 @@ use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{ErrorModel, Predictor, ToolErrors};
+use crate::io::lake::Lake;
 use crate::manifest::canonical;
 use example::{ARM, OUTCOME, SESSION, context};
 
@@ -53,14 +54,12 @@ fn model_text(kind: &str) -> String {
 fn a_run_is_published_once_and_reads_back_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let lake = Lake::new(folder.path());
-    assert_eq!(
-        publish(&OUTCOME, &context(), &lake, &work(), &Said::default()).unwrap(),
-        Commit::Done
-    );
-    assert_eq!(
-        publish(&OUTCOME, &context(), &lake, &work(), &Said::default()).unwrap(),
-        Commit::AlreadyThere
-    );
+    // Two processes that begin the same run.
+    let started = [(); 2].map(|()| lake.start(&key()).unwrap().expect("a new run"));
+    let ends =
+        started.map(|run| publish(&OUTCOME, &context(), run, &work(), &Said::default()).unwrap());
+    assert_eq!(ends, [Commit::Done, Commit::AlreadyThere]);
+    assert!(lake.start(&key()).unwrap().is_none());
     let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
     let run = of_run(&OUTCOME, &context(), &key()).unwrap();
     for table in session.iter().chain(&run) {

@@ -8,7 +8,7 @@ use crate::manifest::{RunKey, Work};
 use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, WorkPiece};
 use crate::pipeline::planning::{self, Planning};
 use crate::pipeline::run::{run_piece, work};
-use crate::progress::{Progress, Quiet};
+use crate::progress::Progress;
 
 /// A run's work, found again.
 #[derive(Debug)]
@@ -80,7 +80,7 @@ impl Source {
                     robot: Some(claim.key.robot.clone()),
                     ..(**plan).clone()
                 };
-                work(&named, piece, &mut BTreeMap::new(), &Quiet).map_err(other)
+                work(&named, piece).map_err(other)
             }
         }
     }

@@ -62,7 +62,8 @@ pub struct Part {
     pub(super) readings: DecodedPoses,
     pub(super) temperatures: DecodedTemperatures,
     pub(super) faults: BTreeMap<(Stream, RowFault), Tally>,
-    pub(super) messages: BTreeMap<Stream, u64>,
+    /// How many of each stream.
+    pub(super) messages: [u64; 4],
 }
 
 /// Where the arm's joints stand in messages with these names.
@@ -94,7 +95,7 @@ impl Part {
         self.temperatures.stamps.clear();
         self.temperatures.celsius.clear();
         self.faults.clear();
-        self.messages.clear();
+        self.messages = [0; 4];
     }
 }
 
@@ -243,8 +244,14 @@ impl JointOrder {
         if self.places.len() != joint_names.len() || !names.are(&self.names) {
             self.find(&names, joint_names)?;
         }
+        // Nearly all store them as doubles.
+        let doubles = angles.doubles();
+        let angle = |place: usize| match doubles {
+            Some(doubles) => doubles.get(place).map(|&bytes| f64::from_le_bytes(bytes)),
+            None => angles.get(place),
+        };
         for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
-            match angles.get(place) {
+            match angle(place) {
                 Some(angle) => column.push(angle),
                 None => return Err(take_back(joints, RowFault::NoNumber(first + 1))),
             }

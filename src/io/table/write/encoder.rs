@@ -42,6 +42,12 @@ enum Says {
 pub struct RowGroups(Vec<Vec<Arc<EncodedColumn>>>);
 
 impl RowGroups {
+    /// How many rows they have.
+    pub fn rows(&self) -> u64 {
+        let first_columns = self.columns().filter_map(<[_]>::first);
+        first_columns.map(|column| column.close.rows_written).sum()
+    }
+
     /// The columns of each row group.
     pub(super) fn columns(&self) -> impl Iterator<Item = &[Arc<EncodedColumn>]> {
         self.0.iter().map(Vec::as_slice)

@@ -107,7 +107,6 @@ fn session(stations: Vec<Station>) -> JoinedSession {
     JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
-        log: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
             [

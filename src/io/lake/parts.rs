@@ -1,0 +1,155 @@
+//! A table of a run that comes in parts: each encoded and put behind the others, under a temporary name until the end.
+
+use std::io;
+use std::path::PathBuf;
+
+use parquet::errors::ParquetError;
+use rayon::prelude::*;
+
+use super::LakeError;
+use super::error::folder_error;
+use super::run::{OpenRun, into_io, temporary_beside};
+use super::temporary::Temporary;
+use crate::io::table::{Encoder, PartsFile, RowGroups, Table};
+use crate::manifest::Written;
+
+/// Parts of a table that are encoded at the same time, at most: each takes some 20 MB meanwhile.
+const PARTS_AT_ONCE: usize = 4;
+
+/// A table of a run, being written part by part. Dropped, it leaves nothing.
+pub struct OpenTable<'r> {
+    run: &'r OpenRun<'r>,
+    begun: Option<Begun>,
+}
+
+/// A table of which at least one part came.
+struct Begun {
+    path: PathBuf,
+    encoder: Encoder,
+    file: PartsFile<Temporary>,
+    written: Written,
+}
+
+/// A table that is whole, but not in its place yet. Dropped, it leaves nothing.
+#[derive(Debug)]
+pub struct WholeTable {
+    pub(super) path: PathBuf,
+    pub(super) temporary: Temporary,
+    pub(super) written: Written,
+}
+
+impl<'r> OpenTable<'r> {
+    /// A table of `run` without parts yet.
+    pub const fn new(run: &'r OpenRun<'r>) -> Self {
+        Self { run, begun: None }
+    }
+
+    /// Encodes a part and puts it behind those before it.
+    pub fn append(&mut self, part: &Table) -> Result<(), LakeError> {
+        let begun = match &mut self.begun {
+            Some(begun) => begun,
+            none => none.insert(Begun::with(self.run, part)?),
+        };
+        let encoded = begun.encode(part)?;
+        begun.append(&encoded)
+    }
+
+    /// Puts parts behind those before them, in order. They are made (`table`) and encoded on all threads, while those
+    /// before them are written; at most four of each are in memory. The bytes are the same at any number of threads.
+    pub fn append_all<P: Send, E: From<LakeError> + Send>(
+        &mut self,
+        parts: impl IntoIterator<Item = P>,
+        table: impl Fn(P) -> Result<Table, E> + Sync,
+    ) -> Result<(), E> {
+        let mut parts = parts.into_iter();
+        if self.begun.is_none() {
+            let Some(first) = parts.next() else {
+                return Ok(());
+            };
+            self.append(&table(first)?)?;
+        }
+        let begun = self.begun.as_mut().expect("by its first part");
+        let mut ready = Vec::new();
+        loop {
+            let next: Vec<P> = parts.by_ref().take(at_once()).collect();
+            if next.is_empty() && ready.is_empty() {
+                return Ok(());
+            }
+            let (encoder, path) = (&begun.encoder, &begun.path);
+            let wrong = |error| folder_error("write", path)(into_io(error));
+            let make = |part| -> Result<_, E> { Ok(encoder.encode(&table(part)?).map_err(wrong)?) };
+            let make_all = || next.into_par_iter().map(make).collect::<Vec<_>>();
+            let file = &mut begun.file;
+            let append = || ready.iter().try_for_each(|part| file.append(part));
+            let (appended, made) = rayon::join(append, make_all);
+            appended.map_err(wrong)?;
+            begun.written.rows += ready.iter().map(RowGroups::rows).sum::<u64>();
+            // Of several that are wrong the first is told.
+            ready = made.into_iter().collect::<Result<_, E>>()?;
+        }
+    }
+
+    /// Brings the table to the disk, under its temporary name still; `None` where no part came.
+    pub fn finish(self) -> Result<Option<WholeTable>, LakeError> {
+        self.begun.map(Begun::finish).transpose()
+    }
+}
+
+impl Begun {
+    fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self, LakeError> {
+        let path = run.path(first)?;
+        let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
+        let encoder = Encoder::of(first).map_err(wrong)?;
+        let file = PartsFile::new(&encoder, temporary_beside(&path)?).map_err(wrong)?;
+        Ok(Self {
+            written: Written {
+                table: first.schema().table.clone(),
+                session: first
+                    .key()
+                    .map_or_else(String::new, |key| key.session.clone()),
+                rows: 0,
+                digest: String::new(),
+            },
+            path,
+            encoder,
+            file,
+        })
+    }
+
+    fn encode(&self, part: &Table) -> Result<RowGroups, LakeError> {
+        self.encoder.encode(part).map_err(|error| self.wrong(error))
+    }
+
+    fn append(&mut self, part: &RowGroups) -> Result<(), LakeError> {
+        let appended = self.file.append(part);
+        appended.map_err(|error| self.wrong(error))?;
+        self.written.rows += part.rows();
+        Ok(())
+    }
+
+    fn wrong(&self, error: ParquetError) -> LakeError {
+        folder_error("write", &self.path)(into_io(error))
+    }
+
+    fn finish(self) -> Result<WholeTable, LakeError> {
+        let Self {
+            path,
+            file,
+            mut written,
+            ..
+        } = self;
+        let wrong = |error: io::Error| folder_error("write", &path)(error);
+        let mut temporary = file.finish().map_err(|error| wrong(into_io(error)))?;
+        written.digest = temporary.sync().map_err(wrong)?;
+        Ok(WholeTable {
+            path,
+            temporary,
+            written,
+        })
+    }
+}
+
+/// As many as there are threads to encode them.
+fn at_once() -> usize {
+    rayon::current_num_threads().min(PARTS_AT_ONCE)
+}

@@ -1,0 +1,207 @@
+//! The steps of ingest, each in a process of its own: fresh memory, and a peak that is nobody else's.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use posegrid::io::inspect::inspect;
+use posegrid::io::lake::Lake;
+use posegrid::io::log::{
+    Limits, SessionLogs, decode, read_dwells, read_dwells_beside, read_recording,
+};
+use posegrid::io::tables::logs::{LogTable, logs, parts};
+use posegrid::join::JoinSettings;
+use posegrid::manifest::RunKey;
+use posegrid::progress::Quiet;
+
+use super::{cpu_seconds, decompress, mapping, write_log};
+
+/// Before the name of a step, the log and a folder: run only that.
+pub const FLAG: &str = "--step";
+/// How often a step is run: other work on the machine only ever adds to its times.
+const TIMES: usize = 3;
+/// Joint states between two arrivals, and those of them in motion: a move of 0.8 s, then 1.2 s of rest.
+const PERIOD: u64 = 1000;
+const MOVE: u64 = 400;
+
+const FLOOR: &str = "zstd decompression alone";
+const STEPS: [(&str, fn(&Path, &Path) -> u64); 6] = [
+    (FLOOR, |log, _| decompress(log)),
+    ("decode to columns", |log, _| columns(log)),
+    ("streaming into dwells and readings", |log, _| dwells(log)),
+    ("the whole path to Parquet log tables", tables),
+    ("the same with all samples in memory", tables_at_the_end),
+    ("inspect", |log, _| {
+        inspect(log, Limits::default(), &Quiet)
+            .expect("a sound log")
+            .account
+            .messages
+    }),
+];
+
+/// What one step took.
+#[derive(Debug, Clone, Copy)]
+struct Taken {
+    user_s: f64,
+    system_s: f64,
+    wall_s: f64,
+    peak_mb: f64,
+}
+
+/// Measures all steps on logs of so many joint states.
+pub fn measure_all(folder: &Path, lengths: &[u64]) {
+    let motions: [(&str, fn(u64) -> f64); 2] = [
+        ("always moving", |i| i as f64 * 1e-4),
+        ("from rest to rest", rest_to_rest),
+    ];
+    for (name, motion) in motions {
+        let logs = lengths.iter().map(|&joint_states| {
+            let path = folder.join(format!("{joint_states}.mcap"));
+            write_log(&path, joint_states, motion);
+            let stored = fs::metadata(&path).expect("just written").len() as f64 / 1e6;
+            let messages = joint_states + joint_states / 10;
+            println!("{name}: {messages} messages, {stored:.1} MB stored");
+            path
+        });
+        let logs: Vec<PathBuf> = logs.collect();
+        let title = "    user   system  wall s   ratio peak MB";
+        println!("{:<38}{}", "", title.repeat(logs.len()));
+        let mut floors = Vec::new();
+        for (step, _) in STEPS {
+            print!("{step:<38}");
+            for (place, log) in logs.iter().enumerate() {
+                let taken = best_of(step, log, folder);
+                if step == FLOOR {
+                    floors.push(taken.user_s);
+                }
+                let ratio = taken.user_s / floors[place];
+                let Taken {
+                    user_s,
+                    system_s,
+                    wall_s,
+                    peak_mb,
+                } = taken;
+                print!("{user_s:>8.2} {system_s:>8.2} {wall_s:>7.2} {ratio:>7.2} {peak_mb:>7.0}");
+            }
+            println!();
+        }
+    }
+}
+
+/// Minimum jerk from station to station, 0.1 rad apart.
+fn rest_to_rest(i: u64) -> f64 {
+    let (station, within) = (i / PERIOD, i % PERIOD);
+    let share = within.min(MOVE) as f64 / MOVE as f64;
+    let moved = share.powi(3) * (10.0 - 15.0 * share + 6.0 * share * share);
+    (station as f64 + moved) * 0.1
+}
+
+/// The run of a step that took the least user time.
+fn best_of(step: &str, log: &Path, folder: &Path) -> Taken {
+    let runs = (0..TIMES).map(|_| in_own_process(step, log, folder));
+    runs.min_by(|a, b| a.user_s.total_cmp(&b.user_s))
+        .expect("several runs")
+}
+
+fn in_own_process(step: &str, log: &Path, folder: &Path) -> Taken {
+    let program = std::env::current_exe().expect("this program");
+    let output = Command::new(program)
+        .args([FLAG, step])
+        .args([log, folder])
+        .output()
+        .expect("this program again");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let numbers: Vec<f64> = said.split_whitespace().flat_map(str::parse).collect();
+    let [user_s, system_s, wall_s, peak_mb] = numbers[..] else {
+        panic!("{step}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    Taken {
+        user_s,
+        system_s,
+        wall_s,
+        peak_mb,
+    }
+}
+
+/// Runs one step and prints what it took.
+pub fn run_alone(args: &[String]) {
+    let [name, log, folder] = args else {
+        panic!("a step, a log and a folder, not {args:?}");
+    };
+    let known = STEPS.iter().find(|(step, _)| step == name);
+    let (_, step) = known.expect("the name of a step");
+    let (start, (user, system)) = (Instant::now(), cpu_seconds());
+    let result = step(Path::new(log), Path::new(folder));
+    let (wall, after) = (start.elapsed().as_secs_f64(), cpu_seconds());
+    assert!(result > 0, "{name} did something");
+    println!(
+        "{} {} {wall} {}",
+        after.0 - user,
+        after.1 - system,
+        peak_memory_mb()
+    );
+}
+
+fn columns(log: &Path) -> u64 {
+    let decoded = decode(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
+    decoded.joints.stamps.len() as u64
+}
+
+fn dwells(log: &Path) -> u64 {
+    let logs = SessionLogs::of_two(log, log);
+    let rule = JoinSettings::default().arm_rule();
+    let read = read_dwells(&logs, &mapping(), Limits::default(), &rule, &Quiet);
+    let (recording, rest) = read.expect("a sound log");
+    assert!(recording.joints.stamps.is_empty(), "no sample is kept");
+    assert_eq!(recording.counts["joints.kept"], rest.samples as u64);
+    rest.samples as u64
+}
+
+/// From the log to the Parquet table of its samples on disk, and to dwells, as `posegrid run` does it.
+fn tables(log: &Path, folder: &Path) -> u64 {
+    let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
+    let lake = Lake::new(lake.path());
+    let mut run = lake.start(&key()).expect("a lake").expect("a new run");
+    let logs = SessionLogs::of_two(log, log);
+    let rule = JoinSettings::default().arm_rule();
+    let mut table = LogTable::new(&run, "session");
+    let (mapping, limits) = (mapping(), Limits::default());
+    let read = read_dwells_beside(&logs, &mapping, limits, &rule, &mut table, &Quiet);
+    let (recording, _) = read.expect("a sound log");
+    let table = table.finish(&recording).expect("space on disk");
+    run.keep(table.expect("many samples"));
+    run.publish_kept().expect("a new run");
+    every_sample(run.written()[0].rows, &recording.counts)
+}
+
+/// As it was done before samples were written while the log is read, and still is where they are far out of order.
+fn tables_at_the_end(log: &Path, folder: &Path) -> u64 {
+    let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
+    let lake = Lake::new(lake.path());
+    let mut run = lake.start(&key()).expect("a lake").expect("a new run");
+    let recording =
+        read_recording(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
+    let key = key();
+    run.publish_parts(parts(&recording), |part| logs(&recording, part, &key))
+        .expect("space on disk");
+    every_sample(run.written()[0].rows, &recording.counts)
+}
+
+fn every_sample(rows: u64, counts: &std::collections::BTreeMap<String, u64>) -> u64 {
+    let kept = ["joints.kept", "commands.kept", "readings.kept"].map(|kept| counts[kept]);
+    assert_eq!(rows, kept.iter().sum::<u64>(), "every sample is a row");
+    rows
+}
+
+fn key() -> RunKey {
+    RunKey::new("robot", "session", "0123456789abcdef0123456789abcdef")
+}
+
+fn peak_memory_mb() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    peak.and_then(|peak| peak.split_whitespace().next()?.parse::<u64>().ok())
+        .unwrap_or(0)
+        / 1024
+}
