@@ -5,6 +5,7 @@
 
 pub mod check;
 pub mod compensate;
+pub mod export;
 pub mod inspect;
 pub mod messages;
 pub mod plan;
@@ -61,6 +62,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
+    Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
     Schema(schema::SchemaArgs),
 }
@@ -77,6 +79,7 @@ pub fn main() -> ExitCode {
         Command::Simulate(args) => shown(simulate::run(&args)),
         Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
         Command::Compensate(args) => compensate::main(&args),
+        Command::Export(args) => export::main(&args),
         Command::Verify(args) => ExitCode::from(verify::run(&args, &bars)),
         Command::Schema(args) => shown(schema::show(&args)),
     }

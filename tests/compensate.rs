@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 
 use arrow::array::{Array as _, StringArray};
 use nalgebra::{Point3, Vector3};
-use posegrid::cli::compensate::{self, CompensateArgs, CompensateCommandError, Compensated};
+use posegrid::cli::compensate::{
+    self, CompensateArgs, CompensateCommandError, Compensated, UsedWithArgs,
+};
 use posegrid::geometry::Position;
 use posegrid::io::compensation_table::{self, TableVerdict};
 use posegrid::io::schema;
@@ -222,6 +224,7 @@ impl Cell {
             targets: self.path(targets),
             out: out.map(|out| self.path(out)),
             allow: None,
+            used_with: UsedWithArgs::default(),
         };
         let mut stdout = Vec::new();
         let compensated = compensate::run(&args, &mut stdout)?;
