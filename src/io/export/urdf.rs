@@ -111,7 +111,8 @@ fn text(key: &RunKey, arm: &IdentifiedArm, pieces: &Pieces) -> String {
     let joints = arm.arm.joints();
     for (number, (joint, (origin, axis))) in (1..).zip(joints.iter().zip(&pieces.joints)) {
         let child = format!("link_{number}");
-        let inside = format!("{}{}", numbers("axis xyz", axis), limit(joint));
+        let axis = three((*axis).into());
+        let inside = format!("    <axis xyz=\"{axis}\"/>\n{}", limit(joint));
         push_joint(
             &mut urdf,
             &joint.name,
@@ -149,14 +150,13 @@ fn push_joint(
     inside: &str,
 ) {
     let metres = origin.translation.vector / 1000.0;
-    let turn = rpy(&origin.rotation);
-    let xyz = metres.iter().map(f64::to_string).collect::<Vec<_>>();
-    let rpy = turn.iter().map(f64::to_string).collect::<Vec<_>>();
+    let xyz = three(metres.into());
+    let rpy = three(rpy(&origin.rotation));
     let name = escaped(name);
     let _ = write!(
         urdf,
         "  <joint name=\"{name}\" type=\"{kind}\">\n    <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n    \
-         <origin xyz=\"{}\" rpy=\"{}\"/>\n{inside}  </joint>\n  <link name=\"{child}\"/>\n",
+         <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\n{inside}  </joint>\n  <link name=\"{child}\"/>\n",
         xyz.join(" "),
         rpy.join(" ")
     );
@@ -222,12 +222,15 @@ const fn is_no_character(letter: char) -> bool {
 
 /// Inside a comment, where two hyphens end it.
 fn in_comment(text: &str) -> String {
-    let clean = text.chars().map(|letter| match letter {
-        '-' => '‐',
-        _ if letter.is_control() || is_no_character(letter) => '\u{FFFD}',
-        _ => letter,
-    });
-    clean.collect()
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        if letter == '-' && out.ends_with('-') {
+            out.push(' ');
+        }
+        let is_none = letter.is_control() || is_no_character(letter);
+        out.push(if is_none { '\u{FFFD}' } else { letter });
+    }
+    out
 }
 
 #[cfg(test)]
@@ -279,6 +282,6 @@ mod tests {
             escaped("a\"<b>&'\u{0}\n"),
             "a&quot;&lt;b&gt;&amp;&apos;\u{FFFD}\u{FFFD}"
         );
-        assert_eq!(in_comment("a --> b"), "a ‐‐> b");
+        assert_eq!(in_comment("a ---> b-c"), "a - - -> b-c");
     }
 }
