@@ -6,6 +6,7 @@
 pub mod check;
 pub mod compensate;
 pub mod history;
+pub mod export;
 pub mod inspect;
 pub mod messages;
 pub mod plan;
@@ -64,6 +65,7 @@ enum Command {
     Plan(plan::PlanArgs),
     Compensate(compensate::CompensateArgs),
     History(history::HistoryArgs),
+    Export(export::ExportArgs),
     Verify(verify::VerifyArgs),
     Schema(schema::SchemaArgs),
 }
@@ -81,6 +83,7 @@ pub fn main() -> ExitCode {
         Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
         Command::Compensate(args) => compensate::main(&args),
         Command::History(args) => ExitCode::from(history::run(&args, &bars)),
+        Command::Export(args) => export::main(&args),
         Command::Verify(args) => ExitCode::from(verify::run(&args, &bars)),
         Command::Schema(args) => shown(schema::show(&args)),
     }

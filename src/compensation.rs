@@ -21,12 +21,14 @@ pub mod identified;
 mod pose;
 pub mod refused;
 pub mod table;
+pub mod validity;
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Gap, Reason, Refused};
-pub use table::{CompensationTable, Known, Misfit, Terms, Validity};
+pub use table::{CompensationTable, Known, Misfit, Terms};
+pub use validity::{UsedWith, Validity};
 
 use crate::geometry::{Command, Position};
 
@@ -83,6 +85,20 @@ pub struct Corrected {
 pub enum Exception {
     /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
     JointRange,
+    /// Another tool than the table's.
+    Tool,
+    /// Another payload.
+    Payload,
+    /// Another mounting of the base.
+    Mounting,
+    /// Another base frame.
+    Base,
+    /// Another controller.
+    ControllerModel,
+    /// The controller's own absolute-accuracy option, on instead of off or the other way round.
+    AbsoluteAccuracy,
+    /// A temperature that was not met while measuring.
+    Temperature,
 }
 
 impl Exception {
@@ -90,6 +106,13 @@ impl Exception {
     pub const fn name(self) -> &'static str {
         match self {
             Self::JointRange => "joint_range",
+            Self::Tool => "tool",
+            Self::Payload => "payload",
+            Self::Mounting => "mounting",
+            Self::Base => "base",
+            Self::ControllerModel => "controller_model",
+            Self::AbsoluteAccuracy => "absolute_accuracy",
+            Self::Temperature => "temperature",
         }
     }
 }

@@ -7,43 +7,11 @@
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::{Gap, Reason, Target};
+use super::{Gap, Reason, Target, Validity};
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
 use crate::grid::{self, Interpolation, Lattice, Refusal};
-
-/// What a table was measured with, and is valid for. `None`: the pipeline file or the log did not say.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Validity {
-    /// The tool, as the pipeline file names it.
-    pub tool: Option<String>,
-    /// The payload, kg.
-    pub payload_kg: Option<f64>,
-    /// The mounting of the base.
-    pub mounting: Option<String>,
-    /// The base frame, as the pipeline file names it.
-    pub base: Option<String>,
-    /// The controller.
-    pub controller_model: Option<String>,
-    /// Whether the controller's own absolute-accuracy option was on.
-    pub absolute_accuracy_option: Option<bool>,
-    /// Lowest and highest temperature met while measuring, °C.
-    pub temperature_c: Option<[f64; 2]>,
-}
-
-impl Validity {
-    /// Whether a target is for the same tool.
-    pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
-        match &target.tool {
-            Some(wanted) if target.tool != self.tool => Err(Reason::Tool {
-                wanted: wanted.clone(),
-                table: self.tool.clone(),
-            }),
-            _ => Ok(()),
-        }
-    }
-}
 
 /// What a table says of itself beside its nodes.
 #[derive(Debug, Clone, PartialEq)]

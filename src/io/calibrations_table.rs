@@ -74,8 +74,20 @@ pub enum CalibrationsTableError {
     },
 }
 
-/// Reads the arm that a run identified.
+/// Reads the arm that a run identified, with the best model it has.
 pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
+    read_with(path, |file, base| file.best(base))
+}
+
+/// Reads the arm that a run identified, with the geometry alone.
+pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
+    read_with(path, |file, base| file.geometric(base))
+}
+
+fn read_with(
+    path: &Path,
+    model: impl Fn(&CalibrationsFile<'_>, &SavedCalibration) -> Result<ArmModel, CalibrationsTableError>,
+) -> Result<PublishedArm, CalibrationsTableError> {
     let table = table::read(path, schema::find("calibrations")?)?;
     let file = CalibrationsFile {
         path,
@@ -99,7 +111,7 @@ pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
         frames,
         flange_from_tool: said.placement("flange_from_tool")?,
         command_from_base: said.placement("command_from_base")?,
-        model: file.best(&base)?,
+        model: model(&file, &base)?,
         measured: file.measured(arm.joints().len())?,
         validity: said.validity()?,
         arm,

@@ -1,16 +1,22 @@
-//! Files of targets, CSV or Parquet → [`Target`]s; their commands → files of the same kinds.
+//! Files of targets, CSV, Parquet, JSON or KUKA data lists → [`Target`]s; their commands → files of the same kinds.
 //!
-//! 1. [`read()`] takes the columns of `schemas/targets.toml` by name and refuses a file with any wrong value, by its row
-//!    and column: half a program is worse than none.
+//! 1. [`read()`] takes the columns of `schemas/targets.toml` by name, or the positions of a data list ([`krl`]), and refuses
+//!    a file with any wrong value, by its row and column: half a program is worse than none.
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
-//! 3. [`write_csv`] writes a table as CSV with a nanometre's digits, joint angles in a column each; Parquet is [`super::table::write()`].
+//! 3. [`write_csv`] and [`write_json`] write a table with a nanometre's digits, joint angles in a column each; Parquet is
+//!    [`super::table::write()`], and a data list comes back with its commands by [`krl::DataList::write`].
 
 mod angles;
+mod bounded;
 mod corrected;
 mod csv;
 mod error;
+mod json;
+pub mod krl;
 mod parquet;
-mod write_csv;
+pub(crate) mod spread;
+pub(crate) mod write_csv;
+pub(crate) mod write_json;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,7 +29,9 @@ use crate::ingest::AngleUnit;
 
 pub use corrected::{CorrectedBy, corrected};
 pub use error::{RowProblem, TargetsError};
+pub use krl::DataList;
 pub use write_csv::write_csv;
+pub use write_json::write_json;
 
 /// Forms of a file of targets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +40,10 @@ pub enum Form {
     Csv,
     /// Apache Parquet.
     Parquet,
+    /// An array of objects, their keys as the columns of CSV.
+    Json,
+    /// A data list of KUKA's robot language.
+    Krl,
 }
 
 impl Form {
@@ -43,6 +55,8 @@ impl Form {
         match extension.as_deref() {
             Some("csv") => Ok(Self::Csv),
             Some("parquet") => Ok(Self::Parquet),
+            Some("json") => Ok(Self::Json),
+            Some("dat") => Ok(Self::Krl),
             _ => Err(TargetsError::UnknownForm(path.to_owned())),
         }
     }
@@ -57,6 +71,8 @@ pub struct Targets {
     pub unused: Vec<String>,
     /// The unit of joint angles in the file.
     pub angle_unit: AngleUnit,
+    /// The text around them, where the file is a data list.
+    pub list: Option<DataList>,
 }
 
 /// Reads a file of targets; its extension says which form it has.
@@ -65,9 +81,12 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         placed,
         unused,
         angle_unit,
+        list,
     } = match Form::of(path)? {
         Form::Csv => csv::rows(path)?,
         Form::Parquet => parquet::rows(path)?,
+        Form::Json => json::rows(path)?,
+        Form::Krl => krl::rows(path)?,
     };
     if placed.is_empty() {
         return Err(TargetsError::Empty(path.to_owned()));
@@ -88,6 +107,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         targets,
         unused,
         angle_unit,
+        list,
     })
 }
 
@@ -106,9 +126,11 @@ struct Rows {
     /// Columns that no correction uses.
     unused: Vec<String>,
     angle_unit: AngleUnit,
+    list: Option<DataList>,
 }
 
 /// A row as it stands in the file.
+#[derive(Debug, Clone, PartialEq)]
 struct Row {
     target: String,
     position: [Option<f64>; 3],

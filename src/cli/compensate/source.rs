@@ -7,7 +7,8 @@ use crate::compensation::{Corrected, Exception, Refused, Target, Validity, compe
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
-use crate::io::targets::CorrectedBy;
+use crate::io::targets::krl::Postures;
+use crate::io::targets::{CorrectedBy, Targets};
 
 /// What corrects targets.
 #[derive(Debug)]
@@ -35,7 +36,33 @@ impl Source {
         }
     }
 
+    /// The command of each target, or why there is none; `allow` names what is not refused.
     pub(super) fn compensate(
+        &self,
+        targets: &[Target],
+        allow: Option<Exception>,
+    ) -> Vec<Result<Corrected, Refused>> {
+        if allow != Some(Exception::Tool) {
+            return self.refusing_other_tools(targets, allow);
+        }
+        let own = self.validity().tool.as_ref();
+        let is_other = |target: &Target| target.tool.is_some() && target.tool.as_ref() != own;
+        let mut asked = targets.to_vec();
+        for target in &mut asked {
+            target.tool = None;
+        }
+        let mut outcomes = self.refusing_other_tools(&asked, None);
+        for (target, outcome) in targets.iter().zip(&mut outcomes) {
+            if let Ok(done) = outcome
+                && is_other(target)
+            {
+                done.allowed = allow;
+            }
+        }
+        outcomes
+    }
+
+    fn refusing_other_tools(
         &self,
         targets: &[Target],
         allow: Option<Exception>,
@@ -46,6 +73,64 @@ impl Source {
                 .map(|target| compensate(&published.table, target))
                 .collect(),
             Self::Arm(published) => published.arm.compensate(targets, allow),
+        }
+    }
+
+    /// Gives the targets of a data list the arm configurations that their S asks for.
+    pub(super) fn name_configurations(
+        &self,
+        targets: &mut Targets,
+    ) -> Result<(), CompensateCommandError> {
+        let Some(list) = &targets.list else {
+            return Ok(());
+        };
+        if list.statuses().flatten().next().is_none() {
+            return Ok(());
+        }
+        let postures = self
+            .postures()
+            .ok_or(CompensateCommandError::Status { what: self.what() })?;
+        for (target, status) in targets.targets.iter_mut().zip(list.statuses()) {
+            target.configuration = status.map(|s| postures.configuration(s).to_string());
+        }
+        Ok(())
+    }
+
+    fn postures(&self) -> Option<Postures> {
+        match self {
+            Self::Table(own) => {
+                let known = own.table.nodes().iter().flatten();
+                let configuration = own.table.terms().configuration.as_deref();
+                Postures::of_table(configuration, known.map(|known| known.joints.as_slice()))
+            }
+            Self::Arm(own) => Postures::of_arm(&own.arm.arm),
+        }
+    }
+
+    /// Where it was measured: joint ranges, arm configuration, the reflector.
+    pub(super) fn measured(&self) -> String {
+        match self {
+            Self::Table(own) => {
+                let terms = own.table.terms();
+                let configuration = terms.configuration.as_deref().unwrap_or("none named");
+                let known = own.table.nodes().iter().flatten();
+                format!(
+                    "nodes in arm configuration {configuration}, joints {}; where the reflector sat is in table calibrations of the \
+                     same run",
+                    ranges(&spans(known.map(|known| known.joints.as_slice())))
+                )
+            }
+            Self::Arm(own) => {
+                let frames = &own.arm.frames;
+                let target = frames.flange_from_target.origin().coords();
+                format!(
+                    "measured with joints {}, and the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
+                    ranges(&own.arm.measured),
+                    target.x,
+                    target.y,
+                    target.z
+                )
+            }
         }
     }
 
@@ -131,4 +216,22 @@ impl Source {
         }
         warnings
     }
+}
+
+/// Lowest and highest angle of each joint.
+fn spans<'j>(all: impl Iterator<Item = &'j [f64]>) -> Vec<[f64; 2]> {
+    let mut spans: Vec<[f64; 2]> = Vec::new();
+    for joints in all {
+        spans.resize(joints.len(), [f64::INFINITY, f64::NEG_INFINITY]);
+        for ([low, high], &q) in spans.iter_mut().zip(joints) {
+            (*low, *high) = (low.min(q), high.max(q));
+        }
+    }
+    spans
+}
+
+fn ranges(spans: &[[f64; 2]]) -> String {
+    let range =
+        |&[low, high]: &[f64; 2]| format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees());
+    spans.iter().map(range).collect::<Vec<_>>().join(", ")
 }

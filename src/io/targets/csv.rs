@@ -37,6 +37,7 @@ pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
         placed: rows,
         unused: header.unused(),
         angle_unit,
+        list: None,
     })
 }
 
@@ -165,7 +166,8 @@ impl Cells<'_> {
             return Ok(None);
         };
         let angle = |&place: &usize| Ok(self.number_at(place)?.ok_or(place));
-        let found = places.iter().map(angle).collect::<Result<Vec<_>, _>>()?;
+        let found = places.iter().map(angle);
+        let found = found.collect::<Result<Vec<_>, RowProblem>>()?;
         if found.iter().all(Result::is_err) {
             return Ok(None);
         }
@@ -301,7 +303,10 @@ mod tests {
             assert!(error.contains(expected), "{error}");
         }
         let error = read(Path::new("targets.txt")).unwrap_err().to_string();
-        assert_eq!(error, "targets.txt: files of targets are .csv or .parquet");
+        assert_eq!(
+            error,
+            "targets.txt: files of targets are .csv, .parquet, .json or .dat (KUKA)"
+        );
         let error = read(Path::new("/nowhere/targets.csv"))
             .unwrap_err()
             .to_string();

@@ -1,19 +1,21 @@
 //! What can be wrong with a file of targets.
 
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use super::Place;
+use super::krl::KrlProblem;
 use crate::io::schema::SchemaError;
 use crate::io::table::FileError;
 
 /// Why a file of targets cannot be read.
 #[derive(Debug, Error)]
 pub enum TargetsError {
-    /// Neither of the forms there are.
-    #[error("{}: files of targets are .csv or .parquet", .0.display())]
+    /// None of the forms there are.
+    #[error("{}: files of targets are .csv, .parquet, .json or .dat (KUKA)", .0.display())]
     UnknownForm(PathBuf),
     /// No row.
     #[error("{} holds no target", .0.display())]
@@ -25,6 +27,33 @@ pub enum TargetsError {
         path: PathBuf,
         /// What the reader says.
         source: csv::Error,
+    },
+    /// Not a JSON text, or one of another shape.
+    #[error("cannot read {} as JSON: {source}", path.display())]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What the reader says.
+        source: serde_json::Error,
+    },
+    /// A text that cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A text that would take too much memory.
+    #[error(
+        "{} is larger than {largest} MiB, the most that is read in this form; split it, or give CSV or Parquet",
+        path.display()
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The limit, MiB.
+        largest: u64,
     },
     /// Not a Parquet file of targets.
     #[error(transparent)]
@@ -87,6 +116,28 @@ pub enum RowProblem {
         /// What stands there.
         text: String,
     },
+    /// A value of another type.
+    #[error("key {key:?} holds {found} where {wanted} is needed")]
+    WrongType {
+        /// The key.
+        key: String,
+        /// What is needed.
+        wanted: &'static str,
+        /// What stands there.
+        found: &'static str,
+    },
+    /// The same key twice.
+    #[error("key {key:?} stands twice; which value is meant is not clear")]
+    SameKey {
+        /// The key.
+        key: String,
+    },
+    /// Joint angles that do not belong together.
+    #[error("{0}; see `posegrid compensate --help`")]
+    Angles(String),
+    /// A line of a data list.
+    #[error(transparent)]
+    Krl(KrlProblem),
     /// Nothing where something has to be.
     #[error("column {column:?} is empty, and every target has a value there")]
     NoValue {

@@ -25,6 +25,7 @@ pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
             .collect::<Result<_, TargetsError>>()?,
         unused: Vec::new(),
         angle_unit: AngleUnit::Rad,
+        list: None,
     })
 }
 

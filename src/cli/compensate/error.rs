@@ -1,0 +1,128 @@
+//! What can be wrong with a command for corrected targets.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use parquet::errors::ParquetError;
+use thiserror::Error;
+
+use crate::compensation::validity::Outside;
+use crate::io::calibrations_table::CalibrationsTableError;
+use crate::io::compensation_table::CompensationTableError;
+use crate::io::table::{FileError, TableError};
+use crate::io::targets::TargetsError;
+
+/// Why no target was corrected.
+#[derive(Debug, Error)]
+pub enum CompensateCommandError {
+    /// The file holds no table.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file holds a table that corrects nothing.
+    #[error(
+        "{} holds {found}; targets are corrected by table \"compensation\" or \"calibrations\" of a run",
+        path.display()
+    )]
+    OtherTable {
+        /// The file.
+        path: PathBuf,
+        /// What it holds.
+        found: String,
+    },
+    /// The table of nodes cannot be read.
+    #[error(transparent)]
+    Table(#[from] CompensationTableError),
+    /// The identified arm cannot be read.
+    #[error(transparent)]
+    Arm(#[from] CalibrationsTableError),
+    /// The targets cannot be read, or the result is to have a form that is not known.
+    #[error(transparent)]
+    Targets(#[from] TargetsError),
+    /// They will be run with something that the table is not valid for.
+    #[error(
+        "the table is not valid for what the targets will be run with: {}; use a table measured so, or --allow one of them",
+        .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    )]
+    Outside(Vec<Outside>),
+    /// A data list can only be corrected, not made.
+    #[error(
+        "{}: a KUKA data list is made only from one, and the targets are {}; take --out as .csv, .json or .parquet",
+        out.display(),
+        targets.display()
+    )]
+    OnlyFromKrl {
+        /// The result.
+        out: PathBuf,
+        /// The targets.
+        targets: PathBuf,
+    },
+    /// S means nothing for this arm.
+    #[error(
+        "the targets state S, and this {what} is of no arm whose configurations KUKA's S names: its axes are other or counted \
+         otherwise; use table \"calibrations\" of a KUKA arm's run, or leave S out"
+    )]
+    Status {
+        /// The kind of table.
+        what: &'static str,
+    },
+    /// Something stands where the result is to be.
+    #[error("{} exists already; choose another --out, or remove it first", .0.display())]
+    Exists(PathBuf),
+    /// The result is no table.
+    #[error(transparent)]
+    Result(#[from] TableError),
+    /// The result cannot be written.
+    #[error("{}: {source}; check the space and the permissions of the folder", path.as_deref().map_or_else(|| "standard output".into(), Path::to_string_lossy))]
+    Write {
+        /// The file; `None` for standard output.
+        path: Option<PathBuf>,
+        /// Why.
+        source: WriteCause,
+    },
+}
+
+/// Why a result was not written.
+#[derive(Debug, Error)]
+pub enum WriteCause {
+    /// The folder or the disk refused.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// As CSV.
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+    /// As Parquet.
+    #[error(transparent)]
+    Parquet(#[from] ParquetError),
+}
+
+impl WriteCause {
+    pub(crate) fn is_broken_pipe(&self) -> bool {
+        let io = match self {
+            Self::Io(error) => Some(error),
+            Self::Csv(error) => match error.kind() {
+                csv::ErrorKind::Io(error) => Some(error),
+                _ => None,
+            },
+            Self::Parquet(_) => None,
+        };
+        io.is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+impl CompensateCommandError {
+    /// The exit code of the command.
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::File(_)
+            | Self::OtherTable { .. }
+            | Self::Table(_)
+            | Self::Arm(_)
+            | Self::Targets(_)
+            | Self::Outside(_)
+            | Self::OnlyFromKrl { .. }
+            | Self::Status { .. }
+            | Self::Exists(_) => 2,
+            Self::Result(_) | Self::Write { .. } => 1,
+        }
+    }
+}

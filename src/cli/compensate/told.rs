@@ -1,0 +1,153 @@
+//! What became of the targets, in words.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use super::Compensated;
+use crate::compensation::Validity;
+use crate::compensation::validity::{Held, Term};
+use crate::io::targets::DataList;
+
+/// Each refusal stands in a line of its own up to this many.
+const REFUSALS_SHOWN: usize = 20;
+
+/// The table, what was done, what was not.
+impl fmt::Display for Compensated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let by = self.source.by(&[]);
+        writeln!(
+            f,
+            "{} {:?} of robot {:?}, session {:?}; {}",
+            self.source.what(),
+            by.table_id,
+            by.key.robot,
+            by.key.session,
+            valid_for(self.source.validity())
+        )?;
+        writeln!(f, "{}", self.source.measured())?;
+        for line in checked(&self.held) {
+            writeln!(f, "{line}")?;
+        }
+        self.write_warnings(f)?;
+        for refused in self.refused().take(REFUSALS_SHOWN) {
+            writeln!(f, "{refused}")?;
+        }
+        write!(
+            f,
+            "{} targets: {} corrected, refused: {}",
+            self.outcomes.len(),
+            self.corrected().count(),
+            self.refusals()
+        )?;
+        let largest = self
+            .corrected()
+            .map(|corrected| corrected.correction.norm())
+            .fold(0.0, f64::max);
+        write!(f, "; largest correction {largest:.3} mm")
+    }
+}
+
+impl Compensated {
+    fn write_warnings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for warning in self.source.warnings(&self.targets.targets) {
+            writeln!(f, "{warning}")?;
+        }
+        for note in self.targets.list.iter().flat_map(DataList::notes) {
+            writeln!(f, "{note}")?;
+        }
+        let mut allowed = BTreeMap::<&str, usize>::new();
+        let needed = self.corrected().filter_map(|done| done.allowed);
+        needed.for_each(|exception| *allowed.entry(exception.name()).or_default() += 1);
+        for (name, count) in allowed {
+            writeln!(
+                f,
+                "{count} targets were corrected by the exception {name} allowed, see column allowed"
+            )?;
+        }
+        if !self.targets.unused.is_empty() {
+            writeln!(
+                f,
+                "columns without effect on a correction: {}",
+                self.targets.unused.join(", ")
+            )?;
+        }
+        Ok(())
+    }
+
+    /// How many were refused for which reason.
+    fn refusals(&self) -> String {
+        let mut reasons = BTreeMap::<&str, usize>::new();
+        self.refused()
+            .for_each(|refused| *reasons.entry(refused.reason.name()).or_default() += 1);
+        let counted: Vec<String> = reasons
+            .iter()
+            .map(|(reason, count)| format!("{count} {reason}"))
+            .collect();
+        if counted.is_empty() {
+            "none".to_owned()
+        } else {
+            counted.join(", ")
+        }
+    }
+}
+
+/// What was held against the table's terms, and what could not be.
+fn checked(held: &Held) -> Vec<String> {
+    let named = |terms: &[Term]| {
+        let names: Vec<&str> = terms.iter().map(|term| term.name()).collect();
+        names.join(", ")
+    };
+    let mut lines = Vec::new();
+    if !held.within.is_empty() {
+        lines.push(format!(
+            "within what the table is valid for: {}",
+            named(&held.within)
+        ));
+    }
+    for outside in &held.outside {
+        lines.push(format!(
+            "outside what the table is valid for, and allowed: {outside}"
+        ));
+    }
+    if !held.not_said.is_empty() {
+        lines.push(format!(
+            "not checked, as it was not said with what the targets will be run: {}",
+            named(&held.not_said)
+        ));
+    }
+    if !held.not_stated.is_empty() {
+        lines.push(format!(
+            "not checked, as the table does not state it: {}",
+            named(&held.not_stated)
+        ));
+    }
+    lines
+}
+
+fn valid_for(validity: &Validity) -> String {
+    let parts = [
+        validity.tool.as_ref().map(|tool| format!("tool {tool:?}")),
+        validity.payload_kg.map(|kg| format!("payload {kg} kg")),
+        validity
+            .mounting
+            .as_ref()
+            .map(|mounting| format!("mounting {mounting:?}")),
+        validity.base.as_ref().map(|base| format!("base {base:?}")),
+        validity
+            .controller_model
+            .as_ref()
+            .map(|model| format!("controller {model:?}")),
+        validity
+            .absolute_accuracy_option
+            .map(|on| format!("absolute-accuracy option {}", if on { "on" } else { "off" })),
+        validity
+            .temperature_c
+            .map(|[low, high]| format!("{low:.1} to {high:.1} °C")),
+    ];
+    let stated: Vec<String> = parts.into_iter().flatten().collect();
+    if stated.is_empty() {
+        "it does not say what it is valid for: see to it that tool, payload and base are those of the session".to_owned()
+    } else {
+        format!("valid for {}", stated.join(", "))
+    }
+}

@@ -1,0 +1,104 @@
+//! The result in its form, whole or not at all.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::{CompensateArgs, CompensateCommandError, WriteCause};
+use crate::compensation::{Corrected, Refused};
+use crate::ingest::AngleUnit;
+use crate::io::table::{self, Table};
+use crate::io::targets::{self, DataList, Form, Targets};
+use crate::io::whole_file::write_whole;
+
+/// What is to be written.
+pub(super) struct Written<'a> {
+    pub(super) result: &'a Table,
+    pub(super) targets: &'a Targets,
+    pub(super) outcomes: &'a [Result<Corrected, Refused>],
+    pub(super) table_id: &'a str,
+}
+
+/// The file beside a data list that says of each target what the list cannot.
+pub(super) fn sidecar(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".corrections.csv");
+    PathBuf::from(name)
+}
+
+impl CompensateArgs {
+    /// The form of the result, known before anything is read.
+    pub(super) fn out_form(&self) -> Result<Form, CompensateCommandError> {
+        let form = Form::of(&self.targets)?;
+        let Some(out) = &self.out else {
+            return Ok(if form == Form::Json { form } else { Form::Csv });
+        };
+        let wanted = Form::of(out)?;
+        if wanted == Form::Krl && form != Form::Krl {
+            return Err(CompensateCommandError::OnlyFromKrl {
+                out: out.clone(),
+                targets: self.targets.clone(),
+            });
+        }
+        let beside = (wanted == Form::Krl).then(|| sidecar(out));
+        let all = [out.clone()].into_iter().chain(beside);
+        let taken = all.into_iter().find(|path| path.exists());
+        taken.map_or(Ok(wanted), |path| Err(CompensateCommandError::Exists(path)))
+    }
+
+    /// Writes the result, to `stdout` where the arguments name no file.
+    pub(super) fn write(
+        &self,
+        written: &Written<'_>,
+        form: Form,
+        stdout: impl Write,
+    ) -> Result<(), CompensateCommandError> {
+        let failed = |path: Option<&Path>| {
+            let path = path.map(Path::to_owned);
+            move |source| CompensateCommandError::Write { path, source }
+        };
+        let Some(out) = &self.out else {
+            let done = written.form(form, stdout);
+            // A reader that has gone away wants no more of it.
+            let gone = done.as_ref().is_err_and(WriteCause::is_broken_pipe);
+            return if gone {
+                Ok(())
+            } else {
+                done.map_err(failed(None))
+            };
+        };
+        let Some(list) = written.targets.list.as_ref().filter(|_| form == Form::Krl) else {
+            return write_whole(out, |sink| written.form(form, sink)).map_err(failed(Some(out)));
+        };
+        // The list last: where it stands, its corrections do too.
+        let beside = sidecar(out);
+        write_whole(&beside, |sink| written.form(Form::Csv, sink))
+            .map_err(failed(Some(&beside)))?;
+        write_whole(out, |sink| written.list(list, sink)).map_err(|cause| {
+            // The first error is the one to tell.
+            let _ = fs::remove_file(&beside);
+            failed(Some(out))(cause)
+        })
+    }
+}
+
+impl Written<'_> {
+    fn unit(&self) -> AngleUnit {
+        self.targets.angle_unit
+    }
+
+    fn form(&self, form: Form, mut sink: impl Write) -> Result<(), WriteCause> {
+        match form {
+            Form::Csv | Form::Krl => Ok(targets::write_csv(self.result, self.unit(), sink)?),
+            Form::Json => Ok(targets::write_json(self.result, self.unit(), sink)?),
+            Form::Parquet => {
+                let bytes = table::write(self.result, Vec::new())?;
+                Ok(sink.write_all(&bytes)?)
+            }
+        }
+    }
+
+    fn list(&self, list: &DataList, mut sink: impl Write) -> Result<(), WriteCause> {
+        Ok(sink.write_all(&list.write(self.outcomes, self.table_id))?)
+    }
+}

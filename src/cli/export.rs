@@ -1,0 +1,131 @@
+//! `posegrid export TABLE --format …`: a table of a run → what controllers and off-line programming read.
+//!
+//! Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read or is not one of those for the format.
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+
+use super::messages::Printable;
+use super::{BAD_USAGE, DONE, NO_RESULT};
+use crate::io::export::{ExportError, curves_json, nodes_csv, urdf};
+use crate::io::table;
+use crate::io::whole_file::write_whole;
+
+/// Write a table of a run in a form that controllers and off-line programming read
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "\
+FORMAT is made of a table of a run:
+  csv   of compensation: a row a node, joint angles in degrees; what holds for the whole table stands before them
+        in lines that begin with #
+  json  of calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
+  urdf  of calibrations: the identified geometry, in the controller's base, with its flange and tool
+
+Example:
+  posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
+  posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
+
+Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made of it.")]
+pub struct ExportArgs {
+    /// The table: a Parquet file of a run.
+    pub table: PathBuf,
+    /// What to make of it
+    #[arg(long, value_enum)]
+    pub format: ExportFormat,
+    /// Where to write it, a new file; without it, standard output.
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+/// What is made of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ExportFormat {
+    /// The nodes of a compensation table
+    Csv,
+    /// The error curve of each joint
+    Json,
+    /// The identified geometry
+    Urdf,
+}
+
+/// Runs the command: the result goes to `--out` or standard output, errors to standard error.
+pub fn main(args: &ExportArgs) -> ExitCode {
+    match run(args, io::stdout().lock()) {
+        Ok(()) => ExitCode::from(DONE),
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+/// Writes what the arguments ask for, to `stdout` where they name no file.
+pub fn run(args: &ExportArgs, mut stdout: impl Write) -> Result<(), ExportError> {
+    let taken = args.out.iter().find(|out| out.exists());
+    if let Some(out) = taken {
+        return Err(ExportError::Exists(out.clone()));
+    }
+    // Made whole first: a table that turns out wrong leaves no half of it on a pipe.
+    let mut made = Vec::new();
+    args.make(&mut made)?;
+    match &args.out {
+        Some(out) => write_whole(out, |sink| sink.write_all(&made)).map_err(|source| {
+            let path = out.clone();
+            ExportError::NotWritten { path, source }
+        }),
+        None => match stdout.write_all(&made).and_then(|()| stdout.flush()) {
+            // A reader that has gone away wants no more of it.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            done => Ok(done?),
+        },
+    }
+}
+
+impl ExportArgs {
+    fn make(&self, sink: &mut Vec<u8>) -> Result<(), ExportError> {
+        let path: &Path = &self.table;
+        let held = table::name(path)?;
+        match (self.format, held.as_deref()) {
+            (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
+            (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
+            (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
+            (ExportFormat::Urdf, Some("calibrations")) => urdf::write(path, sink),
+            (format, other) => Err(ExportError::OtherTable {
+                path: path.to_owned(),
+                found: other.map_or_else(
+                    || "no table of posegrid".to_owned(),
+                    |name| format!("table {name:?}"),
+                ),
+                format: format.name(),
+                needs: format.tables(),
+            }),
+        }
+    }
+}
+
+impl ExportFormat {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Json => "json",
+            Self::Urdf => "urdf",
+        }
+    }
+
+    const fn tables(self) -> &'static str {
+        match self {
+            Self::Csv => "\"compensation\"",
+            Self::Json => "\"calibrations\" or \"joint_errors\"",
+            Self::Urdf => "\"calibrations\"",
+        }
+    }
+}
+
+const fn exit_code(error: &ExportError) -> u8 {
+    match error {
+        ExportError::Write(_) | ExportError::NotWritten { .. } => NO_RESULT,
+        _ => BAD_USAGE,
+    }
+}

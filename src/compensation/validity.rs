@@ -1,0 +1,289 @@
+//! What a table is valid for, against what corrected targets will be run with.
+//!
+//! Three answers for each term: it holds, it is outside, or it was not checked, as one of the two sides does not state it.
+
+use thiserror::Error;
+
+use super::{Exception, Reason, Target};
+
+/// What a table was measured with, and is valid for. `None`: the pipeline file or the log did not say.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Validity {
+    /// The tool, as the pipeline file names it.
+    pub tool: Option<String>,
+    /// The payload, kg.
+    pub payload_kg: Option<f64>,
+    /// The mounting of the base.
+    pub mounting: Option<String>,
+    /// The base frame, as the pipeline file names it.
+    pub base: Option<String>,
+    /// The controller.
+    pub controller_model: Option<String>,
+    /// Whether the controller's own absolute-accuracy option was on.
+    pub absolute_accuracy_option: Option<bool>,
+    /// Lowest and highest temperature met while measuring, °C.
+    pub temperature_c: Option<[f64; 2]>,
+}
+
+/// What targets will be run with. `None`: not said.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct UsedWith {
+    /// The tool.
+    pub tool: Option<String>,
+    /// The payload, kg.
+    pub payload_kg: Option<f64>,
+    /// The mounting of the base.
+    pub mounting: Option<String>,
+    /// The base frame.
+    pub base: Option<String>,
+    /// The controller.
+    pub controller_model: Option<String>,
+    /// Whether the controller's own absolute-accuracy option is on.
+    pub absolute_accuracy_option: Option<bool>,
+    /// The temperature, °C.
+    pub temperature_c: Option<f64>,
+}
+
+/// One thing that a table is valid for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Term {
+    /// The tool.
+    Tool,
+    /// The payload.
+    Payload,
+    /// The mounting of the base.
+    Mounting,
+    /// The base frame.
+    Base,
+    /// The controller.
+    ControllerModel,
+    /// The controller's own absolute-accuracy option.
+    AbsoluteAccuracy,
+    /// The temperature.
+    Temperature,
+}
+
+/// Something that targets will be run with, and the table is not valid for.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{words}")]
+pub struct Outside {
+    /// What.
+    pub term: Term,
+    /// Which, and by how much.
+    pub words: String,
+}
+
+/// What became of each term.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Held {
+    /// Within.
+    pub within: Vec<Term>,
+    /// Not within.
+    pub outside: Vec<Outside>,
+    /// The table states it, the caller does not.
+    pub not_said: Vec<Term>,
+    /// The table does not state it.
+    pub not_stated: Vec<Term>,
+}
+
+/// Payloads are the same up to rounding, kg: a gram.
+const ROUNDING_KG: f64 = 1e-3;
+
+impl Term {
+    /// The name in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tool => "tool",
+            Self::Payload => "payload",
+            Self::Mounting => "mounting",
+            Self::Base => "base",
+            Self::ControllerModel => "controller model",
+            Self::AbsoluteAccuracy => "absolute-accuracy option",
+            Self::Temperature => "temperature",
+        }
+    }
+
+    /// The exception that lets it be outside.
+    pub const fn exception(self) -> Exception {
+        match self {
+            Self::Tool => Exception::Tool,
+            Self::Payload => Exception::Payload,
+            Self::Mounting => Exception::Mounting,
+            Self::Base => Exception::Base,
+            Self::ControllerModel => Exception::ControllerModel,
+            Self::AbsoluteAccuracy => Exception::AbsoluteAccuracy,
+            Self::Temperature => Exception::Temperature,
+        }
+    }
+}
+
+impl Validity {
+    /// Whether a target is for the same tool.
+    pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
+        match &target.tool {
+            Some(wanted) if target.tool != self.tool => Err(Reason::Tool {
+                wanted: wanted.clone(),
+                table: self.tool.clone(),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Holds each term against what targets will be run with.
+    pub fn hold(&self, used: &UsedWith) -> Held {
+        let mut held = Held::default();
+        let names = [
+            (Term::Tool, &self.tool, &used.tool),
+            (Term::Mounting, &self.mounting, &used.mounting),
+            (Term::Base, &self.base, &used.base),
+            (
+                Term::ControllerModel,
+                &self.controller_model,
+                &used.controller_model,
+            ),
+        ];
+        for (term, own, said) in names {
+            held.take(term, own.as_deref(), said.as_deref(), other_name);
+        }
+        let payload = self.payload_kg;
+        held.take(Term::Payload, payload, used.payload_kg, other_payload);
+        let option = self.absolute_accuracy_option;
+        let said = used.absolute_accuracy_option;
+        held.take(Term::AbsoluteAccuracy, option, said, other_option);
+        let range = self.temperature_c;
+        held.take(
+            Term::Temperature,
+            range,
+            used.temperature_c,
+            other_temperature,
+        );
+        held
+    }
+}
+
+impl Held {
+    /// `outside` says of the table's value and the caller's by how much they differ, if they do.
+    fn take<T, U>(
+        &mut self,
+        term: Term,
+        own: Option<T>,
+        said: Option<U>,
+        outside: impl Fn(T, U) -> Option<String>,
+    ) {
+        let (own, said) = match (own, said) {
+            (None, _) => return self.not_stated.push(term),
+            (Some(_), None) => return self.not_said.push(term),
+            (Some(own), Some(said)) => (own, said),
+        };
+        match outside(own, said) {
+            None => self.within.push(term),
+            Some(how) => self.outside.push(Outside {
+                term,
+                words: format!("{} {how}", term.name()),
+            }),
+        }
+    }
+}
+
+fn other_name(own: &str, said: &str) -> Option<String> {
+    (own != said).then(|| format!("{said:?}, the table is for {own:?}"))
+}
+
+fn other_payload(own: f64, said: f64) -> Option<String> {
+    let more = said - own;
+    let how = if more > 0.0 { "more" } else { "less" };
+    // Also where the difference is no number.
+    let same = more.abs() <= ROUNDING_KG;
+    (!same).then(|| {
+        format!(
+            "{said} kg, {:.3} kg {how} than the table's {own} kg",
+            more.abs()
+        )
+    })
+}
+
+fn other_option(own: bool, said: bool) -> Option<String> {
+    let word = |on| if on { "on" } else { "off" };
+    (own != said).then(|| format!("{}, it was {} while measuring", word(said), word(own)))
+}
+
+fn other_temperature([low, high]: [f64; 2], said: f64) -> Option<String> {
+    let (beyond, how) = if said < low {
+        (low - said, "below")
+    } else {
+        (said - high, "above")
+    };
+    let inside = (low..=high).contains(&said);
+    (!inside).then(|| {
+        format!("{said} °C, {beyond:.2} °C {how} the {low:.2} to {high:.2} °C of the measurement")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Validity {
+        Validity {
+            tool: Some("drill".to_owned()),
+            payload_kg: Some(12.5),
+            mounting: Some("floor".to_owned()),
+            base: None,
+            controller_model: None,
+            absolute_accuracy_option: Some(false),
+            temperature_c: Some([19.25, 21.5]),
+        }
+    }
+
+    #[test]
+    fn each_term_is_within_outside_or_not_checked() {
+        let used = UsedWith {
+            tool: Some("drill".to_owned()),
+            payload_kg: Some(12.500_4),
+            base: Some("fixture".to_owned()),
+            temperature_c: Some(21.5),
+            ..UsedWith::default()
+        };
+        let held = table().hold(&used);
+        assert_eq!(held.within, [Term::Tool, Term::Payload, Term::Temperature]);
+        assert!(held.outside.is_empty());
+        assert_eq!(held.not_said, [Term::Mounting, Term::AbsoluteAccuracy]);
+        assert_eq!(held.not_stated, [Term::Base, Term::ControllerModel]);
+    }
+
+    #[test]
+    fn what_is_outside_is_told_by_how_much() {
+        let used = UsedWith {
+            tool: Some("rivet".to_owned()),
+            payload_kg: Some(10.0),
+            mounting: Some("wall".to_owned()),
+            absolute_accuracy_option: Some(true),
+            temperature_c: Some(18.0),
+            ..UsedWith::default()
+        };
+        let words: Vec<String> = table()
+            .hold(&used)
+            .outside
+            .iter()
+            .map(ToString::to_string)
+            .collect();
+        let expected = [
+            "tool \"rivet\", the table is for \"drill\"",
+            "mounting \"wall\", the table is for \"floor\"",
+            "payload 10 kg, 2.500 kg less than the table's 12.5 kg",
+            "absolute-accuracy option on, it was off while measuring",
+            "temperature 18 °C, 1.25 °C below the 19.25 to 21.50 °C of the measurement",
+        ];
+        assert_eq!(words, expected);
+        let hot = UsedWith {
+            payload_kg: Some(f64::NAN),
+            temperature_c: Some(f64::NAN),
+            ..UsedWith::default()
+        };
+        assert_eq!(
+            table().hold(&hot).outside.len(),
+            2,
+            "no number is within nothing"
+        );
+    }
+}

@@ -1,0 +1,218 @@
+//! The error curve of each joint as JSON: angle, error and its standard deviation, in rad, on whole degrees.
+//!
+//! A controller or an off-line program that corrects joint angles subtracts `error_rad` at the angle it is about to
+//! command. The curve is beside the identified geometry, whose constant offsets of joints it does not hold.
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::ExportError;
+use crate::compensation::{ArmModel, Validity};
+use crate::fit::full::FullModel;
+use crate::io::calibrations_table::{self, PublishedArm};
+use crate::io::common::Common;
+use crate::io::schema;
+use crate::io::table::{self, Table};
+use crate::kinematics::Arm;
+use crate::manifest::RunKey;
+
+/// The curve is given this far beyond what was measured, degrees, as in table `joint_errors`.
+const BEYOND_DEG: f64 = 15.0;
+
+/// The document.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Curves {
+    format: &'static str,
+    robot: String,
+    session: String,
+    run: String,
+    units: Units,
+    angle: &'static str,
+    error: &'static str,
+    /// Null where the table does not hold it.
+    valid_for: Option<ValidFor>,
+    joints: Vec<Curve>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Units {
+    angle_rad: &'static str,
+    error_rad: &'static str,
+    sd_rad: &'static str,
+}
+
+/// What the curves are valid for; null: not stated.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct ValidFor {
+    tool: Option<String>,
+    payload_kg: Option<f64>,
+    mounting: Option<String>,
+    base: Option<String>,
+    controller_model: Option<String>,
+    absolute_accuracy_option: Option<bool>,
+    temperature_c: Option<[f64; 2]>,
+    flange_from_target_xyz_mm: [f64; 3],
+}
+
+/// The curve of a joint.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+struct Curve {
+    joint: usize,
+    name: String,
+    /// Lowest and highest angle among the points that lie within what was measured.
+    measured_rad: Option<[f64; 2]>,
+    angle_rad: Vec<f64>,
+    error_rad: Vec<f64>,
+    sd_rad: Vec<f64>,
+    measured: Vec<bool>,
+}
+
+/// Writes the curves that a file of table `calibrations` holds.
+pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError> {
+    let PublishedArm { key, arm } = calibrations_table::read(path)?;
+    let ArmModel::Full { model, .. } = &arm.model else {
+        return Err(ExportError::NoCurves(path.to_owned()));
+    };
+    let target = arm.frames.flange_from_target.origin().coords();
+    let valid_for = ValidFor::of(&arm.validity, target.into());
+    let axes = axis_ranges(&arm.arm, &arm.measured);
+    let joints = axes.iter().enumerate();
+    let joints = joints.map(|(joint, range)| curve(model, &arm.arm, joint, *range));
+    write(&key, Some(valid_for), joints.collect(), sink)
+}
+
+/// Writes the curves that a file of table `joint_errors` holds.
+pub fn of_joint_errors(path: &Path, sink: impl Write) -> Result<(), ExportError> {
+    let table = table::read(path, schema::find("joint_errors")?)?;
+    if table.rows() == 0 {
+        return Err(ExportError::Empty(path.to_owned()));
+    }
+    let said = Common {
+        path,
+        table: &table,
+    };
+    let key = said
+        .key()
+        .map_err(calibrations_table::CalibrationsTableError::from)?;
+    let mut joints: Vec<Curve> = Vec::new();
+    for row in 0..table.rows() {
+        let joint = usize::try_from(table.i64("joint").value(row)).unwrap_or_default();
+        if joints.last().is_none_or(|last| last.joint != joint) {
+            joints.push(Curve {
+                joint,
+                name: table.text("joint_name").value(row).to_owned(),
+                ..Curve::default()
+            });
+        }
+        if let Some(curve) = joints.last_mut() {
+            curve.point(&table, row);
+        }
+    }
+    write(&key, None, joints, sink)
+}
+
+fn write(
+    key: &RunKey,
+    valid_for: Option<ValidFor>,
+    joints: Vec<Curve>,
+    mut sink: impl Write,
+) -> Result<(), ExportError> {
+    let curves = Curves {
+        format: "posegrid joint curves 1",
+        robot: key.robot.clone(),
+        session: key.session.clone(),
+        run: key.run.clone(),
+        units: Units {
+            angle_rad: "rad",
+            error_rad: "rad",
+            sd_rad: "rad",
+        },
+        angle: "the axis variable: the reported angle, for coupled axes with the robot file's joint map applied",
+        error: "attained minus reported angle beside the identified geometry; smooth curve and gear lines together",
+        valid_for,
+        joints,
+    };
+    serde_json::to_writer(&mut sink, &curves)?;
+    Ok(sink.write_all(b"\n")?)
+}
+
+impl ValidFor {
+    fn of(validity: &Validity, flange_from_target_xyz_mm: [f64; 3]) -> Self {
+        let own = validity.clone();
+        Self {
+            tool: own.tool,
+            payload_kg: own.payload_kg,
+            mounting: own.mounting,
+            base: own.base,
+            controller_model: own.controller_model,
+            absolute_accuracy_option: own.absolute_accuracy_option,
+            temperature_c: own.temperature_c,
+            flange_from_target_xyz_mm,
+        }
+    }
+}
+
+impl Curve {
+    fn push(&mut self, angle: f64, error: f64, sd: f64, measured: bool) {
+        self.angle_rad.push(angle);
+        self.error_rad.push(error);
+        self.sd_rad.push(sd);
+        self.measured.push(measured);
+        if measured {
+            let [low, high] = self.measured_rad.unwrap_or([angle; 2]);
+            self.measured_rad = Some([low.min(angle), high.max(angle)]);
+        }
+    }
+
+    fn point(&mut self, table: &Table, row: usize) {
+        let number = |column: &str| table.f64(column).value(row);
+        let measured = table.bool("measured").value(row);
+        self.push(
+            number("angle_rad"),
+            number("error_rad"),
+            number("sd_rad"),
+            measured,
+        );
+    }
+}
+
+fn curve(model: &FullModel, arm: &Arm, joint: usize, [low, high]: [f64; 2]) -> Curve {
+    let mut curve = Curve {
+        joint: joint + 1,
+        name: arm.joints()[joint].name.clone(),
+        ..Curve::default()
+    };
+    for error in model.joint_errors(joint, &degrees(low, high)) {
+        let measured = (low..=high).contains(&error.angle);
+        curve.push(error.angle, error.error(), error.sd, measured);
+    }
+    curve
+}
+
+/// Lowest and highest axis variables that joint angles within their ranges can have.
+fn axis_ranges(arm: &Arm, joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut ranges = vec![[0.0; 2]; joints.len()];
+    for (joint, span) in joints.iter().enumerate() {
+        let mut unit = vec![0.0; joints.len()];
+        unit[joint] = 1.0;
+        for (range, share) in ranges.iter_mut().zip(arm.axes(&unit)) {
+            let [a, b] = span.map(|q| share * q);
+            *range = [range[0] + a.min(b), range[1] + a.max(b)];
+        }
+    }
+    ranges
+}
+
+/// Whole degrees around `low` to `high` (rad), in rad.
+fn degrees(low: f64, high: f64) -> Vec<f64> {
+    let first = (low.to_degrees() - BEYOND_DEG).floor();
+    let last = (high.to_degrees() + BEYOND_DEG).ceil();
+    std::iter::successors(Some(first), |degree| Some(degree + 1.0))
+        .take_while(|degree| *degree <= last)
+        // A joint that never came to rest within sixteen turns is no joint.
+        .take(10_000)
+        .map(f64::to_radians)
+        .collect()
+}

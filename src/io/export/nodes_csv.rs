@@ -1,0 +1,82 @@
+//! A compensation table as CSV: a row a node; before them, each in a line `# name: value`, what holds for every node.
+//!
+//! Readers that know no comments skip these lines: pandas by `comment="#"`, polars by `comment_prefix="#"`, DuckDB by
+//! `comment='#'`. Values there are JSON, so that no name breaks a line.
+
+use std::io::Write;
+use std::path::Path;
+
+use super::ExportError;
+use crate::ingest::AngleUnit;
+use crate::io::compensation_table;
+use crate::io::schema;
+use crate::io::table::{self, Table};
+use crate::io::targets::spread::Spread;
+use crate::io::targets::write_csv::write_columns;
+use crate::io::targets::write_json::value;
+
+/// Columns that differ from node to node. All others hold for the table.
+const OF_NODES: [&str; 24] = [
+    "node",
+    "index_x",
+    "index_y",
+    "index_z",
+    "x_mm",
+    "y_mm",
+    "z_mm",
+    "joints_rad",
+    "error_x_mm",
+    "error_y_mm",
+    "error_z_mm",
+    "error_sd_mm",
+    "error_cov_xx_mm2",
+    "error_cov_xy_mm2",
+    "error_cov_xz_mm2",
+    "error_cov_yy_mm2",
+    "error_cov_yz_mm2",
+    "error_cov_zz_mm2",
+    "refused",
+    "nearest_station_mm",
+    "nearest_station_rad",
+    "stations_near",
+    "within_joint_ranges",
+    "orientation",
+];
+
+/// Writes the nodes of the table in a file, lengths to the nanometre, joint angles in degrees.
+pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
+    // What is exported is a table that `compensate` would read too.
+    compensation_table::read(path)?;
+    let table = table::read(path, schema::find("compensation")?)?;
+    let (of_nodes, of_all): (Vec<_>, Vec<_>) = Spread::all(&table)
+        .into_iter()
+        .partition(|column| OF_NODES.contains(&column.name()));
+    writeln!(
+        sink,
+        "# posegrid compensation table: error to subtract, attained minus commanded position, in the frame of commands"
+    )?;
+    for column in &of_all {
+        writeln!(
+            sink,
+            "# {}: {}",
+            column.name(),
+            common(path, &table, column)?
+        )?;
+    }
+    Ok(write_columns(&table, &of_nodes, AngleUnit::Deg, sink)?)
+}
+
+/// The value that a column has in every row, as JSON.
+fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, ExportError> {
+    let cells = |row| column.cells(row, AngleUnit::Deg);
+    let first = cells(0);
+    if let Some(row) = (1..table.rows()).find(|&row| cells(row) != first) {
+        return Err(ExportError::NotOne {
+            path: path.to_owned(),
+            column: column.name().to_owned(),
+            row,
+        });
+    }
+    let values: Vec<String> = first.iter().map(value).collect();
+    Ok(values.join(", "))
+}

@@ -1,0 +1,287 @@
+//! The identified geometry as URDF.
+//!
+//! Inputs: the arm of table `calibrations` with its geometry alone. Output: links `base_link`, `link_1` …, `flange`, `tool`
+//! with a revolute joint for each of the arm's, m and rad. Steps:
+//! 1. the chain is cut at its joint variables: what stands before one is the joint's origin;
+//! 2. `base_link` is the controller's base and `flange` its flange, in the gauge of base and target (METHOD.md 6), not the
+//!    root and the end of the identified chain, which a fit may move by millimetres along what it cannot tell apart. So
+//!    this arm's tool point is where the geometry's compensation says it is;
+//! 3. each rotation becomes roll, pitch, yaw so that they give it back also where the pitch is ±90°.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::ExportError;
+use crate::compensation::{ArmModel, IdentifiedArm};
+use crate::fit::saved::axes_from_joints;
+use crate::io::calibrations_table::{self, PublishedArm};
+use crate::kinematics::{Chain, Element, Joint, Motion};
+use crate::manifest::RunKey;
+
+/// Writes the geometry that a file of table `calibrations` holds.
+pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
+    let PublishedArm { key, arm } = calibrations_table::read_geometry(path)?;
+    let refused = |problem| ExportError::NoUrdf {
+        path: path.to_owned(),
+        problem,
+    };
+    let pieces = Pieces::of(&arm).map_err(refused)?;
+    Ok(sink.write_all(text(&key, &arm, &pieces).as_bytes())?)
+}
+
+/// The chain between its joint variables.
+struct Pieces {
+    /// Origin and axis of each joint.
+    joints: Vec<(Isometry3<f64>, Vector3<f64>)>,
+    /// From the last joint to the flange.
+    flange: Isometry3<f64>,
+}
+
+impl Pieces {
+    fn of(arm: &IdentifiedArm) -> Result<Self, &'static str> {
+        let count = arm.arm.joints().len();
+        if axes_from_joints(&arm.arm) != nalgebra::DMatrix::identity(count, count) {
+            return Err("has coupled joints");
+        }
+        let ArmModel::Geometric(own) = &arm.model else {
+            return Err("has more than a geometry");
+        };
+        let base_from_root = arm.frames.tracker_from_base.isometry().inverse()
+            * own.frames.tracker_from_base.isometry();
+        let target = own.frames.flange_from_target.isometry().translation.vector
+            - arm.frames.flange_from_target.isometry().translation.vector;
+        let cut = Self::cut(base_from_root, &own.chain)?;
+        Ok(Self {
+            flange: cut.flange * Translation3::from(target),
+            ..cut
+        })
+    }
+
+    /// A chain behind `before`, cut at its joint variables.
+    fn cut(before: Isometry3<f64>, chain: &Chain) -> Result<Self, &'static str> {
+        let mut joints = Vec::new();
+        let mut since = before;
+        for element in chain.elements() {
+            match element {
+                Element::Fixed(placement) => since *= placement,
+                Element::Free {
+                    motion, nominal, ..
+                } => since *= motion.by(*nominal),
+                Element::Joint { joint, .. } if *joint != joints.len() => {
+                    return Err("has joints that do not follow one another");
+                }
+                Element::Joint {
+                    motion: Motion::Translation(_),
+                    ..
+                } => return Err("has a joint that slides"),
+                Element::Joint { motion, sign, .. } => {
+                    joints.push((since, motion.axis() * *sign));
+                    since = Isometry3::identity();
+                }
+            }
+        }
+        Ok(Self {
+            joints,
+            flange: since,
+        })
+    }
+}
+
+fn text(key: &RunKey, arm: &IdentifiedArm, pieces: &Pieces) -> String {
+    let mut urdf = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
+    let remark = format!(
+        "Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. Not in it: joint curves, gear lines, \
+         gravity, drift; see table calibrations of that run. base_link is the controller's base, flange its flange, tool its \
+         own tool point. Effort and velocity are not known and 0.",
+        arm.arm.model(),
+        key.robot,
+        key.session,
+        key.run
+    );
+    line(&mut urdf, &format!("<!-- {} -->", in_comment(&remark)));
+    line(
+        &mut urdf,
+        &format!("<robot name=\"{}\">", escaped(&key.robot)),
+    );
+    line(&mut urdf, "  <link name=\"base_link\"/>");
+    let mut parent = "base_link".to_owned();
+    let joints = arm.arm.joints();
+    for (number, (joint, (origin, axis))) in (1..).zip(joints.iter().zip(&pieces.joints)) {
+        let child = format!("link_{number}");
+        let axis = three((*axis).into());
+        let inside = format!("    <axis xyz=\"{axis}\"/>\n{}", limit(joint));
+        push_joint(
+            &mut urdf,
+            &joint.name,
+            "revolute",
+            [&parent, &child],
+            origin,
+            &inside,
+        );
+        parent = child;
+    }
+    let placed = [
+        ("flange", pieces.flange),
+        ("tool", *arm.flange_from_tool.isometry()),
+    ];
+    for (child, origin) in placed {
+        let name = unlike(&format!("{child}_joint"), joints);
+        push_joint(&mut urdf, &name, "fixed", [&parent, child], &origin, "");
+        child.clone_into(&mut parent);
+    }
+    line(&mut urdf, "</robot>");
+    urdf
+}
+
+fn line(text: &mut String, words: &str) {
+    text.push_str(words);
+    text.push('\n');
+}
+
+fn push_joint(
+    urdf: &mut String,
+    name: &str,
+    kind: &str,
+    [parent, child]: [&str; 2],
+    origin: &Isometry3<f64>,
+    inside: &str,
+) {
+    let metres = origin.translation.vector / 1000.0;
+    let xyz = three(metres.into());
+    let rpy = three(rpy(&origin.rotation));
+    let name = escaped(name);
+    let _ = write!(
+        urdf,
+        "  <joint name=\"{name}\" type=\"{kind}\">\n    <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n    \
+         <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\n{inside}  </joint>\n  <link name=\"{child}\"/>\n",
+        xyz.join(" "),
+        rpy.join(" ")
+    );
+}
+
+fn numbers(element: &str, vector: &Vector3<f64>) -> String {
+    format!(
+        "    <{element}=\"{} {} {}\"/>\n",
+        vector.x, vector.y, vector.z
+    )
+}
+
+fn limit(joint: &Joint) -> String {
+    format!(
+        "    <limit lower=\"{}\" upper=\"{}\" effort=\"0\" velocity=\"0\"/>\n",
+        joint.lower, joint.upper
+    )
+}
+
+/// A name that none of the joints has.
+fn unlike(name: &str, joints: &[Joint]) -> String {
+    let mut own = name.to_owned();
+    while joints.iter().any(|joint| joint.name == own) {
+        own.push('_');
+    }
+    own
+}
+
+/// Roll, pitch and yaw of `Rz(yaw) Ry(pitch) Rx(roll)`.
+///
+/// Any yaw that takes the second row's first element away leaves `Ry(pitch) Rx(roll)`, so the three give the rotation back to
+/// the last digits also where the yaw itself is not determined.
+fn rpy(rotation: &UnitQuaternion<f64>) -> [f64; 3] {
+    let matrix: Matrix3<f64> = *rotation.to_rotation_matrix().matrix();
+    let yaw = matrix[(1, 0)].atan2(matrix[(0, 0)]);
+    let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw).matrix() * matrix;
+    let pitch = (-turned[(2, 0)]).atan2(turned[(0, 0)]);
+    let roll = (-turned[(1, 2)]).atan2(turned[(1, 1)]);
+    [roll, pitch, yaw]
+}
+
+/// As an attribute's value. XML has no way to write most control characters.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&apos;"),
+            _ if letter.is_control() || is_no_character(letter) => out.push('\u{FFFD}'),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
+
+/// Code points that XML 1.0 leaves out beside control characters.
+const fn is_no_character(letter: char) -> bool {
+    matches!(letter, '\u{FFFE}' | '\u{FFFF}')
+}
+
+/// Inside a comment, where two hyphens end it.
+fn in_comment(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        if letter == '-' && out.ends_with('-') {
+            out.push(' ');
+        }
+        let is_none = letter.is_control() || is_no_character(letter);
+        out.push(if is_none { '\u{FFFD}' } else { letter });
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::isometry_from_rpy;
+    use crate::kinematics::RobotFile;
+
+    #[test]
+    fn roll_pitch_yaw_give_the_rotation_back_wherever_the_pitch_is() {
+        for step in 0..2000_u32 {
+            let part = |k: f64| (f64::from(step) * k).fract() * 6.3 - 3.15;
+            // Every other pitch lies within 1e-9 of ±90°.
+            let pitch = match step % 4 {
+                0 => std::f64::consts::FRAC_PI_2 - f64::from(step) * 5e-13,
+                1 => -std::f64::consts::FRAC_PI_2 + f64::from(step) * 5e-13,
+                _ => part(0.618_034),
+            };
+            let own = UnitQuaternion::from_euler_angles(part(0.414_214), pitch, part(0.732_051));
+            let [roll, pitch, yaw] = rpy(&own);
+            let again = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+            let apart = own.to_rotation_matrix().matrix() - again.to_rotation_matrix().matrix();
+            assert!(apart.abs().max() < 1e-15 * 8.0, "step {step}: {apart}");
+        }
+    }
+
+    #[test]
+    fn a_chain_cut_at_its_joints_is_the_same_chain() {
+        let text = include_str!("../../../pipelines/robots/irb120.toml");
+        let arm = toml::from_str::<RobotFile>(text).unwrap().arm().unwrap();
+        let before = isometry_from_rpy([1.0, -2.0, 3.0], [0.1, 0.2, 0.3]);
+        let pieces = Pieces::cut(before, arm.chain()).unwrap();
+        let q = [0.3, -0.4, 0.5, 0.6, -0.7, 0.8];
+        let turned = |(origin, axis): &(Isometry3<f64>, Vector3<f64>), q: f64| {
+            origin * UnitQuaternion::from_scaled_axis(axis * q)
+        };
+        let joints = pieces.joints.iter().zip(q);
+        let end = joints.fold(Isometry3::identity(), |end, (joint, q)| {
+            end * turned(joint, q)
+        });
+        let apart = (end * pieces.flange).to_homogeneous()
+            - (before * arm.chain().nominal(&q)).to_homogeneous();
+        assert!(apart.abs().max() < 1e-12, "{apart}");
+    }
+
+    #[test]
+    fn names_stay_names() {
+        assert_eq!(
+            escaped("a\"<b>&'\u{0}\n"),
+            "a&quot;&lt;b&gt;&amp;&apos;\u{FFFD}\u{FFFD}"
+        );
+        assert_eq!(in_comment("a ---> b-c"), "a - - -> b-c");
+    }
+}

@@ -1,0 +1,132 @@
+//! A table as text: a row after the other, and each joint angle in a column of its own.
+
+use arrow::array::{Array as _, ArrayRef, AsArray as _};
+use arrow::datatypes::{Float64Type, Int64Type};
+
+use super::angles::{shown, suffix};
+use crate::ingest::AngleUnit;
+use crate::io::schema::{ColumnSchema, ColumnType};
+use crate::io::table::Table;
+
+/// A list of joint angles has a name with this ending.
+const ANGLES: &str = "joints_rad";
+
+/// One value as text: lengths to the nanometre, joint angles in the unit asked for, other numbers as exactly as they are.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Cell {
+    /// There is none.
+    Absent,
+    /// A finite number.
+    Number(String),
+    /// True or false.
+    Flag(bool),
+    /// A text.
+    Text(String),
+    /// Several values.
+    List(Vec<Cell>),
+}
+
+/// One column of a table, and how many it becomes: a list of joint angles `…joints_rad` the columns `…q1_rad` or `…q1_deg`
+/// and so on, as many as its longest row has; any other list one. Lists that no row has become none.
+pub(crate) struct Spread<'t> {
+    schema: &'t ColumnSchema,
+    array: &'t ArrayRef,
+    columns: usize,
+}
+
+impl<'t> Spread<'t> {
+    /// The columns of a table that become any.
+    pub(crate) fn all(table: &'t Table) -> Vec<Self> {
+        let arrays = table.schema().columns.iter().zip(table.batch().columns());
+        let spread = arrays.map(|(schema, array)| Self {
+            schema,
+            array,
+            columns: count(schema, array),
+        });
+        spread.filter(|spread| spread.columns > 0).collect()
+    }
+
+    /// The column's name in the table.
+    pub(crate) fn name(&self) -> &str {
+        &self.schema.name
+    }
+
+    /// The name before the joint's number, where it is a list of joint angles.
+    fn angles(&self) -> Option<&str> {
+        let is_list = self.schema.kind == ColumnType::ListFloat64;
+        is_list.then(|| self.schema.name.strip_suffix(ANGLES))?
+    }
+
+    /// What the columns are called that it becomes.
+    pub(crate) fn names(&self, unit: AngleUnit) -> Vec<String> {
+        match self.angles() {
+            Some(before) => (1..=self.columns)
+                .map(|joint| format!("{before}q{joint}_{}", suffix(unit)))
+                .collect(),
+            None => vec![self.schema.name.clone()],
+        }
+    }
+
+    /// Its values in a row, one for each name.
+    pub(crate) fn cells(&self, row: usize, unit: AngleUnit) -> Vec<Cell> {
+        let mut cells = if self.array.is_null(row) {
+            Vec::new()
+        } else if self.angles().is_some() {
+            let list = self.array.as_list::<i32>().value(row);
+            let angles = list.as_primitive::<Float64Type>().values().iter();
+            angles
+                .map(|&angle| Cell::Number(shown(angle, unit)))
+                .collect()
+        } else {
+            vec![cell(self.array, self.schema, row)]
+        };
+        cells.resize(self.columns, Cell::Absent);
+        cells
+    }
+}
+
+/// How many columns a column becomes.
+fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
+    if schema.kind.is_scalar() {
+        return 1;
+    }
+    let lists = array.as_list::<i32>();
+    let given = (0..lists.len()).filter(|&row| lists.is_valid(row));
+    let longest = given.map(|row| lists.value(row).len()).max().unwrap_or(0);
+    if schema.name.ends_with(ANGLES) {
+        longest
+    } else {
+        longest.min(1)
+    }
+}
+
+/// One value that is not null.
+fn cell(array: &ArrayRef, column: &ColumnSchema, row: usize) -> Cell {
+    let real = |array: &ArrayRef, row: usize| array.as_primitive::<Float64Type>().value(row);
+    let whole = |array: &ArrayRef, row: usize| array.as_primitive::<Int64Type>().value(row);
+    let text =
+        |array: &ArrayRef, row: usize| Cell::Text(array.as_string::<i32>().value(row).to_owned());
+    let listed = |each: &dyn Fn(&ArrayRef, usize) -> Cell| {
+        let list = array.as_list::<i32>().value(row);
+        Cell::List((0..list.len()).map(|place| each(&list, place)).collect())
+    };
+    match (column.kind, column.unit.as_deref()) {
+        (ColumnType::Float64, Some("mm")) => Cell::Number(length(real(array, row))),
+        (ColumnType::Float64, _) => Cell::Number(real(array, row).to_string()),
+        (ColumnType::Int64, _) => Cell::Number(whole(array, row).to_string()),
+        (ColumnType::Bool, _) => Cell::Flag(array.as_boolean().value(row)),
+        (ColumnType::String, _) => text(array, row),
+        (ColumnType::ListFloat64, _) => {
+            listed(&|list, place| Cell::Number(real(list, place).to_string()))
+        }
+        (ColumnType::ListInt64, _) => {
+            listed(&|list, place| Cell::Number(whole(list, place).to_string()))
+        }
+        (ColumnType::ListString, _) => listed(&text),
+    }
+}
+
+/// A length to the nanometre, mm.
+pub(crate) fn length(mm: f64) -> String {
+    format!("{mm:.6}")
+}

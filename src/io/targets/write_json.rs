@@ -1,0 +1,45 @@
+//! A table → JSON: an array of objects, a line a row, the same keys as the columns in CSV.
+
+use std::io::{self, Write};
+
+use super::spread::{Cell, Spread};
+use crate::ingest::AngleUnit;
+use crate::io::table::Table;
+
+/// Writes a table as JSON: lengths to the nanometre, joint angles in `unit`, other numbers as exactly as they are, null
+/// where a value is absent.
+///
+/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists that no row has are left out.
+pub fn write_json(table: &Table, unit: AngleUnit, mut sink: impl Write) -> io::Result<()> {
+    let columns = Spread::all(table);
+    let names: Vec<String> = columns.iter().flat_map(|c| c.names(unit)).collect();
+    sink.write_all(b"[")?;
+    for row in 0..table.rows() {
+        sink.write_all(if row == 0 { b"\n{" } else { b",\n{" })?;
+        let cells = columns.iter().flat_map(|column| column.cells(row, unit));
+        for (place, (name, cell)) in names.iter().zip(cells).enumerate() {
+            let comma = if place == 0 { "" } else { ", " };
+            write!(sink, "{comma}{}: {}", text(name), value(&cell))?;
+        }
+        sink.write_all(b"}")?;
+    }
+    sink.write_all(b"\n]\n")
+}
+
+/// One value as JSON.
+pub(crate) fn value(cell: &Cell) -> String {
+    match cell {
+        Cell::Absent => "null".to_owned(),
+        Cell::Number(number) => number.clone(),
+        Cell::Flag(flag) => flag.to_string(),
+        Cell::Text(own) => text(own),
+        Cell::List(cells) => {
+            let values: Vec<String> = cells.iter().map(value).collect();
+            format!("[{}]", values.join(", "))
+        }
+    }
+}
+
+fn text(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
