@@ -117,11 +117,15 @@ impl Designs {
         let mut stream = Stream::new(settings.seed, Ingredient::Region);
         let region = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
         let region = axes_of(arm, &region.0);
-        let model = expected_model(arm, settings, &region, most);
-        let measured = measurements(arm, &candidates.0, &model, settings);
+        let unknown = expected_model(arm, settings, &region, most);
+        let model = settings
+            .known
+            .as_ref()
+            .map_or(&unknown, |known| known.model());
+        let measured = measurements(arm, &candidates.0, model, settings);
         progress.begin("choosing poses", 2 * most as u64);
-        let visit = visit_covariances(&model, &region);
-        let mut design = Design::new(&model, &measured, &region);
+        let visit = visit_covariances(model, &region);
+        let mut design = Design::new(model, &measured, &region);
         let (mut by_variance, mut expected) = (Vec::new(), Vec::new());
         while by_variance.len() < most
             && let Some(choice) = design.choose()
@@ -130,7 +134,8 @@ impl Designs {
             expected.push(Expected::of(design.region(), &visit, settings));
             progress.advance(1);
         }
-        let geometric = model.geometry_alone();
+        // What says most of geometry is asked of an arm of which nothing is known, whatever is known of this one.
+        let geometric = unknown.geometry_alone();
         let mut design = Design::new(&geometric, &measured, &[]);
         let mut by_information = Vec::new();
         while by_information.len() < most
