@@ -5,6 +5,8 @@
 //! `cargo test --release --test plan the_promise -- --ignored --nocapture`. A sample of it is among the normal tests.
 
 mod common;
+#[path = "plan/known.rs"]
+mod known;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

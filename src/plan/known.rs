@@ -161,6 +161,3 @@ fn curve(pairs: &[f64]) -> JointCurve {
         sines: pairs.iter().map(|pair| pair[1]).collect(),
     }
 }
-
-#[cfg(test)]
-mod tests;
