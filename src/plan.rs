@@ -13,6 +13,7 @@
 
 pub mod compare;
 pub mod design;
+pub mod enough;
 mod error;
 pub mod influence;
 pub mod known;

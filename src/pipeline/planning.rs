@@ -7,6 +7,7 @@
 mod cell;
 mod checks;
 mod known;
+mod so_far;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,7 @@ use crate::progress::Progress;
 use crate::report;
 use cell::Placed;
 pub use known::KnownError;
+pub use so_far::{SoFar, SoFarError};
 
 /// The session under which a plan stands in the lake.
 pub const SESSION: &str = "plan";
@@ -74,6 +76,9 @@ pub enum PlanningError {
     /// A past session that cannot take the place of the prior.
     #[error(transparent)]
     Known(#[from] Box<KnownError>),
+    /// A session that cannot be held against its plan.
+    #[error(transparent)]
+    SoFar(#[from] Box<SoFarError>),
     /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -110,7 +115,9 @@ impl Planning {
             .unwrap_or_else(|| stem.clone().into_owned());
         let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
         if let Some(known) = &section.known {
-            let table = known::table(path, &read.base, known, &lake, &robot).map_err(Box::new)?;
+            // Computed again into a temporary lake, the past run stands in the pipeline file's own.
+            let lakes = [&lake, &read.lake];
+            let table = known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?;
             let found = known::read(&table, &read.arm, &robot, section, &settings);
             settings.known = Some(found.map_err(Box::new)?);
             inputs.push(input(&table, "calibrations").map_err(Box::new)?);

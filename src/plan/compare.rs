@@ -114,9 +114,7 @@ impl Designs {
             });
         }
         let candidates = candidates(arm, placer, settings)?;
-        let mut stream = Stream::new(settings.seed, Ingredient::Region);
-        let region = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
-        let region = axes_of(arm, &region.0);
+        let region = region_axes(arm, placer, settings)?;
         let unknown = expected_model(arm, settings, &region, most);
         let model = settings
             .known
@@ -178,7 +176,7 @@ impl Designs {
 
 impl Expected {
     /// From covariances over the region (mm²) and those of single visits: errors are drawn from them, seeded.
-    fn of(region: &[Matrix3<f64>], visit: &[Matrix3<f64>], settings: &PlanSettings) -> Self {
+    pub fn of(region: &[Matrix3<f64>], visit: &[Matrix3<f64>], settings: &PlanSettings) -> Self {
         let mut stream = Stream::new(settings.seed, Ingredient::Errors);
         let mut norms = Vec::with_capacity(DRAWS * region.len());
         for (open, visit) in region.iter().zip(visit) {
@@ -263,8 +261,31 @@ fn frames(settings: &PlanSettings) -> Frames {
     }
 }
 
-fn axes_of(arm: &Arm, poses: &[Commanded]) -> Vec<Vec<f64>> {
-    poses.iter().map(|pose| arm.axes(&pose.joints)).collect()
+/// Axis variables of poses that stand for the region.
+pub fn region_axes(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> Result<Vec<Vec<f64>>, PlanError> {
+    let mut stream = Stream::new(settings.seed, Ingredient::Region);
+    let (region, _) = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
+    Ok(region.iter().map(|pose| arm.axes(&pose.joints)).collect())
+}
+
+/// A pose with the covariance of a measurement there; `position` is the target's in the tracker's frame, mm.
+pub fn candidate(
+    arm: &Arm,
+    joints: &[f64],
+    position: Point3<f64>,
+    model: &FullModel,
+    settings: &PlanSettings,
+) -> Candidate {
+    let instrument = settings.noise.tracker.covariance(&position);
+    let observation = Observation::planned(arm.axes(joints), position, instrument);
+    Candidate {
+        noise: model.noise(&observation),
+        axes: observation.axes,
+    }
 }
 
 /// Candidates with the covariance of a measurement at each.
@@ -278,12 +299,7 @@ fn measurements(
     let of = |pose: &Commanded| {
         let position =
             tracker_from_base.isometry() * Point3::from(pose.base_from_target.translation.vector);
-        let instrument = settings.noise.tracker.covariance(&position);
-        let observation = Observation::planned(arm.axes(&pose.joints), position, instrument);
-        Candidate {
-            noise: model.noise(&observation),
-            axes: observation.axes,
-        }
+        candidate(arm, &pose.joints, position, model, settings)
     };
     poses.iter().map(of).collect()
 }

@@ -22,6 +22,7 @@ use crate::simulate::{
 pub struct KnownArm {
     mounting: Mounting,
     model: FullModel,
+    knows_standing: bool,
 }
 
 impl KnownArm {
@@ -37,6 +38,7 @@ impl KnownArm {
         Some(Self {
             model: past.next(arm, &mounting, stations, settings, up)?,
             mounting,
+            knows_standing: past.knows_standing(),
         })
     }
 
@@ -143,7 +145,8 @@ impl KnownArm {
             beyond_rad: at(&short, joint),
             within_rad: SATURATION_RAD,
         };
-        (!blend.is_empty()).then(|| (0..joints).map(stand).collect())
+        self.knows_standing
+            .then(|| (0..joints).map(stand).collect())
     }
 
     /// The coefficients of a block; none where the model has no such part.

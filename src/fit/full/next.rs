@@ -172,11 +172,22 @@ impl FullModel {
                 columns.extend(vec![Column::Fresh; count]);
             }
         }
-        if let Some((block, count)) = self.next_drift(settings) {
+        let joints = self.repeatability.joints.len();
+        let mut fresh: Vec<(Block, usize)> = self.next_drift(settings).into_iter().collect();
+        // A session whose commands said nothing of orientation left open where joints come to stand against them.
+        if settings.blend && !self.knows_standing() {
+            fresh.extend([(Block::Blend, joints), (Block::StopShort, joints)]);
+        }
+        for (block, count) in fresh {
             layout.push(block, count);
             columns.extend(vec![Column::Fresh; count]);
         }
         (layout, columns)
+    }
+
+    /// Whether it was trained on commands that say where joints come to stand against them.
+    pub fn knows_standing(&self) -> bool {
+        self.layout.columns(Block::Blend).is_some()
     }
 
     fn next_drift(&self, settings: &FullSettings) -> Option<(Block, usize)> {

@@ -138,7 +138,7 @@ pub(super) fn table(
     path: &Path,
     base: &Path,
     known: &KnownSection,
-    lake: &Path,
+    lakes: [&PathBuf; 2],
     robot: &str,
 ) -> Result<PathBuf, KnownError> {
     let named = |found| KnownError::Named {
@@ -147,7 +147,10 @@ pub(super) fn table(
     };
     match (&known.calibrations, &known.session) {
         (Some(file), None) => Ok(base.join(file)),
-        (None, Some(session)) => current(lake, robot, session),
+        (None, Some(session)) => match current(lakes[0], robot, session) {
+            Err(KnownError::NoRun { .. }) => current(lakes[1], robot, session),
+            found => found,
+        },
         (None, None) => Err(named("neither")),
         (Some(_), Some(_)) => Err(named("both")),
     }
