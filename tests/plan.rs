@@ -5,6 +5,8 @@
 //! `cargo test --release --test plan the_promise -- --ignored --nocapture`. A sample of it is among the normal tests.
 
 mod common;
+#[path = "plan/enough.rs"]
+mod enough;
 #[path = "plan/known.rs"]
 mod known;
 
@@ -123,8 +125,12 @@ fn on_a_real_arm_chosen_poses_leave_less_than_random_ones_and_far_smaller_larges
 
 /// The plan of a KR 210 with few robots, for a test of minutes; an easy share of them is asked for.
 fn small(lake: &Path) -> Planning {
-    let path = Path::new("pipelines/plan-kr210.toml");
-    let mut planning = Planning::load(path, Some(lake)).expect("a good pipeline file");
+    small_of("pipelines/plan-kr210.toml", lake)
+}
+
+/// The same of another pipeline file.
+fn small_of(path: &str, lake: &Path) -> Planning {
+    let mut planning = Planning::load(Path::new(path), Some(lake)).expect("a good pipeline file");
     planning.settings = PlanSettings {
         robots: 8,
         whole_model_robots: 10,
@@ -279,21 +285,39 @@ fn check(planning: &Planning, robots: usize) {
 
 #[test]
 fn a_sample_of_fresh_robots_keeps_the_promise() {
-    let lake = tempfile::tempdir().expect("a folder");
-    let mut planning = small(lake.path());
-    planning.settings.robots = 1;
-    planning.settings.poses = vec![20];
-    check(&planning, 12);
+    for path in PLANS {
+        let lake = tempfile::tempdir().expect("a folder");
+        let mut planning = small_of(path, lake.path());
+        planning.settings.grid.steps_mm = vec![400.0];
+        planning.settings.robots = 1;
+        planning.settings.poses = vec![20];
+        check(&planning, 12);
+    }
 }
 
 #[test]
 #[ignore = "a long proof: cargo test --release --test plan the_promise -- --ignored --nocapture"]
 fn the_promise_holds_on_two_hundred_fresh_robots() {
+    proof(PLANS[0]);
+}
+
+#[test]
+#[ignore = "a long proof: cargo test --release --test plan the_promise -- --ignored --nocapture"]
+fn the_promise_of_a_ur10_holds_on_two_hundred_fresh_robots() {
+    proof(PLANS[1]);
+}
+
+/// The arms that the promise is proved of.
+const PLANS: [&str; 2] = ["pipelines/plan-kr210.toml", "pipelines/plan-ur10.toml"];
+
+fn proof(path: &str) {
     for tolerance_mm in [0.5, 0.2] {
         let lake = tempfile::tempdir().expect("a folder");
-        let path = Path::new("pipelines/plan-kr210.toml");
+        let path = Path::new(path);
         let mut planning = Planning::load(path, Some(lake.path())).expect("a good pipeline file");
         planning.settings.tolerance.mm = tolerance_mm;
+        // Steps and their influences are not what is promised.
+        planning.settings.robots = 1;
         check(&planning, 200);
     }
 }

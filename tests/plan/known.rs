@@ -268,9 +268,17 @@ fn left_after(
 }
 
 /// The arm as another session knows it, in the session of `a`.
-fn known_before(arm: &Arm, before: &str, a: &[Observation]) -> Option<(FullModel, Mounting)> {
+fn known_before(
+    arm: &Arm,
+    before: &str,
+    every: usize,
+    a: &[Observation],
+) -> Option<(FullModel, Mounting)> {
     let fit: FitSettings = settings();
-    let before = observed(before, arm, &NOISE)?;
+    let before: Vec<Observation> = observed(before, arm, &NOISE)?
+        .into_iter()
+        .step_by(every)
+        .collect();
     let past = trained(arm, &before, 1, &fit);
     let frames: Frames = start::frames(arm, a, 1, &fit).expect("a session")[0];
     let mounting = Mounting {
@@ -283,36 +291,67 @@ fn known_before(arm: &Arm, before: &str, a: &[Observation]) -> Option<(FullModel
     Some((next.expect("positive"), mounting))
 }
 
+/// Every third station of the session of joint configurations, which knows the arm; then 50 poses of random-a.
 #[test]
 fn on_a_real_arm_what_another_session_knows_is_worth_many_poses() {
     let arm = common::arm("ur10");
     let Some((a, b)) = common::trained::random_sessions(&arm, &NOISE) else {
         return;
     };
+    let Some((known, mounting)) = known_before(&arm, "ur10-joint", 3, &a) else {
+        return;
+    };
+    let with = chosen_from(&known, &a, 50);
+    let known = left_after(&known, &arm, &a, &b, &with, &mounting);
+    let alone = super::judged(&arm, &a, &b, &chosen(&arm, &a, 50));
+    println!("50 poses of a known arm {known:?}; of an unknown one {alone:?}");
+    assert!(known.mean < 0.8 * alone.mean && known.max < alone.max);
+}
+
+#[test]
+#[ignore = "figures for the README: cargo test --release --test plan figures_of_a_known -- --ignored --nocapture"]
+fn figures_of_a_known_real_arm() {
+    let arm = common::arm("ur10");
+    let Some((a, b)) = common::trained::random_sessions(&arm, &NOISE) else {
+        return;
+    };
     let without = chosen(&arm, &a, 100);
     let mut stream = Stream::new(20, Ingredient::Poses);
-    let random: Vec<Vec<usize>> = (0..5).map(|_| drawn(a.len(), 100, &mut stream)).collect();
+    let random: Vec<Vec<usize>> = (0..12).map(|_| drawn(a.len(), 100, &mut stream)).collect();
+    let mean = |all: &[Figures], of: fn(&Figures) -> f64| {
+        all.iter().map(of).sum::<f64>() / all.len() as f64
+    };
+    for count in [25, 50, 100] {
+        let judged = |places: &[usize]| super::judged(&arm, &a, &b, &places[..count]);
+        let (chosen, drawn) = (
+            judged(&without),
+            random.iter().map(|r| judged(r)).collect::<Vec<_>>(),
+        );
+        println!(
+            "{count} poses, nothing known: chosen {:.4} (largest {:.3}), random {:.4} ({:.3})",
+            chosen.mean,
+            chosen.max,
+            mean(&drawn, |f| f.mean),
+            mean(&drawn, |f| f.max)
+        );
+    }
     for before in ["ur10-joint", "ur10-grid"] {
-        let Some((known, mounting)) = known_before(&arm, before, &a) else {
+        let Some((known, mounting)) = known_before(&arm, before, 1, &a) else {
             return;
         };
         let with = chosen_from(&known, &a, 100);
         let left = |places: &[usize]| left_after(&known, &arm, &a, &b, places, &mounting);
-        println!("{before}: nothing more measured: {:.4}", {
-            base_refitted(&predictions(&known, &b), &b).mean
-        });
         for count in [10, 25, 50, 100] {
-            let fresh = super::judged(&arm, &a, &b, &with[..count.max(25)]);
             let of = |figures: Figures| format!("{:.4} (largest {:.3})", figures.mean, figures.max);
             let drawn: Vec<Figures> = random.iter().map(|r| left(&r[..count])).collect();
-            let mean = drawn.iter().map(|f| f.mean).sum::<f64>() / drawn.len() as f64;
-            let max = drawn.iter().map(|f| f.max).sum::<f64>() / drawn.len() as f64;
             println!(
-                "{before}, {count} poses: known and chosen {}; known, chosen without it {}; known, random {mean:.4} ({max:.3}); \
+                "{before}, {count} poses: known and chosen {}; known, chosen without it {}; known, random {:.4} ({:.3}); \
                  chosen by it, fitted alone {}",
                 of(left(&with[..count])),
                 of(left(&without[..count])),
-                of(fresh)
+                mean(&drawn, |f| f.mean),
+                mean(&drawn, |f| f.max),
+                of(super::judged(&arm, &a, &b, &with[..count]))
             );
         }
     }

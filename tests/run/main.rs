@@ -8,6 +8,7 @@ mod damaged;
 mod interrupted;
 mod joints;
 mod page;
+mod planned;
 mod same_work;
 mod split;
 mod targets;

@@ -298,7 +298,9 @@ impl FullModel {
         let turned = self.is_turned();
         let mut observations = observations.to_vec();
         if !turned {
-            observations.iter_mut().for_each(|o| o.orientation = None);
+            for observation in &mut observations {
+                observation.orientation = None;
+            }
         }
         let geometry = Freedom::Geometry;
         let problem = Problem::with_target_turn(
