@@ -101,7 +101,10 @@ fn what_cannot_take_the_place_of_the_prior_is_told() {
         &["[plan.known]", "stations"],
     );
     wrong(
-        &with("session = \"mon\"").with("xyz_mm = [25, -40, 100]", "xyz_mm = [25, -40, 160]"),
+        &with("session = \"mon\"").with(
+            "target = { xyz_mm = [25, -40, 100]",
+            "target = { xyz_mm = [25, -40, 160]",
+        ),
         &["the target of ", "60.", "say target = \"other\""],
     );
     let cell = with("session = \"mon\"");
@@ -143,7 +146,6 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
             .arg(&csv),
     );
     made.expect(3, &["12 poses to identify, 4 to verify"]);
-    plan(&cell, &["--measured", "wed"]).expect(2, &["wed"]);
     let all = fs::read_to_string(&csv).expect("poses");
     let lines: Vec<&str> = all.lines().collect();
     assert_eq!(lines.len(), 17);
@@ -160,6 +162,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     let cell = cell
         .with_simulated("wed", &["--poses", &poses(&part), "--lost-share", "0"])
         .with_simulated("thu", &["--poses", &poses(&csv), "--lost-share", "0"]);
+    plan(&cell, &["--measured", "fri"]).expect(2, &["session \"fri\"", "wed"]);
     let so_far = plan(&cell, &["--measured", "wed"]);
     let verify = 8 - of;
     so_far.expect(
