@@ -80,6 +80,11 @@ impl Cholesky {
             .sum::<f64>()
     }
 
+    /// `A`, as far as the factor has it.
+    pub fn product(&self) -> DMatrix<f64> {
+        gram(&self.lower.lower_triangle().transpose().as_view())
+    }
+
     /// `A⁻¹ b`.
     pub fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
         let columns = DMatrix::from_column_slice(right.len(), 1, right.as_slice());
@@ -134,7 +139,8 @@ impl Cholesky {
         inverse
     }
 
-    fn backward(&self, mut solved: DVector<f64>) -> DVector<f64> {
+    /// `L⁻ᵀ b`.
+    pub fn backward(&self, mut solved: DVector<f64>) -> DVector<f64> {
         let size = self.size();
         for (block, inverse) in self.diagonal_inverses.iter().enumerate().rev() {
             let row = block * BLOCK;

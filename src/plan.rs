@@ -13,8 +13,10 @@
 
 pub mod compare;
 pub mod design;
+pub mod enough;
 mod error;
 pub mod influence;
+pub mod known;
 pub mod order;
 pub mod outcomes;
 pub mod place;
@@ -38,6 +40,7 @@ use robots::Robot;
 pub use compare::{DesignRow, Designs, Kind};
 pub use error::PlanError;
 pub use influence::InfluenceRow;
+pub use known::KnownArm;
 pub use outcomes::Outcomes;
 pub use place::{Drawn, Placer};
 pub use session::{PlannedVisit, Purpose, Session};
@@ -175,7 +178,10 @@ fn sized(
     rows: &mut Vec<DesignRow>,
 ) -> usize {
     for _ in 0..BISECTIONS {
-        let Some(middle) = between(rows) else { break };
+        let least = session::least_poses(trial.settings);
+        let Some(middle) = between(rows, least) else {
+            break;
+        };
         let size = [(session::KIND, middle)];
         rows.extend(compare::judge_sizes(trial, designs, pool, &size));
     }
@@ -191,12 +197,13 @@ fn least_that_holds(rows: &[DesignRow]) -> Option<usize> {
     holding.map(|row| row.poses).min()
 }
 
-/// A size halfway between the smallest chosen design that holds and the next smaller one; `None` where nothing lies between.
-fn between(rows: &[DesignRow]) -> Option<usize> {
+/// A size halfway between the smallest chosen design that holds and the next smaller one, or the `least` that may be;
+/// `None` where nothing lies between.
+fn between(rows: &[DesignRow], least: usize) -> Option<usize> {
     let holds = least_that_holds(rows)?;
     let sizes = rows.iter().filter(|row| row.kind == session::KIND);
     let smaller = sizes.map(|row| row.poses).filter(|&poses| poses < holds);
-    let below = smaller.max().unwrap_or(session::LEAST_POSES);
+    let below = smaller.max().unwrap_or(least);
     let middle = below.midpoint(holds);
     (below < middle && middle < holds).then_some(middle)
 }

@@ -12,6 +12,7 @@ pub mod settings;
 pub mod truth;
 
 mod curve;
+mod identified;
 mod poses;
 mod random;
 mod stations;
@@ -27,6 +28,7 @@ use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
 pub use curve::{GearLine, JointCurve};
+pub use identified::{AxisError, AxisErrors, Stand};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
 pub use settings::{Poses, SimulateSettings};

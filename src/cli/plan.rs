@@ -18,7 +18,7 @@ use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::targets::write_csv;
 use crate::io::whole_file::write_whole;
-use crate::pipeline::planning::{Planned, Planning, PlanningError};
+use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
 use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 
 /// Plan a session before measuring: which step, which poses, in which order, and what accuracy to expect.
@@ -31,8 +31,11 @@ error model. The plan goes into the lake as the tables sampling_plan and plan_fi
 Example: a KR 210 in a cube of one metre, and its poses for the robot programmer
   posegrid plan pipelines/plan-kr210.toml --csv poses.csv
 
-Exit codes: 0 the plan is shown to meet the tolerance; 3 it is not, and the best one is there; 1 no plan, or it cannot be
-written; 2 bad usage or bad pipeline file.")]
+While the session is measured, with its logs so far in [input]: is that enough?
+  posegrid plan pipelines/plan-kr210.toml --measured monday
+
+Exit codes: 0 the plan is shown to meet the tolerance, or what is measured is enough; 3 it is not, and the best one is
+there; 1 no plan, or it cannot be written; 2 bad usage or bad pipeline file.")]
 pub struct PlanArgs {
     /// The pipeline file
     pub pipeline: PathBuf,
@@ -42,6 +45,10 @@ pub struct PlanArgs {
     /// Write the poses as CSV too, joint angles in degrees: a new file
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
+    /// A session of the pipeline file's [input] while it is being measured: whether its stations so far are enough, or
+    /// which planned poses to measure next
+    #[arg(long, value_name = "SESSION", conflicts_with = "csv")]
+    pub measured: Option<String>,
 }
 
 /// Why a plan was not made or written.
@@ -77,10 +84,14 @@ impl PlanCommandError {
 
 /// Makes a plan; gives the exit code.
 pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
-    match made(args, bars) {
-        Ok((planned, words)) => {
+    let ended = match &args.measured {
+        Some(session) => so_far(args, session, bars),
+        None => made(args, bars).map(|(planned, words)| (planned.is_met, words)),
+    };
+    match ended {
+        Ok((is_met, words)) => {
             messages::result(words);
-            if planned.is_met { DONE } else { NOT_MET }
+            if is_met { DONE } else { NOT_MET }
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -107,6 +118,62 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     }
     let words = words(&planned, &planning, args);
     Ok((planned, words))
+}
+
+/// Whether the session so far is enough, in words.
+fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
+    let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
+    let progress = bars.of("plan");
+    let found = planning
+        .so_far(&args.pipeline, session, &progress)
+        .map_err(Box::new)?;
+    let SoFar {
+        identify,
+        verify,
+        unmeasured,
+        planned,
+        ..
+    } = found;
+    let mut text = format!(
+        "plan {}, session {session} so far: {identify} stations that identify ({planned} poses are planned), {verify} that \
+         verify and take no part, {unmeasured} without a measurement\n",
+        found.plan.run
+    );
+    let (promise, settings) = (&found.promise, &planning.settings);
+    if let (Some(mean), Some(bound)) = (promise.mean_bound_mm, promise.bound_mm) {
+        writeln!(
+            text,
+            "promised with these: mean error below {mean:.3} mm and bound below {bound:.3} mm for {} % of the arms that they leave \
+             possible, with {} % confidence",
+            100.0 * settings.robots_meet.share,
+            100.0 * settings.robots_meet.confidence
+        )
+        .expect("a string");
+    }
+    text += &next(&found, settings.tolerance.mm);
+    Ok((promise.holds(), text))
+}
+
+/// What to do next.
+fn next(found: &SoFar, tolerance_mm: f64) -> String {
+    let names = found.next.join(" ");
+    let count = found.next.len();
+    if found.promise.holds() {
+        format!("enough: {tolerance_mm} mm will be met; measure the poses that verify, then stop\n")
+    } else if found.next.is_empty() {
+        format!(
+            "not enough for {tolerance_mm} mm, and no planned pose is left: plan with more poses\n"
+        )
+    } else if found.next_are_enough {
+        format!(
+            "not enough for {tolerance_mm} mm yet: about {count} more, these say most: {names}\n"
+        )
+    } else {
+        format!(
+            "not enough for {tolerance_mm} mm, and the {count} planned poses that are left are not expected to bring it there: \
+             {names}\n"
+        )
+    }
 }
 
 fn words(planned: &Planned, planning: &Planning, args: &PlanArgs) -> String {

@@ -17,6 +17,7 @@ pub mod design;
 pub mod layout;
 mod leave_one_out;
 pub mod lines;
+pub mod next;
 pub mod noise;
 mod parts;
 pub mod regression;
@@ -414,6 +415,17 @@ impl FullModel {
                 sum + twist.linear * twist.linear.transpose() * *variance
             });
         scale * self.tails.inflation()
+    }
+
+    /// Standard deviations of what no other visit repeats: of the arm as a whole per axis, mm, and of each joint, rad.
+    pub fn visit_deviations(&self) -> (f64, Vec<f64>) {
+        let inflation = self.tails.inflation();
+        let sizes = &self.repeatability;
+        let deviation = |variance: &f64| (variance * inflation).sqrt();
+        (
+            deviation(&sizes.position),
+            sizes.joints.iter().map(deviation).collect(),
+        )
     }
 
     /// Variance per axis of where the base stands at a time that is not known, mm²: for commands given some day.

@@ -6,6 +6,8 @@
 
 mod cell;
 mod checks;
+mod known;
+mod so_far;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,6 +26,8 @@ use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 use crate::report;
 use cell::Placed;
+pub use known::KnownError;
+pub use so_far::{SoFar, SoFarError};
 
 /// The session under which a plan stands in the lake.
 pub const SESSION: &str = "plan";
@@ -69,6 +73,12 @@ pub enum PlanningError {
     /// The plan itself.
     #[error("plan: {0}")]
     Plan(#[from] plan::PlanError),
+    /// A past session that cannot take the place of the prior.
+    #[error(transparent)]
+    Known(#[from] Box<KnownError>),
+    /// A session that cannot be held against its plan.
+    #[error(transparent)]
+    SoFar(#[from] Box<SoFarError>),
     /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -80,7 +90,7 @@ pub enum PlanningError {
 impl PlanningError {
     /// Whether the pipeline file is at fault.
     pub const fn is_usage(&self) -> bool {
-        matches!(self, Self::File(_))
+        matches!(self, Self::File(_) | Self::Known(_))
     }
 }
 
@@ -95,19 +105,30 @@ impl Planning {
             reason: "it says what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
         })?;
         checks::check(path, section, read.arm.joints().len())?;
-        let settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
+        let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let lake = lake.map_or_else(|| read.lake.clone(), Path::to_owned);
+        let robot = file
+            .robot
+            .name
+            .clone()
+            .unwrap_or_else(|| stem.clone().into_owned());
+        let mut inputs = vec![input(&read.robot_file, "robot").map_err(Box::new)?];
+        if let Some(known) = &section.known {
+            // Computed again into a temporary lake, the past run stands in the pipeline file's own.
+            let lakes = [&lake, &read.lake];
+            let table = known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?;
+            let found = known::read(&table, &read.arm, &robot, section, &settings);
+            settings.known = Some(found.map_err(Box::new)?);
+            inputs.push(input(&table, "calibrations").map_err(Box::new)?);
+        }
         let work = Work {
-            robot: file
-                .robot
-                .name
-                .clone()
-                .unwrap_or_else(|| stem.clone().into_owned()),
+            robot,
             session: SESSION.to_owned(),
             pipeline: stem.into_owned(),
             sessions: Vec::new(),
             test_sessions: Vec::new(),
-            inputs: vec![input(&read.robot_file, "robot").map_err(Box::new)?],
+            inputs,
             settings: manifest::canonical(&(file, section))?,
         };
         let base_from_command = match &file.commanded {
@@ -121,7 +142,7 @@ impl Planning {
         Ok(Self {
             arm: read.arm,
             settings,
-            lake: lake.map_or(read.lake, Path::to_owned),
+            lake,
             command_from_base: base_from_command.inverse(),
             work,
         })

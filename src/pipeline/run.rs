@@ -361,7 +361,8 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
     Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
 }
 
-fn joined(
+/// Reads a session, unless it was `read_before`, and joins it.
+pub(super) fn joined(
     plan: &Plan,
     files: &SessionFiles,
     run: &mut OpenRun<'_>,

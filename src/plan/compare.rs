@@ -114,14 +114,16 @@ impl Designs {
             });
         }
         let candidates = candidates(arm, placer, settings)?;
-        let mut stream = Stream::new(settings.seed, Ingredient::Region);
-        let region = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
-        let region = axes_of(arm, &region.0);
-        let model = expected_model(arm, settings, &region, most);
-        let measured = measurements(arm, &candidates.0, &model, settings);
+        let region = region_axes(arm, placer, settings)?;
+        let unknown = expected_model(arm, settings, &region, most);
+        let model = settings
+            .known
+            .as_ref()
+            .map_or(&unknown, |known| known.model());
+        let measured = measurements(arm, &candidates.0, model, settings);
         progress.begin("choosing poses", 2 * most as u64);
-        let visit = visit_covariances(&model, &region);
-        let mut design = Design::new(&model, &measured, &region);
+        let visit = visit_covariances(model, &region);
+        let mut design = Design::new(model, &measured, &region);
         let (mut by_variance, mut expected) = (Vec::new(), Vec::new());
         while by_variance.len() < most
             && let Some(choice) = design.choose()
@@ -130,7 +132,8 @@ impl Designs {
             expected.push(Expected::of(design.region(), &visit, settings));
             progress.advance(1);
         }
-        let geometric = model.geometry_alone();
+        // What says most of geometry is asked of an arm of which nothing is known, whatever is known of this one.
+        let geometric = unknown.geometry_alone();
         let mut design = Design::new(&geometric, &measured, &[]);
         let mut by_information = Vec::new();
         while by_information.len() < most
@@ -173,7 +176,7 @@ impl Designs {
 
 impl Expected {
     /// From covariances over the region (mm²) and those of single visits: errors are drawn from them, seeded.
-    fn of(region: &[Matrix3<f64>], visit: &[Matrix3<f64>], settings: &PlanSettings) -> Self {
+    pub fn of(region: &[Matrix3<f64>], visit: &[Matrix3<f64>], settings: &PlanSettings) -> Self {
         let mut stream = Stream::new(settings.seed, Ingredient::Errors);
         let mut norms = Vec::with_capacity(DRAWS * region.len());
         for (open, visit) in region.iter().zip(visit) {
@@ -258,8 +261,31 @@ fn frames(settings: &PlanSettings) -> Frames {
     }
 }
 
-fn axes_of(arm: &Arm, poses: &[Commanded]) -> Vec<Vec<f64>> {
-    poses.iter().map(|pose| arm.axes(&pose.joints)).collect()
+/// Axis variables of poses that stand for the region.
+pub fn region_axes(
+    arm: &Arm,
+    placer: &Placer<'_>,
+    settings: &PlanSettings,
+) -> Result<Vec<Vec<f64>>, PlanError> {
+    let mut stream = Stream::new(settings.seed, Ingredient::Region);
+    let (region, _) = placer.random(&settings.region, REGION_POSES, &mut stream, &|_| Ok(()))?;
+    Ok(region.iter().map(|pose| arm.axes(&pose.joints)).collect())
+}
+
+/// A pose with the covariance of a measurement there; `position` is the target's in the tracker's frame, mm.
+pub fn candidate(
+    arm: &Arm,
+    joints: &[f64],
+    position: Point3<f64>,
+    model: &FullModel,
+    settings: &PlanSettings,
+) -> Candidate {
+    let instrument = settings.noise.tracker.covariance(&position);
+    let observation = Observation::planned(arm.axes(joints), position, instrument);
+    Candidate {
+        noise: model.noise(&observation),
+        axes: observation.axes,
+    }
 }
 
 /// Candidates with the covariance of a measurement at each.
@@ -273,12 +299,7 @@ fn measurements(
     let of = |pose: &Commanded| {
         let position =
             tracker_from_base.isometry() * Point3::from(pose.base_from_target.translation.vector);
-        let instrument = settings.noise.tracker.covariance(&position);
-        let observation = Observation::planned(arm.axes(&pose.joints), position, instrument);
-        Candidate {
-            noise: model.noise(&observation),
-            axes: observation.axes,
-        }
+        candidate(arm, &pose.joints, position, model, settings)
     };
     poses.iter().map(of).collect()
 }

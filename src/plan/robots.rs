@@ -1,7 +1,10 @@
 //! Robots as they may turn out: each drawn, measured and fitted by the code that runs at night.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector3};
 
+use super::known::KnownArm;
 use super::settings::PlanSettings;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::FullSettings;
@@ -16,6 +19,7 @@ pub struct Robot<'a> {
     arm: &'a Arm,
     cell: SimulateSettings,
     errors: ArmErrors,
+    known: Option<Arc<KnownArm>>,
     sessions: Stream,
 }
 
@@ -33,14 +37,19 @@ impl<'a> Robot<'a> {
     pub fn draw(arm: &'a Arm, settings: &PlanSettings, number: usize) -> Self {
         let mut sessions = Stream::new(settings.seed, Ingredient::Robots);
         let seed = (0..=number).fold(0, |_, _| sessions.bits());
-        let cell = SimulateSettings {
+        let mut cell = SimulateSettings {
             seed,
             home: settings.home.clone(),
             ..settings.population.clone()
         };
+        let known = settings.known.clone();
         Self {
             arm,
-            errors: ArmErrors::draw(arm, &cell),
+            errors: match &known {
+                Some(known) => known.draw(&mut cell),
+                None => ArmErrors::draw(arm, &cell),
+            },
+            known,
             sessions: Stream::new(seed, Ingredient::Robots),
             cell,
         }
@@ -52,7 +61,11 @@ impl<'a> Robot<'a> {
             seed: self.sessions.bits(),
             ..self.cell.clone()
         };
-        visits(self.arm, &session, &self.errors, poses)
+        let mut visits = visits(self.arm, &session, &self.errors, poses);
+        if let Some(known) = &self.known {
+            known.scatter(&mut visits, session.seed);
+        }
+        visits
     }
 
     /// Measures `poses` and fits what `full` allows on them.
@@ -73,13 +86,8 @@ impl<'a> Robot<'a> {
         settings: &PlanSettings,
         full: &FullSettings,
     ) -> Result<Fitted<'a>, FitError> {
-        let train = TrainingSettings {
-            fit: &settings.fit,
-            full,
-            up: settings.up,
-        };
         let observations = observations(self.arm, stations, settings);
-        let models = fit::models::train(self.arm, &observations, 1, &train)?;
+        let models = self.models(&observations, settings, full)?;
         let gauge = Gauge::new(
             self.arm,
             models.base_target.frames[0],
@@ -87,6 +95,37 @@ impl<'a> Robot<'a> {
             settings.noise.orientations,
         );
         Ok(Fitted { models, gauge })
+    }
+}
+
+impl Robot<'_> {
+    /// The models of one session; where the arm is known, the whole one goes on from what is known.
+    fn models(
+        &self,
+        observations: &[Observation],
+        settings: &PlanSettings,
+        full: &FullSettings,
+    ) -> Result<Models, FitError> {
+        let known = self.known.as_ref().filter(|_| full.enabled);
+        let geometry_alone = FullSettings {
+            enabled: false,
+            ..full.clone()
+        };
+        let train = TrainingSettings {
+            fit: &settings.fit,
+            full: if known.is_some() {
+                &geometry_alone
+            } else {
+                full
+            },
+            up: settings.up,
+        };
+        let mut models = fit::models::train(self.arm, observations, 1, &train)?;
+        if let Some(known) = known {
+            let found = &models.base_target.frames[0];
+            models.full = known.learned(self.arm, observations, found);
+        }
+        Ok(models)
     }
 }
 

@@ -1,5 +1,7 @@
 //! The `[plan]` section of a pipeline file: what is expected of the robot, and what the plan may ask of the cell.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use crate::figures::Coverage;
@@ -55,9 +57,55 @@ pub struct PlanSection {
     /// `[plan.constraints]`: what measured poses have to suit.
     #[serde(default)]
     pub constraints: ConstraintsSection,
+    /// `[plan.known]`: a past session that identified this arm, in the place of what is expected of robots.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub known: Option<KnownSection>,
     /// `[plan.expect]`: what is expected of robots.
     #[serde(default)]
     pub expect: Expect,
+}
+
+/// A past session that identified the arm: its posterior takes the place of geometry, curves, gravity, gear lines,
+/// backlash and repeatability in [`Expect`].
+#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct KnownSection {
+    /// A `calibrations` table of the run that identified it, relative to the pipeline file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrations: Option<PathBuf>,
+    /// Or a session (or `pooled`) of the same robot, whose current run in the lake is taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub session: Option<String>,
+    /// Whether the arm's base and the tracker stand where they stood.
+    #[serde(default)]
+    pub base: BaseMounted,
+    /// Whether the target sits where it sat.
+    #[serde(default)]
+    pub target: TargetMounted,
+}
+
+/// Where base and tracker of a new session stand, against a past one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BaseMounted {
+    /// One of them was moved.
+    #[default]
+    New,
+    /// Where they stood.
+    Same,
+}
+
+/// How the target of a new session sits, against that of a past one.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TargetMounted {
+    /// The same one in the same place, put on again: within `[plan.expect] target_sd_mm`.
+    #[default]
+    Again,
+    /// It was never taken off.
+    Same,
+    /// Another one, or in another place: where `[fit] target` says.
+    Other,
 }
 
 /// What measured poses have to suit, besides the arm configuration of `home_deg`.

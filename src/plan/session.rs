@@ -16,6 +16,8 @@ use crate::simulate::{Commanded, Ingredient, Stream};
 pub const KIND: Kind = Kind::GreedyVariance;
 /// Fewer poses than this determine no arm.
 pub const LEAST_POSES: usize = 10;
+/// Fewer poses than this do not determine where a known arm stands, should the beam miss one of them.
+pub const LEAST_KNOWN_POSES: usize = 5;
 /// Early poses that a drift check visits again.
 const DRIFT_POSES: usize = 2;
 
@@ -31,6 +33,15 @@ pub enum Purpose {
         /// Which visit.
         of: usize,
     },
+}
+
+/// The fewest poses that a session may have.
+pub const fn least_poses(settings: &PlanSettings) -> usize {
+    if settings.known.is_some() {
+        LEAST_KNOWN_POSES
+    } else {
+        LEAST_POSES
+    }
 }
 
 impl Purpose {

@@ -1,7 +1,10 @@
 //! What a plan is made for and with.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
 
+use super::known::KnownArm;
 use super::sight::Constraints;
 use crate::figures::Coverage;
 use crate::fit::full::FullSettings;
@@ -30,6 +33,8 @@ pub struct PlanSettings {
     pub tolerance: Tolerance,
     /// Robots as they may turn out, the cell and the instrument; its seed, home and poses are not used.
     pub population: SimulateSettings,
+    /// What a past session knows of the arm, in the place of what is expected of robots.
+    pub known: Option<Arc<KnownArm>>,
     /// What the fit is told of the measurement.
     pub noise: Noise,
     /// The geometric fit.

@@ -67,12 +67,20 @@ pub fn held_against(promise: &Promise, stations: &[Verified]) -> PromiseKept {
     }
 }
 
+/// Whether joint angles (rad) are those of one pose.
+pub fn is_same_pose(one: &[f64], other: &[f64]) -> bool {
+    one.len() == other.len() && apart(one, other) <= SAME_POSE_RAD
+}
+
+/// How far the joint is apart that is most, rad.
+fn apart(one: &[f64], other: &[f64]) -> f64 {
+    let joints = one.iter().zip(other);
+    joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
 /// What is left at the station nearest to a planned pose, if one stands there.
 fn at(pose: &[f64], stations: &[Verified]) -> Option<f64> {
-    let away = |station: &Verified| {
-        let joints = station.joints.iter().zip(pose);
-        joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    };
+    let away = |station: &Verified| apart(&station.joints, pose);
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
     (away(nearest) <= SAME_POSE_RAD).then_some(nearest.left_mm)
 }

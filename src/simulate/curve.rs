@@ -13,7 +13,7 @@ const SLOW: f64 = 0.872_664_625_997_164_8;
 /// Correlation length of the fast part, rad (6°).
 const FAST: f64 = 0.104_719_755_119_659_77;
 /// A joint error curve `Σ_k a_k cos kq + b_k sin kq`, rad; it repeats after a full turn and has no constant part.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointCurve {
     /// `a_k`, from k = 1, rad.
     pub cosines: Vec<f64>,
@@ -73,6 +73,24 @@ impl JointCurve {
 }
 
 impl GearLine {
+    /// No error.
+    pub(super) const fn none() -> Self {
+        Self {
+            cycles: 1.0,
+            amplitude_rad: 0.0,
+            phase_rad: 0.0,
+        }
+    }
+
+    /// `cos · cos(cycles q) + sin · sin(cycles q)`.
+    pub fn of(cycles: f64, cos_rad: f64, sin_rad: f64) -> Self {
+        Self {
+            cycles,
+            amplitude_rad: cos_rad.hypot(sin_rad),
+            phase_rad: cos_rad.atan2(sin_rad),
+        }
+    }
+
     pub(super) fn draw(stream: &mut Stream, amplitude_rad: f64) -> Self {
         Self {
             cycles: stream.between(120.0, 800.0).round() / 2.0,

@@ -53,6 +53,10 @@ pub enum Ingredient {
     Errors = 20,
     /// Poses that verify a promise.
     Verify = 21,
+    /// Arms that a posterior holds possible.
+    Posterior = 22,
+    /// What an arm as a whole does not repeat.
+    Scatter = 23,
 }
 
 /// One stream of random numbers.

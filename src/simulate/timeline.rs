@@ -171,7 +171,11 @@ impl<'a> Visits<'a> {
         let settings = &self.settings.joints;
         let repeated = self
             .repeatability
-            .normals(commanded.len(), settings.repeatability_rad);
+            .normals(commanded.len(), 1.0)
+            .into_iter()
+            .enumerate()
+            .map(|(joint, own)| own * errors.repeatability_rad(joint, settings.repeatability_rad))
+            .collect::<Vec<_>>();
         let mut reported = Vec::with_capacity(commanded.len());
         let mut off = Vec::with_capacity(commanded.len());
         for (joint, &command) in commanded.iter().enumerate() {
@@ -181,9 +185,11 @@ impl<'a> Visits<'a> {
             }
             let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5);
             let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
-            let slack = -self.direction[joint] * errors.backlash_rad[joint] / 2.0;
+            let nearer = settings.nearer_command;
+            let beside =
+                errors.beside_reported(joint, command - reports, self.direction[joint], nearer);
             reported.push(reports);
-            off.push(settings.nearer_command * (command - reports) + slack + repeated[joint]);
+            off.push(beside + repeated[joint]);
         }
         Visit {
             reported,

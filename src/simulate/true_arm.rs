@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;
 
 use super::curve::{GearLine, JointCurve};
+use super::identified::AxisErrors;
 use super::random::{Ingredient, Stream};
 use super::settings::{GeometryErrors, Gravity, SimulateSettings};
 use crate::geometry::isometry_from_rpy;
@@ -39,6 +40,9 @@ pub struct ArmErrors {
     pub flange_from_target_mm: [f64; 3],
     /// The same: fixed-axis roll, pitch, yaw, rad.
     pub flange_from_target_rpy: [f64; 3],
+    /// For an arm that was identified before: what its axes are off besides.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identified: Option<AxisErrors>,
 }
 
 impl ArmErrors {
@@ -74,7 +78,54 @@ impl ArmErrors {
                 cell.flange_from_target_mm[i] + moved[i]
             }),
             flange_from_target_rpy: cell.flange_from_target_rpy,
+            identified: None,
         }
+    }
+
+    /// An arm whose axes are off by `identified` and nothing else.
+    pub fn of_identified(
+        offsets: Vec<f64>,
+        identified: AxisErrors,
+        flange_from_target: &Isometry3<f64>,
+        up: [f64; 3],
+    ) -> Self {
+        let joints = identified.axes.len();
+        let (roll, pitch, yaw) = flange_from_target.rotation.euler_angles();
+        Self {
+            offsets,
+            curves: vec![JointCurve::default(); joints],
+            gear_lines: vec![GearLine::none(); joints],
+            backlash_rad: vec![0.0; joints],
+            compliance: vec![0.0; joints],
+            masses: masses(joints),
+            up,
+            flange_from_target_mm: flange_from_target.translation.vector.into(),
+            flange_from_target_rpy: [roll, pitch, yaw],
+            identified: Some(identified),
+        }
+    }
+
+    /// Where `joint` stands beside its reported angle after a move in `direction` (±1, 0 for none yet) that ended
+    /// `short_rad` short of its command, rad; without what no visit repeats.
+    pub(super) fn beside_reported(
+        &self,
+        joint: usize,
+        short_rad: f64,
+        direction: f64,
+        nearer_command: f64,
+    ) -> f64 {
+        let slack = -direction * self.backlash_rad[joint] / 2.0;
+        let standing = self.identified.as_ref().and_then(|i| i.standing.as_ref());
+        slack
+            + standing.map_or(nearer_command * short_rad, |standing| {
+                standing[joint].beside_reported(short_rad)
+            })
+    }
+
+    /// What a visit of `joint` does not repeat, as a standard deviation, rad: its own where it was identified.
+    pub(super) fn repeatability_rad(&self, joint: usize, expected_rad: f64) -> f64 {
+        let identified = self.identified.as_ref();
+        identified.map_or(expected_rad, |own| own.repeatability_rad[joint])
     }
 
     /// Where the target really is in the base frame when the controller reports `joints` (rad), `visit` (rad) being what
@@ -95,7 +146,23 @@ impl ArmErrors {
                 *axis += compliance * torque;
             }
         }
+        if let Some(identified) = &self.identified {
+            self.add(identified, arm, &arm.axes(joints), &mut axes);
+        }
         arm.chain().forward(&axes, &self.offsets) * flange_from_target
+    }
+
+    /// Adds what identified axes are off at `reported` axis variables to `axes`.
+    fn add(&self, identified: &AxisErrors, arm: &Arm, reported: &[f64], axes: &mut [f64]) {
+        let chain = arm.chain();
+        let end = chain.forward(reported, &self.offsets);
+        let target = end * Point3::from(self.flange_from_target_mm);
+        let origins = chain.joint_axes(reported, &self.offsets);
+        let way = identified.given_way(&origins, target, &Vector3::from(self.up));
+        let off = identified.unloaded(reported).into_iter().zip(way);
+        for (axis, (unloaded, way)) in axes.iter_mut().zip(off) {
+            *axis += unloaded + way;
+        }
     }
 
     /// Torque of gravity on each axis, in the sense of its reported angle (unit of mass · mm).

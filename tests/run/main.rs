@@ -10,6 +10,7 @@ mod interrupted;
 mod joints;
 mod nightly;
 mod page;
+mod planned;
 mod same_work;
 mod split;
 mod targets;

@@ -245,7 +245,7 @@ fn applies(block: Block, session: Option<usize>) -> bool {
 }
 
 /// The posterior covariance of all columns: `√v L⁻ᵀ L⁻¹ √v`.
-fn covariance(model: &FullModel) -> DMatrix<f64> {
+pub(super) fn covariance(model: &FullModel) -> DMatrix<f64> {
     let mut half = model.posterior.factor.inverse_lower();
     for (mut column, scale) in half.column_iter_mut().zip(&model.posterior.scale) {
         column *= *scale;

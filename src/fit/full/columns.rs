@@ -80,7 +80,7 @@ fn blends(layout: &mut Layout, observations: &[Observation], sessions: usize, jo
 }
 
 /// Harmonics of a curve that is coarse or hardly seen.
-const fn few_harmonics(settings: &FullSettings) -> usize {
+pub(super) const fn few_harmonics(settings: &FullSettings) -> usize {
     FEW_HARMONICS * settings.curve_period_turns as usize
 }
 

@@ -79,6 +79,14 @@ impl Components {
         components
     }
 
+    /// No components: for models whose sizes are held.
+    pub const fn none() -> Self {
+        Self {
+            all: Vec::new(),
+            fixed: Vec::new(),
+        }
+    }
+
     /// Prior variance of every column.
     pub fn variances(&self) -> DVector<f64> {
         let mut variances = DVector::from_column_slice(&self.fixed);

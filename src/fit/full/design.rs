@@ -13,7 +13,7 @@ use crate::units::MM_PER_M;
 
 /// A joint that came to rest this far from its command stopped short by as much as it ever does, rad. Widths of 40 to
 /// 110 µrad fit the same.
-pub(super) const SATURATION_RAD: f64 = 60e-6;
+pub const SATURATION_RAD: f64 = 60e-6;
 
 /// One pose as the columns see it; all vectors in the frame that the rows are in.
 #[derive(Debug, Clone)]

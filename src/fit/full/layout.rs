@@ -44,6 +44,14 @@ impl Block {
     pub const fn is_curve(self) -> bool {
         matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
     }
+
+    /// Whether it is the arm's own in whatever session: beyond geometry, which shares its block with the sessions' frames.
+    pub const fn is_of_arm(self) -> bool {
+        matches!(
+            self,
+            Self::Gravity | Self::Blend | Self::StopShort | Self::Curve(_) | Self::Line { .. }
+        )
+    }
 }
 
 /// Blocks in column order.

@@ -50,19 +50,39 @@ impl Sums {
     /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
     pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
         let scale = variances.map(f64::sqrt);
+        let mut matrix = self.scaled(&scale);
+        (0..scale.len()).for_each(|column| matrix[(column, column)] += 1.0);
+        self.at(scale, matrix, 0.0)
+    }
+
+    /// The posterior where `before`, the posterior of other rows, is the prior, means taken out of the values; `None` if
+    /// rounding made M indefinite.
+    pub fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
+        let matrix = self.scaled(&before.scale) + before.factor.product();
+        let ln_before = before.factor.ln_determinant();
+        self.at(before.scale.clone(), matrix, ln_before)
+    }
+
+    /// `√v A √v`: its lower triangle.
+    fn scaled(&self, scale: &DVector<f64>) -> DMatrix<f64> {
         let size = scale.len();
         let mut matrix = self.information.clone();
         for column in 0..size {
             for row in column..size {
                 matrix[(row, column)] *= scale[row] * scale[column];
             }
-            matrix[(column, column)] += 1.0;
         }
+        matrix
+    }
+
+    /// The posterior of information `matrix`, `ln_before` being the logarithm of the prior's determinant.
+    fn at(&self, scale: DVector<f64>, matrix: DMatrix<f64>, ln_before: f64) -> Option<Posterior> {
         let factor = Cholesky::new(matrix)?;
         let right = self.moment.component_mul(&scale);
         let whitened = factor.solve(&right);
         let quadratic = self.square - right.dot(&whitened);
-        let log_evidence = -0.5 * (quadratic + factor.ln_determinant() + self.ln_noise);
+        let ln_gained = factor.ln_determinant() - ln_before;
+        let log_evidence = -0.5 * (quadratic + ln_gained + self.ln_noise);
         Some(Posterior {
             scale,
             factor,

@@ -88,6 +88,32 @@ fn promised(table: Columns, plan: &SamplingPlan, settings: &PlanSettings) -> Col
         .same("bound_confidence", settings.tolerance.confidence)
 }
 
+/// One planned pose of a published plan.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedPose {
+    /// Its name.
+    pub target: String,
+    /// What it is for.
+    pub purpose: String,
+    /// Joint angles, rad.
+    pub joints: Vec<f64>,
+}
+
+/// The poses of a published plan, in order.
+pub fn planned(table: &Table) -> Vec<PlannedPose> {
+    let names = table.text("target").iter().zip(table.text("purpose"));
+    let joints = table.list("joints_rad").iter();
+    let pose = |((target, purpose), joints): ((Option<&str>, Option<&str>), Option<_>)| {
+        let joints: arrow::array::ArrayRef = joints?;
+        Some(PlannedPose {
+            target: target?.to_owned(),
+            purpose: purpose?.to_owned(),
+            joints: joints.as_primitive::<Float64Type>().values().to_vec(),
+        })
+    };
+    names.zip(joints).filter_map(pose).collect()
+}
+
 /// What a published plan promised.
 pub fn promise(table: &Table) -> Promise {
     let number = |column: &str| table.f64(column).iter().next().flatten();

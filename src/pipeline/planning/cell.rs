@@ -110,6 +110,7 @@ impl<'p> Placed<'p> {
                 tracker(&file.tracker.uncertainty),
                 up.unwrap_or([0.0, 0.0, 1.0]),
             ),
+            known: None,
             noise: file.noise(),
             fit: fit.clone(),
             full: file.fit.full.clone(),

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::pipeline::plan::PlanError;
 use crate::pipeline::plan::checks::{Check, each, not_negative, told, wrong_unless};
 use crate::plan::section::{Expect, PlanSection};
-use crate::plan::session::LEAST_POSES;
+use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 
 /// More robots or poses than this are a slip of the pen.
 const MOST: usize = 100_000;
@@ -55,13 +55,20 @@ fn counts(section: &PlanSection) -> Check {
 }
 
 fn poses(section: &PlanSection) -> Check {
-    let sizes = LEAST_POSES..=MOST_POSES;
+    let least = if section.known.is_some() {
+        LEAST_KNOWN_POSES
+    } else {
+        LEAST_POSES
+    };
+    let sizes = least..=MOST_POSES;
     let holds = !section.poses.is_empty() && section.poses.iter().all(|n| sizes.contains(n));
     wrong_unless(
         holds,
         "[plan] poses",
         format!("{:?}", section.poses),
-        "one number of poses or more, each from 10 to 2000, for example [25, 50, 100]",
+        format!(
+            "one number of poses or more, each from {least} to 2000, for example [25, 50, 100]"
+        ),
     )
 }
 

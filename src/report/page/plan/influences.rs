@@ -117,7 +117,10 @@ fn is_drawn(row: &Figure) -> bool {
 /// Which values have no figure, and which have figures of too few poses for a bound.
 fn missing(rows: &[&Figure]) -> String {
     let drawn = || rows.iter().filter(|row| is_drawn(row));
-    let none = values(drawn().filter(|row| row.mean_mm.is_none()));
+    let is_absent = |row: &Figure| row.refused == 0 && row.outside == 0;
+    let unjudged = || drawn().filter(|row| row.mean_mm.is_none());
+    let absent = values(unjudged().filter(|row| is_absent(row)));
+    let none = values(unjudged().filter(|row| !is_absent(row)));
     let few = values(drawn().filter(|row| row.mean_mm.is_some() && row.judged == 0));
     let say = |words: &str, values: String| {
         if values.is_empty() {
@@ -126,7 +129,8 @@ fn missing(rows: &[&Figure]) -> String {
             format!(" {words} {values}.")
         }
     };
-    say("No pose could be judged at", none)
+    say("The region has no poses, so nothing was judged, at", absent)
+        + &say("No pose could be judged at", none)
         + &say(
             "Too few fresh poses for a bound, so read with care, at",
             few,

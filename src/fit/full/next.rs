@@ -1,0 +1,431 @@
+//! The whole error model of an arm that was identified before, in a session that is still to come; and what it becomes when
+//! that session is measured.
+//!
+//! Inputs: a trained [`FullModel`], and what the new session shares with one of its own ([`Mounting`]). Output: a model of
+//! one session of which no station is known yet.
+//! 1. What belongs to the arm (geometry, curves, gravity, gear lines, blend) keeps its mean and covariance, the sessions'
+//!    own parts being integrated out.
+//! 2. What belongs to a session (its base, drift, how its curves and its blend differ) is as open as that of any session.
+//! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes held: what training on both sessions
+//!    together gives, as far as their sizes are the same.
+
+use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
+
+use super::bulk::covariance;
+use super::components::Components;
+use super::layout::{Block, Layout};
+use super::leave_one_out::leave_one_out;
+use super::regression::Posterior;
+use super::rows::{rows, sums};
+use super::train::State;
+use super::{FullModel, FullSettings, Ready, standing};
+use crate::fit::observation::Observation;
+use crate::fit::problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
+use crate::geometry::{Base, Flange, Target, Tracker, Transform};
+use crate::kinematics::{Arm, Motion, Parameter};
+use crate::linalg::{Cholesky, gram};
+
+/// Rounds of rows, posterior and weights: the base's start is within a millimetre, so the second is exact to micrometres.
+const ROUNDS: usize = 3;
+/// Columns of the model as they are in the new session.
+type Columns = Vec<Column>;
+
+/// What a new session shares with one that was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mounting {
+    /// The session it is held against, by its place in the model.
+    pub session: usize,
+    /// Where the base will stand in the tracker's frame, roughly; `None` where neither was moved.
+    pub tracker_from_base: Option<Transform<Tracker, Base>>,
+    /// The target at the flange.
+    pub target: Mounted,
+}
+
+/// How the target of a new session sits, against that of the one before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mounted {
+    /// It was never taken off.
+    Same,
+    /// The same one in the same place, put on again.
+    Again {
+        /// Standard deviation of its place per axis, mm.
+        sd_mm: f64,
+    },
+    /// Another one, or in another place.
+    Other {
+        /// Where it is meant to sit.
+        flange_from_target: Transform<Flange, Target>,
+        /// Standard deviation of that per axis, mm.
+        sd_mm: f64,
+    },
+}
+
+/// Where a column of the new session's model comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Column {
+    /// A column of the past, its variance grown by so much.
+    Kept(usize, f64),
+    /// Nothing is known but its prior.
+    Fresh,
+}
+
+/// A turn of the target by putting it on again, rad.
+const PUT_ON_RAD: f64 = 0.01;
+
+impl FullModel {
+    /// The model of a session of `stations` stations that is still to be measured; `None` where a factorisation fails,
+    /// which rounding alone can cause.
+    pub fn next(
+        &self,
+        arm: &Arm,
+        mounting: &Mounting,
+        stations: usize,
+        settings: &FullSettings,
+        up: Option<UnitVector3<f64>>,
+    ) -> Option<Self> {
+        let starts = [self.next_frames(mounting)];
+        let prior = mounting.prior(&starts[0]);
+        let problem = empty(arm, &starts, prior, self.is_turned());
+        let span = stations.max(1) as f64;
+        let (layout, columns) = self.next_columns(&problem, mounting, settings);
+        let variances = super::columns::unknown_variances(&problem);
+        let components = Components::new(&layout, &variances, settings, span);
+        let (posterior, mean) =
+            self.carried(&layout, &columns, &components.variances().map(f64::sqrt))?;
+        let offset = |column: &Column| match column {
+            Column::Kept(past, _) => self.offsets[*past],
+            Column::Fresh => 0.0,
+        };
+        let unknowns = columns.iter().take(problem.unknowns().len());
+        let offsets = DVector::from_iterator(problem.unknowns().len(), unknowns.map(offset));
+        Some(Self {
+            ready: Ready::of(&problem, &offsets, &layout, &mean),
+            frames: problem.frames(&offsets),
+            problem,
+            up: up.map(UnitVector3::into_inner),
+            layout,
+            offsets,
+            drift_variance: self.drift_variance + self.warm_up_variance,
+            warm_up_variance: 0.0,
+            standing: self.standing.clone(),
+            tails: self.tails,
+            mean,
+            posterior,
+            span,
+            repeatability: self.repeatability.clone(),
+            weights: Vec::new(),
+            left_out: Vec::new(),
+            parts: self.parts.clone(),
+        })
+    }
+
+    fn next_frames(&self, mounting: &Mounting) -> Frames {
+        let past = self.starts()[mounting.session];
+        Frames {
+            tracker_from_base: mounting.tracker_from_base.unwrap_or(past.tracker_from_base),
+            flange_from_target: match mounting.target {
+                Mounted::Same | Mounted::Again { .. } => past.flange_from_target,
+                Mounted::Other {
+                    flange_from_target, ..
+                } => flange_from_target,
+            },
+        }
+    }
+
+    /// Whether the target's orientation is among the unknowns.
+    fn is_turned(&self) -> bool {
+        let is_turn =
+            |own: &Unknown| matches!(own.parameter, Parameter::Target(Motion::Rotation(_)));
+        self.unknowns().iter().any(is_turn)
+    }
+
+    /// The columns of the new session, and where each comes from.
+    fn next_columns(
+        &self,
+        problem: &Problem<'_>,
+        mounting: &Mounting,
+        settings: &FullSettings,
+    ) -> (Layout, Columns) {
+        let mut layout = Layout::new(self.layout.period_turns());
+        let unknowns = problem.unknowns().iter();
+        let mut columns: Columns = unknowns
+            .map(|own| self.next_unknown(own, mounting))
+            .collect();
+        layout.push(Block::Unknowns, columns.len());
+        let few = 2 * super::columns::few_harmonics(settings);
+        for (block, range) in self.layout.blocks() {
+            if !block.is_of_arm() {
+                continue;
+            }
+            layout.push(block, range.len());
+            columns.extend(range.clone().map(|past| Column::Kept(past, 0.0)));
+            let own = match block {
+                Block::Curve(joint) => Some((
+                    Block::SessionCurve { session: 0, joint },
+                    few.min(range.len()) + 1,
+                )),
+                Block::Blend => Some((Block::SessionBlend(0), range.len())),
+                _ => None,
+            };
+            if let Some((block, count)) = own {
+                layout.push(block, count);
+                columns.extend(vec![Column::Fresh; count]);
+            }
+        }
+        let joints = self.repeatability.joints.len();
+        let mut fresh: Vec<(Block, usize)> = self.next_drift(settings).into_iter().collect();
+        // A session whose commands said nothing of orientation left open where joints come to stand against them.
+        if settings.blend && !self.knows_standing() {
+            fresh.extend([(Block::Blend, joints), (Block::StopShort, joints)]);
+        }
+        for (block, count) in fresh {
+            layout.push(block, count);
+            columns.extend(vec![Column::Fresh; count]);
+        }
+        (layout, columns)
+    }
+
+    /// Whether it was trained on commands that say where joints come to stand against them.
+    pub fn knows_standing(&self) -> bool {
+        self.layout.columns(Block::Blend).is_some()
+    }
+
+    fn next_drift(&self, settings: &FullSettings) -> Option<(Block, usize)> {
+        let mut drifts = self.layout.blocks().filter_map(|(block, columns)| {
+            matches!(block, Block::Drift(_)).then_some(columns.len())
+        });
+        let count = drifts.next()?;
+        settings.drift.then_some((Block::Drift(0), count))
+    }
+
+    fn next_unknown(&self, own: &Unknown, mounting: &Mounting) -> Column {
+        let past = |session| {
+            let wanted = Unknown {
+                session,
+                parameter: own.parameter,
+            };
+            self.unknowns().iter().position(|other| *other == wanted)
+        };
+        let kept = |session, added| {
+            past(session).map_or(Column::Fresh, |column| Column::Kept(column, added))
+        };
+        let of_session = Some(mounting.session);
+        match (own.parameter, mounting.target) {
+            (Parameter::Link { .. }, _) => kept(None, 0.0),
+            (Parameter::Base(_), _) if mounting.tracker_from_base.is_some() => Column::Fresh,
+            (Parameter::Base(_), _) | (Parameter::Target(_), Mounted::Same) => {
+                kept(of_session, 0.0)
+            }
+            (Parameter::Target(Motion::Translation(_)), Mounted::Again { sd_mm }) => {
+                kept(of_session, sd_mm * sd_mm)
+            }
+            (Parameter::Target(Motion::Rotation(_)), Mounted::Again { .. }) => {
+                kept(of_session, PUT_ON_RAD * PUT_ON_RAD)
+            }
+            (Parameter::Target(_), Mounted::Other { .. }) => Column::Fresh,
+        }
+    }
+
+    /// Mean and covariance of the kept columns, the prior `sd` of the others.
+    fn carried(
+        &self,
+        layout: &Layout,
+        columns: &[Column],
+        fresh: &DVector<f64>,
+    ) -> Option<(Posterior, DVector<f64>)> {
+        let size = layout.size();
+        let past = covariance(self);
+        let mut scale = self.fresh_scale(layout, fresh);
+        let mut mean = DVector::zeros(size);
+        for (place, column) in columns.iter().enumerate() {
+            if let Column::Kept(own, added) = *column {
+                scale[place] = self.posterior.scale[own].hypot(added.sqrt());
+                mean[place] = self.mean[own];
+            }
+        }
+        let mut whitened = DMatrix::identity(size, size);
+        for (column, from) in columns.iter().enumerate() {
+            let (Column::Kept(from, added), true) = (*from, scale[column] > 0.0) else {
+                continue;
+            };
+            for (row, other) in columns.iter().enumerate() {
+                let (Column::Kept(other, _), true) = (*other, scale[row] > 0.0) else {
+                    continue;
+                };
+                let own = if row == column { added } else { 0.0 };
+                whitened[(row, column)] =
+                    (past[(other, from)] + own) / (scale[row] * scale[column]);
+            }
+        }
+        let half = Cholesky::new(whitened)?.inverse_lower();
+        let posterior = Posterior {
+            factor: Cholesky::new(gram(&half.as_view()))?,
+            whitened: mean.zip_map(&scale, |m, s| if s > 0.0 { m / s } else { 0.0 }),
+            log_evidence: 0.0,
+            scale,
+        };
+        Some((posterior, mean))
+    }
+
+    /// Prior deviations of a session's own parts: as large as the past's sessions had them, where there were several.
+    fn fresh_scale(&self, layout: &Layout, expected: &DVector<f64>) -> DVector<f64> {
+        let mut scale = expected.clone();
+        for (block, columns) in layout.blocks() {
+            let is_alike = |past: Block| match (block, past) {
+                (Block::SessionCurve { joint, .. }, Block::SessionCurve { joint: other, .. }) => {
+                    joint == other
+                }
+                (Block::SessionBlend(_), Block::SessionBlend(_))
+                | (Block::Drift(_), Block::Drift(_)) => true,
+                _ => false,
+            };
+            let past = self.layout.blocks().find(|(past, _)| is_alike(*past));
+            let past = past.filter(|(_, past)| past.len() == columns.len());
+            // A drift that one session did not need is still to be expected of another.
+            let found = past.map(|(_, past)| self.posterior.scale.rows(past.start, past.len()));
+            if let Some(found) = found.filter(|found| found.amax() > 0.0) {
+                scale
+                    .rows_mut(columns.start, columns.len())
+                    .copy_from(&found);
+            }
+        }
+        scale
+    }
+
+    /// The model once stations of its session are measured; `frames` are where the nominal arm finds base and target from
+    /// them. `None` where a factorisation fails, which rounding alone can cause.
+    pub fn learned(&self, arm: &Arm, observations: &[Observation], frames: Frames) -> Option<Self> {
+        let turned = self.is_turned();
+        let mut observations = observations.to_vec();
+        if !turned {
+            for observation in &mut observations {
+                observation.orientation = None;
+            }
+        }
+        let geometry = Freedom::Geometry;
+        let problem = Problem::with_target_turn(
+            &observations,
+            arm.chain(),
+            &[frames],
+            geometry,
+            Prior::default(),
+            turned,
+        );
+        let mut state = self.state(observations.len());
+        for _ in 1..ROUNDS {
+            let (posterior, expected, left_out) = self.round(&problem, &state)?;
+            state.weights = left_out.iter().map(|l| l.weight(self.tails)).collect();
+            let mean = posterior.mean() + expected;
+            state.offsets += mean.rows(0, state.offsets.len());
+        }
+        let (posterior, expected, left_out) = self.round(&problem, &state)?;
+        let mean = posterior.mean() + expected;
+        let standing = standing(&observations, &state.layout, &mean);
+        Some(Self {
+            ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
+            frames: problem.frames(&state.offsets),
+            problem: empty(arm, &[frames], Prior::default(), turned),
+            up: self.up,
+            drift_variance: self.drift_variance,
+            warm_up_variance: self.warm_up_variance,
+            standing: standing.or_else(|| self.standing.clone()),
+            tails: self.tails,
+            layout: state.layout,
+            offsets: state.offsets,
+            mean,
+            posterior,
+            span: self.span,
+            repeatability: self.repeatability.clone(),
+            weights: state.weights,
+            left_out,
+            parts: self.parts.clone(),
+        })
+    }
+
+    fn state(&self, observations: usize) -> State {
+        State {
+            layout: self.layout.clone(),
+            components: Components::none(),
+            repeatability: self.repeatability.clone(),
+            tails: self.tails,
+            weights: vec![1.0; observations],
+            offsets: self.offsets.clone(),
+            span: self.span,
+        }
+    }
+
+    /// The posterior at a state, what was expected of the columns there, and the stations' leave-one-out residuals.
+    fn round(
+        &self,
+        problem: &Problem<'_>,
+        state: &State,
+    ) -> Option<(Posterior, DVector<f64>, Vec<super::LeftOut>)> {
+        let rows = rows(problem, state, self.up);
+        let mut expected = self.mean.clone();
+        let mut unknowns = expected.rows_mut(0, state.offsets.len());
+        unknowns -= &state.offsets - &self.offsets;
+        let (sums, covariances) = sums(problem, state, &rows, &expected);
+        let posterior = sums.posterior_after(&self.posterior)?;
+        let left_out = leave_one_out(state, &rows, &expected, &covariances, &posterior);
+        Some((posterior, expected, left_out))
+    }
+
+    /// Coefficients of all columns as they may be: `mean + S L⁻ᵀ z`, of which the covariance is the posterior's when `z`
+    /// are independent normal numbers.
+    pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
+        let away = self.posterior.factor.backward(z);
+        &self.mean + away.component_mul(&self.posterior.scale)
+    }
+
+    /// Offsets of the arm's own chain and the frames of a session, at coefficients of all columns.
+    pub fn geometry_of(&self, coefficients: &DVector<f64>, session: usize) -> (Vec<f64>, Frames) {
+        let offsets = &self.offsets + coefficients.rows(0, self.offsets.len());
+        (
+            self.problem.geometry(&offsets),
+            self.problem.frames(&offsets)[session],
+        )
+    }
+}
+
+impl Mounting {
+    /// What is expected of a target that was not there before.
+    fn prior(&self, frames: &Frames) -> Prior {
+        let place = frames.flange_from_target.isometry().translation.vector;
+        let target = match self.target {
+            Mounted::Other { sd_mm, .. } => Some(KnownTarget {
+                xyz_mm: place.into(),
+                sd_mm,
+            }),
+            Mounted::Same | Mounted::Again { .. } => None,
+        };
+        Prior {
+            geometry: None,
+            target,
+        }
+    }
+
+    /// The frames that a session's stations are taken in: those of `past` where nothing was moved, else those that its
+    /// `stations` give.
+    pub fn starts(&self, past: &Frames, stations: &Frames) -> Frames {
+        let turned = |place: &Isometry3<f64>| {
+            let turn = stations.flange_from_target.isometry().rotation;
+            Transform::claim(Isometry3::from_parts(place.translation, turn))
+        };
+        Frames {
+            tracker_from_base: match self.tracker_from_base {
+                Some(_) => stations.tracker_from_base,
+                None => past.tracker_from_base,
+            },
+            flange_from_target: match self.target {
+                Mounted::Same | Mounted::Again { .. } => past.flange_from_target,
+                Mounted::Other {
+                    flange_from_target, ..
+                } => turned(flange_from_target.isometry()),
+            },
+        }
+    }
+}
+
+fn empty(arm: &Arm, frames: &[Frames], prior: Prior, turned: bool) -> Problem<'static> {
+    Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned)
+}

@@ -1,0 +1,272 @@
+//! `[plan.known]` → the arm as a past run identified it, held against the plan's own.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::compensation::{ArmModel, IdentifiedArm};
+use crate::fit::full::FullModel;
+use crate::fit::full::next::{Mounted, Mounting};
+use crate::fit::saved::SavedArm;
+use crate::geometry::{Transform, isometry_from_rpy};
+use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
+use crate::io::lake::{Lake, LakeError};
+use crate::io::schema::{self, SchemaError};
+use crate::kinematics::Arm;
+use crate::manifest::RunKey;
+use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
+use crate::plan::{KnownArm, PlanSettings};
+
+/// A target that sits further from where it sat is another one, mm: weak priors let it trade that much with the last link.
+const SAME_PLACE_MM: f64 = 10.0;
+
+/// Why a past session cannot take the place of the prior.
+#[derive(Debug, Error)]
+pub enum KnownError {
+    /// Not one of the two ways to name it.
+    #[error(
+        "{}: [plan.known] names {found}: give either calibrations (the file of a past run) or session (whose current run in the \
+         lake is taken)", path.display()
+    )]
+    Named {
+        /// The pipeline file.
+        path: PathBuf,
+        /// What is given.
+        found: &'static str,
+    },
+    /// The lake has no run of that session.
+    #[error(
+        "[plan.known] session = {session:?}: the lake {} has no run of it for robot {robot:?}; run it first, or give \
+         calibrations", lake.display()
+    )]
+    NoRun {
+        /// The lake.
+        lake: PathBuf,
+        /// The robot.
+        robot: String,
+        /// The session.
+        session: String,
+    },
+    /// The table cannot be read.
+    #[error("[plan.known]: {0}")]
+    Table(#[from] CalibrationsTableError),
+    /// The lake cannot be read.
+    #[error("[plan.known]: {0}")]
+    Lake(#[from] LakeError),
+    /// The program does not know its own table.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// A table of another robot.
+    #[error(
+        "[plan.known]: {} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
+         [robot] name", path.display()
+    )]
+    OtherRobot {
+        /// The table.
+        path: PathBuf,
+        /// Its robot.
+        found: String,
+        /// The plan's.
+        wanted: String,
+    },
+    /// An arm of another number of joints.
+    #[error(
+        "[plan.known]: the arm of {} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm",
+        path.display()
+    )]
+    Joints {
+        /// The table.
+        path: PathBuf,
+        /// Joints there.
+        found: usize,
+        /// Joints of the plan's arm.
+        wanted: usize,
+    },
+    /// Another nominal arm.
+    #[error(
+        "[plan.known]: the nominal arm of {} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
+         mean nothing here; plan with the robot file of that run", path.display()
+    )]
+    OtherNominal {
+        /// The table.
+        path: PathBuf,
+        /// The model there.
+        found: String,
+        /// The plan's.
+        wanted: String,
+        /// What differs.
+        what: &'static str,
+    },
+    /// A run without the whole error model.
+    #[error(
+        "[plan.known]: {} has no whole error model, only geometry: run that session with [fit.full] enabled = true",
+        path.display()
+    )]
+    GeometryAlone {
+        /// The table.
+        path: PathBuf,
+    },
+    /// A target in another place.
+    #[error(
+        "[plan.known]: the target of {} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this plan: \
+         say target = \"other\"", path.display()
+    )]
+    OtherTarget {
+        /// The table.
+        path: PathBuf,
+        /// Where it sat.
+        found: [f64; 3],
+        /// Where it will sit.
+        wanted: [f64; 3],
+        /// How far that is.
+        away_mm: f64,
+    },
+    /// Rounding.
+    #[error(
+        "[plan.known]: the covariance of {} cannot be factored again; identify that session anew with this version",
+        path.display()
+    )]
+    NotPositive {
+        /// The table.
+        path: PathBuf,
+    },
+}
+
+/// Where the table is that `[plan.known]` names.
+pub(super) fn table(
+    path: &Path,
+    base: &Path,
+    known: &KnownSection,
+    lakes: [&PathBuf; 2],
+    robot: &str,
+) -> Result<PathBuf, KnownError> {
+    let named = |found| KnownError::Named {
+        path: path.to_owned(),
+        found,
+    };
+    match (&known.calibrations, &known.session) {
+        (Some(file), None) => Ok(base.join(file)),
+        (None, Some(session)) => match current(lakes[0], robot, session) {
+            Err(KnownError::NoRun { .. }) => current(lakes[1], robot, session),
+            found => found,
+        },
+        (None, None) => Err(named("neither")),
+        (Some(_), Some(_)) => Err(named("both")),
+    }
+}
+
+fn current(folder: &Path, robot: &str, session: &str) -> Result<PathBuf, KnownError> {
+    let lake = Lake::new(folder);
+    let run = lake.current(&RunKey::new(robot, session, ""))?;
+    let run = run.ok_or_else(|| KnownError::NoRun {
+        lake: folder.to_owned(),
+        robot: robot.to_owned(),
+        session: session.to_owned(),
+    })?;
+    let key = RunKey::new(robot, session, &run);
+    Ok(lake.path(schema::find("calibrations")?, &key)?)
+}
+
+/// The arm that the table at `path` knows, in the session that is planned.
+pub(super) fn read(
+    path: &Path,
+    arm: &Arm,
+    robot: &str,
+    section: &PlanSection,
+    settings: &PlanSettings,
+) -> Result<Arc<KnownArm>, KnownError> {
+    let PublishedArm { key, arm: past } = calibrations_table::read(path)?;
+    if key.robot != robot {
+        return Err(KnownError::OtherRobot {
+            path: path.to_owned(),
+            found: key.robot,
+            wanted: robot.to_owned(),
+        });
+    }
+    same_nominal(path, &past, arm)?;
+    let ArmModel::Full { model, session } = &past.model else {
+        return Err(KnownError::GeometryAlone {
+            path: path.to_owned(),
+        });
+    };
+    let known = section.known.clone().unwrap_or_default();
+    let mounting = mounting(path, &known, model, *session, settings)?;
+    let most = settings.poses.iter().copied().max().unwrap_or(0);
+    let stations = 2 * most + settings.verify_poses;
+    let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
+    known.map(Arc::new).ok_or_else(|| KnownError::NotPositive {
+        path: path.to_owned(),
+    })
+}
+
+fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {
+    let (found, wanted) = (SavedArm::of(&past.arm), SavedArm::of(arm));
+    if found.joints.len() != wanted.joints.len() {
+        return Err(KnownError::Joints {
+            path: path.to_owned(),
+            found: found.joints.len(),
+            wanted: wanted.joints.len(),
+        });
+    }
+    let names = |arm: &SavedArm| {
+        arm.joints
+            .iter()
+            .map(|j| j.name.clone())
+            .collect::<Vec<_>>()
+    };
+    let what = if names(&found) != names(&wanted) {
+        "names of joints"
+    } else if found.elements != wanted.elements {
+        "lengths or angles"
+    } else if found.axes_from_joints != wanted.axes_from_joints {
+        "joint maps"
+    } else {
+        return Ok(());
+    };
+    Err(KnownError::OtherNominal {
+        path: path.to_owned(),
+        found: found.model,
+        wanted: wanted.model,
+        what,
+    })
+}
+
+fn mounting(
+    path: &Path,
+    known: &KnownSection,
+    model: &FullModel,
+    session: usize,
+    settings: &PlanSettings,
+) -> Result<Mounting, KnownError> {
+    let cell = &settings.population.cell;
+    let base = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
+    let sd_mm = cell.target_sd_mm;
+    let target = match known.target {
+        TargetMounted::Same => Mounted::Same,
+        TargetMounted::Again => Mounted::Again { sd_mm },
+        TargetMounted::Other => Mounted::Other {
+            flange_from_target: Transform::claim(settings.flange_from_target),
+            sd_mm,
+        },
+    };
+    let sat = model.fitted_frames()[session].flange_from_target;
+    let (found, wanted) = (
+        sat.isometry().translation.vector,
+        settings.flange_from_target.translation.vector,
+    );
+    let away_mm = (found - wanted).norm();
+    if known.target != TargetMounted::Other && away_mm > SAME_PLACE_MM {
+        return Err(KnownError::OtherTarget {
+            path: path.to_owned(),
+            found: found.into(),
+            wanted: wanted.into(),
+            away_mm,
+        });
+    }
+    Ok(Mounting {
+        session,
+        tracker_from_base: (known.base == BaseMounted::New).then(|| Transform::claim(base)),
+        target,
+    })
+}

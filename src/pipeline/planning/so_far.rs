@@ -1,0 +1,240 @@
+//! A plan held against the session while it is being measured: what its stations so far promise, and what to measure next.
+//!
+//! Inputs: the plan in the lake, the logs so far of a session of the pipeline file's `[input]`. Output: [`SoFar`]; nothing
+//! is published, as the session is not whole.
+//! 1. The logs are read and joined by the code of `run`.
+//! 2. Stations are matched with planned poses; those that verify take no part.
+//! 3. The whole model of the others, from what is known of the arm where the plan has that, promises ([`enough`]).
+
+use std::path::Path;
+
+use nalgebra::Isometry3;
+use thiserror::Error;
+
+use super::{Planning, PlanningError, SESSION};
+use crate::fit::full::FullModel;
+use crate::fit::{self, FitError, Observation, TrainingSettings};
+use crate::io::lake::Lake;
+use crate::io::tables::sampling_plan::{PlannedPose, planned};
+use crate::join::{Pairing, Station};
+use crate::manifest::RunKey;
+use crate::pipeline::outcome::JoinedSession;
+use crate::pipeline::plan::{Overrides, Plan};
+use crate::pipeline::run;
+use crate::plan::enough::{self, Next};
+use crate::plan::{Outcomes, Placer, PlanError, Purpose, compare};
+use crate::progress::Progress;
+use crate::report::promise::is_same_pose;
+
+/// What a session so far comes to.
+#[derive(Debug)]
+pub struct SoFar {
+    /// The plan.
+    pub plan: RunKey,
+    /// Stations that were measured and take part.
+    pub identify: usize,
+    /// Stations at poses that verify: they take no part.
+    pub verify: usize,
+    /// Dwells without a measurement.
+    pub unmeasured: usize,
+    /// Planned poses that identify.
+    pub planned: usize,
+    /// What is promised if no more were measured.
+    pub promise: Outcomes,
+    /// Planned poses to measure next, by name, where that is not enough.
+    pub next: Vec<String>,
+    /// Whether those are expected to be enough.
+    pub next_are_enough: bool,
+}
+
+/// Why a session cannot be held against its plan.
+#[derive(Debug, Error)]
+pub enum SoFarError {
+    /// There is no plan yet.
+    #[error(
+        "the lake {lake} has no plan {run} of this pipeline file: make it first with `posegrid plan`, without --measured"
+    )]
+    NotPlanned {
+        /// The lake.
+        lake: String,
+        /// The plan.
+        run: String,
+    },
+    /// The stations so far determine nothing.
+    #[error("session {session}: {source}; measure on")]
+    Fit {
+        /// The session.
+        session: String,
+        /// Why.
+        source: FitError,
+    },
+    /// The whole error model is switched off, or could not be factored.
+    #[error(
+        "session {session}: there is no whole error model of it, which alone knows what it does not know: [fit.full] enabled = true"
+    )]
+    NoModel {
+        /// The session.
+        session: String,
+    },
+}
+
+impl Planning {
+    /// Holds the stations so far of `session` against the plan that the pipeline file at `path` makes.
+    pub fn so_far(
+        &self,
+        path: &Path,
+        session: &str,
+        progress: &dyn Progress,
+    ) -> Result<SoFar, PlanningError> {
+        let key = RunKey::new(&self.work.robot, SESSION, &self.work.key().run);
+        let lake = Lake::new(&self.lake);
+        if !lake.exists(&key)? {
+            return Err(Box::new(SoFarError::NotPlanned {
+                lake: self.lake.display().to_string(),
+                run: key.run,
+            })
+            .into());
+        }
+        let poses = planned(&lake.read("sampling_plan", &key)?);
+        let joined = self.read_session(path, session, progress)?;
+        let stations = &joined.joined.stations;
+        let is_verify = |station: &Station| {
+            let own = poses
+                .iter()
+                .find(|pose| is_same_pose(&pose.joints, &station.joints));
+            own.is_some_and(|pose| pose.purpose == Purpose::Verify.name())
+        };
+        let measured = |station: &&Station| station.pairing == Pairing::Paired;
+        let verify = stations
+            .iter()
+            .filter(measured)
+            .filter(|s| is_verify(s))
+            .count();
+        let taken: Vec<Station> = stations.iter().filter(|s| !is_verify(s)).cloned().collect();
+        let model = self.model_of(&joined, &taken)?;
+        let region = self.region()?;
+        let promise = enough::promised(&model, 0, &region, &self.settings);
+        let left: Vec<&PlannedPose> = poses
+            .iter()
+            .filter(|pose| pose.purpose == Purpose::Identify.name())
+            .filter(|pose| {
+                !stations
+                    .iter()
+                    .any(|s| is_same_pose(&pose.joints, &s.joints))
+            })
+            .collect();
+        let next = self.next(&model, &region, &left, &promise);
+        let identify = taken.iter().filter(measured).count();
+        Ok(SoFar {
+            plan: key,
+            identify,
+            verify,
+            unmeasured: stations.len() - identify - verify,
+            planned: poses
+                .iter()
+                .filter(|pose| pose.purpose == Purpose::Identify.name())
+                .count(),
+            promise,
+            next: next
+                .poses
+                .iter()
+                .map(|&place| left[place].target.clone())
+                .collect(),
+            next_are_enough: next.are_enough,
+        })
+    }
+
+    fn read_session(
+        &self,
+        path: &Path,
+        session: &str,
+        progress: &dyn Progress,
+    ) -> Result<JoinedSession, PlanningError> {
+        let overrides = Overrides {
+            sessions: vec![session.to_owned()],
+            test: Vec::new(),
+            lake: Some(self.lake.clone()),
+        };
+        let plan = Plan::load(path, &overrides)?;
+        let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();
+        let files = files.expect("a plan of one session has its files");
+        Ok(run::joined(&plan, files, None, progress).map_err(Box::new)?)
+    }
+
+    /// The whole model of the stations that take part.
+    fn model_of(
+        &self,
+        joined: &JoinedSession,
+        stations: &[Station],
+    ) -> Result<FullModel, PlanningError> {
+        let settings = &self.settings;
+        let numbers = |number: usize| stations.iter().any(|station| station.number == number);
+        let mut observations = fit::observations(0, stations, &self.arm, &settings.noise);
+        fit::add_shortfalls(
+            &mut observations,
+            &joined.joined.stations,
+            &joined.commanded,
+        );
+        observations.retain(|observation| numbers(observation.station));
+        let found = self.trained(&observations).map_err(|source| {
+            Box::new(SoFarError::Fit {
+                session: joined.name.clone(),
+                source,
+            })
+        })?;
+        found.ok_or_else(|| {
+            Box::new(SoFarError::NoModel {
+                session: joined.name.clone(),
+            })
+            .into()
+        })
+    }
+
+    fn trained(&self, observations: &[Observation]) -> Result<Option<FullModel>, FitError> {
+        let settings = &self.settings;
+        if let Some(known) = &settings.known {
+            let found = fit::start::frames(&self.arm, observations, 1, &settings.fit)?;
+            return Ok(known.learned(&self.arm, observations, &found[0]));
+        }
+        let train = TrainingSettings {
+            fit: &settings.fit,
+            full: &settings.full,
+            up: settings.up,
+        };
+        Ok(fit::models::train(&self.arm, observations, 1, &train)?.full)
+    }
+
+    /// Axis variables of fresh poses of the region.
+    fn region(&self) -> Result<Vec<Vec<f64>>, PlanError> {
+        let placer = Placer::new(&self.arm, &self.settings)?;
+        compare::region_axes(&self.arm, &placer, &self.settings)
+    }
+
+    /// Of the planned poses that are left, those to measure next.
+    fn next(
+        &self,
+        model: &FullModel,
+        region: &[Vec<f64>],
+        left: &[&PlannedPose],
+        promise: &Outcomes,
+    ) -> Next {
+        let none = Next {
+            poses: Vec::new(),
+            are_enough: promise.holds(),
+        };
+        let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else {
+            return none;
+        };
+        let base = model.fitted_frames()[0].tracker_from_base;
+        let at_flange: Isometry3<f64> = self.settings.flange_from_target;
+        let candidates: Vec<_> = left
+            .iter()
+            .map(|pose| {
+                let target = self.arm.flange(&pose.joints).isometry() * at_flange;
+                let position = base.isometry() * nalgebra::Point3::from(target.translation.vector);
+                compare::candidate(&self.arm, &pose.joints, position, model, &self.settings)
+            })
+            .collect();
+        enough::next(model, region, &candidates, promised_mm, &self.settings)
+    }
+}

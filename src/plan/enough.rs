@@ -1,0 +1,120 @@
+//! Whether what was measured so far is enough, and which poses would say most next: a design that stops by itself.
+//!
+//! Inputs: the whole error model of the stations so far, poses of the region that matters, poses that may be measured.
+//! 1. Arms are drawn that the model holds possible, all poses of the region together: its posterior, a day of the base, and
+//!    for each pose where its joints come to stand against their command and what no visit repeats.
+//! 2. What the mean model leaves of each is judged as a simulated robot is in a plan: the bound that the asked share of
+//!    them stays below is the promise.
+//! 3. Where that is above the tolerance, poses are chosen one after another as in a plan, until the expected errors have
+//!    fallen by as much as the promise is too large.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+use super::compare::Expected;
+use super::design::{Candidate, Design};
+use super::outcomes::{Outcomes, RobotOutcome};
+use super::settings::PlanSettings;
+use crate::fit::full::{FullModel, Known, Query};
+use crate::simulate::{Ingredient, Stream};
+
+/// Arms that are drawn; a promise for 95 % with 95 % confidence needs 59.
+const ARMS: usize = 300;
+
+/// Poses that would say most next.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Next {
+    /// Candidates, in the order in which they say most.
+    pub poses: Vec<usize>,
+    /// Whether they are expected to be enough.
+    pub are_enough: bool,
+}
+
+/// What the session so far promises over the region, if no more were measured. `session` is its place in the model.
+pub fn promised(
+    model: &FullModel,
+    session: usize,
+    region: &[Vec<f64>],
+    settings: &PlanSettings,
+) -> Outcomes {
+    let mut rows = DMatrix::zeros(3 * region.len(), model.layout().size());
+    let mut alone = Vec::with_capacity(region.len());
+    for (place, axes) in region.iter().enumerate() {
+        let query = commanded(axes, session);
+        let predicted = model.predict(&query);
+        rows.rows_mut(3 * place, 3).copy_from(&predicted.rows);
+        alone.push(half(&(predicted.standing + model.visit_covariance(&query))));
+    }
+    let together = model.half(&rows);
+    let day_mm = model.any_time_variance().sqrt();
+    let mut stream = Stream::new(settings.seed, Ingredient::Posterior);
+    let z = DMatrix::from_vec(
+        together.nrows(),
+        ARMS,
+        stream.normals(together.nrows() * ARMS, 1.0),
+    );
+    let left = together.tr_mul(&z);
+    let arms: Vec<RobotOutcome> = left
+        .column_iter()
+        .map(|arm| {
+            let day = stream.normal3() * day_mm;
+            let norms: Vec<f64> = alone
+                .iter()
+                .enumerate()
+                .map(|(place, half)| {
+                    let open = Vector3::from_fn(|axis, _| arm[3 * place + axis]);
+                    (open + half * stream.normal3() + day).norm()
+                })
+                .collect();
+            let norms = norms.into_iter().map(|norm| Some(Ok(norm)));
+            RobotOutcome::of(norms, &settings.tolerance)
+        })
+        .collect();
+    Outcomes::of(arms.iter(), settings.robots_meet)
+}
+
+/// The poses that bring the promise from `promised_mm` to the tolerance, as far as `candidates` can.
+pub fn next(
+    model: &FullModel,
+    region: &[Vec<f64>],
+    candidates: &[Candidate],
+    promised_mm: f64,
+    settings: &PlanSettings,
+) -> Next {
+    let visit: Vec<Matrix3<f64>> = region
+        .iter()
+        .map(|axes| {
+            let query = commanded(axes, 0);
+            model.visit_covariance(&query) + model.predict(&query).standing
+        })
+        .collect();
+    let expected = |design: &Design<'_>| Expected::of(design.region(), &visit, settings).share_mm;
+    let mut design = Design::new(model, candidates, region);
+    let wanted = expected(&design) * settings.tolerance.mm / promised_mm;
+    let mut are_enough = false;
+    while !are_enough && design.choose().is_some() {
+        are_enough = expected(&design) <= wanted;
+    }
+    Next {
+        poses: design.chosen().to_vec(),
+        are_enough,
+    }
+}
+
+/// A pose as it is commanded some day.
+const fn commanded(axes: &[f64], session: usize) -> Query<'_> {
+    Query {
+        axes,
+        known: Known::Commanded,
+        lever: Vector3::new(0.0, 0.0, 0.0),
+        session,
+        own: true,
+        station: None,
+    }
+}
+
+/// A matrix H with `H Hᵀ` = covariance.
+fn half(covariance: &Matrix3<f64>) -> Matrix3<f64> {
+    let eigen = covariance.symmetric_eigen();
+    let sizes = eigen.eigenvalues.map(|variance| variance.max(0.0).sqrt());
+    eigen.eigenvectors * Matrix3::from_diagonal(&sizes)
+}

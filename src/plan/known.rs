@@ -1,0 +1,166 @@
+//! An arm that was identified before: what a past session's posterior says takes the place of the prior.
+//!
+//! Inputs: the whole error model of a past run, what the new session shares with it. Robots are drawn from its posterior
+//! with all its covariance (geometry, curves, gravity, gear lines, where joints come to stand, the target; and how a new
+//! session differs), designs start from it, and a session's own fit goes on from it.
+
+use nalgebra::{DVector, Vector3};
+
+use crate::fit::full::design::SATURATION_RAD;
+use crate::fit::full::layout::Block;
+use crate::fit::full::next::Mounting;
+use crate::fit::full::{FullModel, FullSettings};
+use crate::fit::{Frames, Observation};
+use crate::kinematics::Arm;
+use crate::simulate::{
+    ArmErrors, AxisError, AxisErrors, GearLine, Ingredient, JointCurve, SimulateSettings, Stand,
+    Stream, Visit,
+};
+
+/// A known arm in a session that is still to come.
+#[derive(Debug)]
+pub struct KnownArm {
+    mounting: Mounting,
+    model: FullModel,
+    knows_standing: bool,
+}
+
+impl KnownArm {
+    /// From the model of a past run, for a session of `stations` stations; `None` where a factorisation fails.
+    pub fn new(
+        arm: &Arm,
+        past: &FullModel,
+        mounting: Mounting,
+        stations: usize,
+        settings: &FullSettings,
+        up: Option<nalgebra::UnitVector3<f64>>,
+    ) -> Option<Self> {
+        Some(Self {
+            model: past.next(arm, &mounting, stations, settings, up)?,
+            mounting,
+            knows_standing: past.knows_standing(),
+        })
+    }
+
+    /// The model of the session, of which nothing is measured yet.
+    pub const fn model(&self) -> &FullModel {
+        &self.model
+    }
+
+    /// The model once stations of the session are measured; `found` are the frames that the nominal arm finds from them.
+    pub fn learned(
+        &self,
+        arm: &Arm,
+        observations: &[Observation],
+        found: &Frames,
+    ) -> Option<FullModel> {
+        let frames = self.mounting.starts(&self.model.starts()[0], found);
+        self.model.learned(arm, observations, frames)
+    }
+
+    /// Arm number `cell.seed` of those that the posterior holds possible, its base put into the cell where it was not moved.
+    pub fn draw(&self, cell: &mut SimulateSettings) -> ArmErrors {
+        let mut stream = Stream::new(cell.seed, Ingredient::Posterior);
+        let size = self.model.layout().size();
+        let z = DVector::from_vec(stream.normals(size, 1.0));
+        let drawn = self.model.drawn(z);
+        let (offsets, frames) = self.model.geometry_of(&drawn, 0);
+        if self.mounting.tracker_from_base.is_none() {
+            let base = frames.tracker_from_base.isometry();
+            let (roll, pitch, yaw) = base.rotation.euler_angles();
+            cell.cell.tracker_from_base_mm = base.translation.vector.into();
+            cell.cell.tracker_from_base_rpy = [roll, pitch, yaw];
+        }
+        ArmErrors::of_identified(
+            offsets,
+            self.axes(&drawn),
+            frames.flange_from_target.isometry(),
+            cell.gravity.up,
+        )
+    }
+
+    /// Moves what visits attained by what the arm as a whole does not repeat.
+    pub fn scatter(&self, visits: &mut [Visit], seed: u64) {
+        let (sd_mm, _) = self.model.visit_deviations();
+        let mut stream = Stream::new(seed, Ingredient::Scatter);
+        for visit in visits {
+            let away: Vector3<f64> = stream.normal3() * sd_mm;
+            visit.truth.tracker_from_target.translation.vector += away;
+            if let Some(attained) = &mut visit.station.attained {
+                attained.position += away;
+            }
+        }
+    }
+
+    fn axes(&self, drawn: &DVector<f64>) -> AxisErrors {
+        let (_, joints_rad) = self.model.visit_deviations();
+        let count = joints_rad.len();
+        AxisErrors {
+            axes: (0..count)
+                .map(|joint| self.axis(joint, count, drawn))
+                .collect(),
+            period_turns: f64::from(self.model.layout().period_turns()),
+            standing: self.standing(count, drawn),
+            repeatability_rad: joints_rad,
+        }
+    }
+
+    fn axis(&self, joint: usize, joints: usize, drawn: &DVector<f64>) -> AxisError {
+        let of = |block| self.coefficients(block, drawn);
+        let own = of(Block::SessionCurve { session: 0, joint });
+        let (constant_rad, own) = own
+            .split_first()
+            .map_or((0.0, &[][..]), |(c, rest)| (*c, rest));
+        let line = |cycles: f64| match of(Block::Line { joint, cycles })[..] {
+            [cos, sin] => Some(GearLine::of(cycles, cos, sin)),
+            _ => None,
+        };
+        // The gravity columns of a joint stand behind those of the joints before it, one for each later mass.
+        let before: usize = (0..joint).map(|earlier| joints - earlier).sum();
+        let gravity = of(Block::Gravity).into_iter();
+        AxisError {
+            constant_rad,
+            curves: vec![curve(&of(Block::Curve(joint))), curve(own)],
+            lines: self
+                .model
+                .layout()
+                .lines(joint)
+                .into_iter()
+                .filter_map(line)
+                .collect(),
+            gives_way: gravity.skip(before).take(joints - joint).collect(),
+        }
+    }
+
+    fn standing(&self, joints: usize, drawn: &DVector<f64>) -> Option<Vec<Stand>> {
+        let of = |block| self.coefficients(block, drawn);
+        let (blend, own, short) = (
+            of(Block::Blend),
+            of(Block::SessionBlend(0)),
+            of(Block::StopShort),
+        );
+        let at = |list: &[f64], joint: usize| list.get(joint).copied().unwrap_or(0.0);
+        let stand = |joint| Stand {
+            nearer_command: at(&blend, joint) + at(&own, joint),
+            beyond_rad: at(&short, joint),
+            within_rad: SATURATION_RAD,
+        };
+        self.knows_standing
+            .then(|| (0..joints).map(stand).collect())
+    }
+
+    /// The coefficients of a block; none where the model has no such part.
+    fn coefficients(&self, block: Block, drawn: &DVector<f64>) -> Vec<f64> {
+        let columns = self.model.layout().columns(block).unwrap_or(0..0);
+        drawn.as_slice()[columns].to_vec()
+    }
+}
+
+/// From pairs `cos, sin`.
+fn curve(pairs: &[f64]) -> JointCurve {
+    let (pairs, _) = pairs.as_chunks::<2>();
+    JointCurve {
+        cosines: pairs.iter().map(|pair| pair[0]).collect(),
+        sines: pairs.iter().map(|pair| pair[1]).collect(),
+    }
+}
