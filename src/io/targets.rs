@@ -4,10 +4,12 @@
 //!    and column: half a program is worse than none.
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
 //! 3. [`write_csv`] writes a table as CSV with a nanometre's digits, joint angles in a column each; Parquet is [`super::table::write()`].
+//! 4. [`driving::read()`] reads such a file again, for the session that it drove.
 
 mod angles;
 mod corrected;
 mod csv;
+pub mod driving;
 mod error;
 mod parquet;
 mod write_csv;
@@ -89,6 +91,25 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         unused,
         angle_unit,
     })
+}
+
+/// What a file commands: each target's name with its joint angles, of a corrected file those to command; what was refused is
+/// left out.
+pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, TargetsError> {
+    let rows = match Form::of(path)? {
+        Form::Csv => csv::rows(path)?,
+        Form::Parquet => parquet::rows(path)?,
+    };
+    let rows = rows.placed.into_iter().map(|(_, row)| row);
+    let refused = |row: &Row| row.table_id.is_some() && row.joints.is_none();
+    let commands: Vec<_> = rows
+        .filter(|row| !refused(row))
+        .map(|row| (row.target, row.joints))
+        .collect();
+    if commands.is_empty() {
+        return Err(TargetsError::Empty(path.to_owned()));
+    }
+    Ok(commands)
 }
 
 /// Where a row stands in its file.

@@ -129,6 +129,10 @@ pub struct InputSection {
     /// The tracker's log in a session's folder; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
+    /// The file of corrected targets that drove a session, in its folder: a name or a pattern. A session whose folder has one is
+    /// judged by it as well.
+    #[serde(default = "corrected_targets", skip_serializing)]
+    pub corrected_targets: LogNames,
     /// Which sessions are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
@@ -304,6 +308,10 @@ fn controller_log() -> LogNames {
 
 fn tracker_log() -> LogNames {
     LogNames::One("tracker.mcap".to_owned())
+}
+
+fn corrected_targets() -> LogNames {
+    LogNames::One("corrected*.csv".to_owned())
 }
 
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.

@@ -12,6 +12,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::damage::{self, DamageError};
+use super::driven;
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
@@ -26,6 +27,7 @@ use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_dwells, read_session};
 use crate::io::page::Said;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::io::targets::TargetsError;
 use crate::join::rest::Rest;
 use crate::join::{JoinError, join, join_at_rest};
 use crate::manifest::{self, Input, RunKey, Work};
@@ -112,6 +114,14 @@ pub enum RunError {
     /// A stage after the join.
     #[error(transparent)]
     Stage(#[from] StageError),
+    /// What drove a session cannot be read.
+    #[error("session {session}: corrected targets: {source}")]
+    Driving {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<TargetsError>,
+    },
     /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -148,7 +158,9 @@ pub fn run_piece(
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
     let context = context(plan, &outcome, lake.current(&key)?);
     let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
-    let said = said(plan, &outcome, promised.as_ref())?;
+    let driven = driven::words(&outcome, &plan.valid_for, &lake)?;
+    let remarks: Vec<String> = driven.into_iter().chain(promised).collect();
+    let said = said(plan, &outcome, &remarks)?;
     let commit = tables::publish(&outcome, &context, &lake, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -158,7 +170,7 @@ pub fn run_piece(
         rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm)
             .into_iter()
-            .chain(promised)
+            .chain(remarks)
             .collect(),
         tables: plan.lake.clone(),
         page: page(&lake, &key)?,
@@ -166,17 +178,13 @@ pub fn run_piece(
 }
 
 /// What the page says besides the tables.
-fn said(
-    plan: &Plan,
-    outcome: &Outcome<'_>,
-    promised: Option<&String>,
-) -> Result<Said, PublishError> {
+fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Said {
         warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
         notes: notes(outcome)
             .into_iter()
-            .chain(promised.cloned())
+            .chain(remarks.iter().cloned())
             .collect(),
     })
 }
@@ -206,6 +214,9 @@ pub(super) fn work(
                 &logs.tracker,
                 &format!("{}/tracker", files.name),
             )?);
+        }
+        if let Some(corrected) = &files.corrected {
+            inputs.push(input(corrected, &format!("{}/corrected", files.name))?);
         }
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
@@ -373,6 +384,7 @@ fn joined(
         sampling_plan: recording.metadata.get("session.plan").cloned(),
         log_rejects: recording.rejects.clone(),
         counts: recording.counts.clone(),
+        driven_by: driven::driven_by(files, &joined.stations)?,
         log: plan.logs.then_some(recording),
         joined,
         commanded,

@@ -18,6 +18,9 @@ pub enum TargetsError {
     /// No row.
     #[error("{} holds no target", .0.display())]
     Empty(PathBuf),
+    /// Corrections of more than one table.
+    #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]
+    SeveralTables(PathBuf),
     /// Not a CSV file, or one that cannot be read.
     #[error("cannot read {} as CSV: {source}", path.display())]
     Csv {

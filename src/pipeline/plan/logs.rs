@@ -28,6 +28,23 @@ pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Stri
     Ok(found)
 }
 
+/// The file that may or may not be there, by name; or why it is not one.
+pub(super) fn at_most_one(folder: &Path, names: &LogNames) -> Result<Option<PathBuf>, String> {
+    let found: Vec<PathBuf> = names
+        .patterns()
+        .iter()
+        .flat_map(|pattern| matching(folder, pattern))
+        .collect();
+    match found.as_slice() {
+        [] => Ok(None),
+        [one] => Ok(Some(one.clone())),
+        several => Err(format!(
+            "it has {} files {names}; a session is driven by one file of corrected targets",
+            several.len()
+        )),
+    }
+}
+
 fn matching(folder: &Path, pattern: &str) -> Vec<PathBuf> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {

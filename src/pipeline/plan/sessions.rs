@@ -19,6 +19,8 @@ pub struct SessionFiles {
     pub name: String,
     /// The files of its two sides.
     pub logs: SessionLogs,
+    /// The file of corrected targets that drove it.
+    pub corrected: Option<PathBuf>,
 }
 
 /// One piece of work: what one run learns from and is judged on.
@@ -180,6 +182,7 @@ impl<'a> Found<'a> {
                 controller: logs::find(&own, &self.input.controller)?,
                 tracker: logs::find(&own, &self.input.tracker)?,
             },
+            corrected: logs::at_most_one(&own, &self.input.corrected_targets)?,
         })
     }
 
