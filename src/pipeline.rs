@@ -1,6 +1,7 @@
 //! The pipeline: a file becomes a checked plan, a plan becomes pieces of work, and each piece is one run.
 
 pub mod damage;
+mod driven;
 pub mod file;
 pub mod history;
 pub mod outcome;

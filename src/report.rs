@@ -6,6 +6,7 @@
 
 pub mod accuracy;
 pub mod chart;
+pub mod driven;
 pub mod evaluate;
 pub mod page;
 pub mod promise;
@@ -112,8 +113,10 @@ pub struct ResidualSet {
 pub struct Accuracy {
     /// What it is of.
     pub subject: Subject,
-    /// Before compensation (an error as it is) or after (what a prediction would leave).
+    /// Before compensation (an error as it is) or after (what a prediction would leave, or a table left).
     pub moment: Moment,
+    /// The run whose table drove the stations, where one did.
+    pub driven_by: Option<String>,
     /// Figures of the error norms, mm; `None` with a reason in the verdict.
     pub figures: Option<Figures>,
     /// Distribution-free upper tolerance bound, mm.
@@ -133,8 +136,10 @@ pub struct Accuracy {
 pub enum Moment {
     /// The error as it is.
     Before,
-    /// What a prediction leaves.
+    /// What a prediction leaves of errors measured without it.
     After,
+    /// What a table left in a session that it drove.
+    MeasuredAfter,
 }
 
 /// How well stated covariances fit what was found.

@@ -426,6 +426,7 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
         counts: BTreeMap::default(),
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
+        driven_by: None,
         joined,
     }
 }
@@ -437,6 +438,7 @@ fn stage_settings(settings: &PlanSettings) -> StageSettings {
         full: settings.full.clone(),
         up: settings.up,
         flange_from_tool: Some(settings.flange_from_target),
+        base_from_command: nalgebra::Isometry3::identity(),
         raw_command: None,
         similarity: SimilaritySettings::default(),
         grid: settings.grid.clone(),

@@ -29,6 +29,7 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
     let commanded = commanded(&joined.stations, arm, &frames);
     Some(JoinedSession {
         sampling_plan: None,
+        driven_by: None,
         name: name.to_owned(),
         log_rejects: recording.rejects,
         counts: recording.counts,
@@ -62,6 +63,7 @@ fn settings() -> StageSettings {
         full: FullSettings::default(),
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
+        base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
         raw_command: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {

@@ -26,7 +26,11 @@ use flags::{ErrorFlags, PoseFlags};
 #[command(after_help = "\
 Example: a KR 210 measured on a uniform grid of 120 mm
   posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out kr210 --seed 1 \\
-    --home 0,-75,100,25,55,-15 --size 720,1440,720 --grid-step 120")]
+    --home 0,-75,100,25,55,-15 --size 720,1440,720 --grid-step 120
+
+Example: the same arm on another day, driven by commands that a table corrected
+  posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out tuesday --arm 1 --seed 2 \\
+    --home 0,-75,100,25,55,-15 --poses corrected.csv")]
 pub struct SimulateArgs {
     /// Nominal arm: a robot file.
     pub robot: PathBuf,
@@ -36,6 +40,9 @@ pub struct SimulateArgs {
     /// Key of all random numbers: the same seed gives the same session.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// Key of what is wrong with the arm, instead of --seed: another session of the arm that --seed N made has --arm N
+    #[arg(long, value_name = "SEED")]
+    pub arm: Option<u64>,
     /// Name of the session in the logs.
     #[arg(long, default_value = "simulated")]
     pub session: String,
@@ -184,16 +191,17 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
     })
 }
 
-/// Joint angles of every target of a file.
+/// Joint angles of every target of a file, or of every command of a corrected one.
 fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
-    let targets = targets::read(path)?.targets.into_iter();
-    let joints = targets.map(|target| {
-        let joints = target.joints.map(|joints| joints.angles);
-        joints.ok_or_else(|| SimulateCommandError::NoJoints {
-            path: path.to_owned(),
-            target: target.name,
-        })
-    });
+    let joints = targets::commands(path)?
+        .into_iter()
+        .map(|(target, joints)| {
+            let joints = joints.map(|joints| joints.angles);
+            joints.ok_or_else(|| SimulateCommandError::NoJoints {
+                path: path.to_owned(),
+                target,
+            })
+        });
     joints.collect()
 }
 
@@ -220,7 +228,11 @@ impl SimulateArgs {
     ) -> Result<SimulateSettings, SimulateError> {
         let home = self.poses.home();
         let places = |cell: &_| self.poses.places(arm, cell, listed);
-        self.errors.settings(self.seed, home, places)
+        let settings = self.errors.settings(self.seed, home, places)?;
+        Ok(SimulateSettings {
+            arm_seed: self.arm,
+            ..settings
+        })
     }
 
     fn write(&self, arm: &Arm, simulated: &Simulated) -> Result<(), SimulateCommandError> {
@@ -244,6 +256,15 @@ impl SimulateArgs {
         })
     }
 
+    fn source(&self) -> String {
+        let arm = self.arm.map(|arm| format!(" --arm {arm}"));
+        format!(
+            "posegrid simulate --seed {}{}",
+            self.seed,
+            arm.unwrap_or_default()
+        )
+    }
+
     /// The metadata record that names robot, model and session.
     fn session_record(&self, arm: &Arm) -> BTreeMap<String, String> {
         let stem = self.robot.file_stem().unwrap_or_default().to_string_lossy();
@@ -254,7 +275,7 @@ impl SimulateArgs {
             ("session", self.session.clone()),
             ("tracker", "simulated laser tracker".to_owned()),
             ("length_unit", "m".to_owned()),
-            ("source", format!("posegrid simulate --seed {}", self.seed)),
+            ("source", self.source()),
         ];
         let plan = self.plan.clone().map(|plan| ("plan", plan));
         let pairs = pairs.into_iter().chain(plan);

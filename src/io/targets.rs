@@ -5,11 +5,13 @@
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
 //! 3. [`write_csv`] and [`write_json`] write a table with a nanometre's digits, joint angles in a column each; Parquet is
 //!    [`super::table::write()`], and a data list comes back with its commands by [`krl::DataList::write`].
+//! 4. [`driving::read()`] reads such a file again, for the session that it drove.
 
 mod angles;
 mod bounded;
 mod corrected;
 mod csv;
+pub mod driving;
 mod error;
 mod json;
 pub mod krl;
@@ -75,6 +77,15 @@ pub struct Targets {
     pub list: Option<DataList>,
 }
 
+fn rows(path: &Path) -> Result<Rows, TargetsError> {
+    match Form::of(path)? {
+        Form::Csv => csv::rows(path),
+        Form::Parquet => parquet::rows(path),
+        Form::Json => json::rows(path),
+        Form::Krl => krl::rows(path),
+    }
+}
+
 /// Reads a file of targets; its extension says which form it has.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let Rows {
@@ -82,12 +93,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         unused,
         angle_unit,
         list,
-    } = match Form::of(path)? {
-        Form::Csv => csv::rows(path)?,
-        Form::Parquet => parquet::rows(path)?,
-        Form::Json => json::rows(path)?,
-        Form::Krl => krl::rows(path)?,
-    };
+    } = rows(path)?;
     if placed.is_empty() {
         return Err(TargetsError::Empty(path.to_owned()));
     }
@@ -109,6 +115,21 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         angle_unit,
         list,
     })
+}
+
+/// What a file commands: each target's name with its joint angles, of a corrected file those to command; what was refused is
+/// left out.
+pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, TargetsError> {
+    let rows = rows(path)?.placed.into_iter().map(|(_, row)| row);
+    let refused = |row: &Row| row.table_id.is_some() && row.joints.is_none();
+    let commands: Vec<_> = rows
+        .filter(|row| !refused(row))
+        .map(|row| (row.target, row.joints))
+        .collect();
+    if commands.is_empty() {
+        return Err(TargetsError::Empty(path.to_owned()));
+    }
+    Ok(commands)
 }
 
 /// Where a row stands in its file.

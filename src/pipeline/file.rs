@@ -132,6 +132,10 @@ pub struct InputSection {
     /// The tracker's log; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
+    /// The file of corrected targets that drove a session, in its folder: a name or a pattern. A session whose folder has one is
+    /// judged by it as well.
+    #[serde(default = "corrected_targets", skip_serializing)]
+    pub corrected_targets: LogNames,
     /// Which sessions are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
@@ -358,6 +362,10 @@ fn tracker_log() -> LogNames {
 /// nine minutes, during which its file stands still.
 const fn settle_s() -> u64 {
     600
+}
+
+fn corrected_targets() -> LogNames {
+    LogNames::One("corrected*.csv".to_owned())
 }
 
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.

@@ -5,7 +5,10 @@ use crate::fit::full::FullModel;
 use crate::fit::{Calibration, Gauge};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
+use crate::io::targets::driving::DrivingFile;
 use crate::join::Joined;
+use crate::manifest::RunKey;
+use crate::report::driven::{Application, DrivenStation, Matched, Measured};
 use crate::report::{Accuracy, Model, ResidualSet};
 use crate::similarity::Semivariogram;
 
@@ -22,8 +25,34 @@ pub struct JoinedSession {
     pub joined: Joined,
     /// Its commands.
     pub commanded: Commanded,
+    /// The corrected targets that drove it, where its folder has them.
+    pub driven_by: Option<DrivenBy>,
     /// The id of the sampling plan it was measured by, where its logs say one.
     pub sampling_plan: Option<String>,
+}
+
+/// What drove a session, and which of its stations went where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivenBy {
+    /// The corrected targets.
+    pub file: DrivingFile,
+    /// For each station its target.
+    pub matched: Matched,
+}
+
+/// What a session says of the table that drove it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Driven {
+    /// The run whose table it was.
+    pub key: RunKey,
+    /// Which of its tables.
+    pub table: String,
+    /// Stations that went to a target, in the base frame.
+    pub stations: Vec<DrivenStation>,
+    /// How the corrections were applied.
+    pub application: Application,
+    /// Errors before and after; `None` where the stations do not span space.
+    pub measured: Option<Measured>,
 }
 
 /// Everything one piece of work found.
@@ -45,6 +74,8 @@ pub struct Outcome<'a> {
     pub semivariograms: Vec<(Model, Vec<Semivariogram>)>,
     /// Steps and table.
     pub grids: Grids,
+    /// What the last session says of the table that drove it, if one did.
+    pub driven: Option<Driven>,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
 }

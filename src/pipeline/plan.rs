@@ -216,6 +216,9 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
         full: file.fit.full.clone(),
         up: placed.up,
         flange_from_tool: placed.flange_from_tool,
+        base_from_command: placed
+            .command_frames
+            .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
         raw_command: placed.raw_command,
         similarity: file.similarity.clone(),
         grid: file.grid.clone(),

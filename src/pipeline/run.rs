@@ -11,6 +11,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::damage::{self, DamageError};
+use super::driven;
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
@@ -26,6 +27,7 @@ use crate::io::log::{LogError, read_dwells, read_dwells_beside, read_metadata};
 use crate::io::page::Said;
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::io::targets::TargetsError;
 use crate::join::rest::Rest;
 use crate::join::{JoinError, join_at_rest};
 use crate::manifest::{self, Input, RunKey, Work};
@@ -117,6 +119,14 @@ pub enum RunError {
     /// A stage after the join.
     #[error(transparent)]
     Stage(#[from] StageError),
+    /// What drove a session cannot be read.
+    #[error("session {session}: corrected targets: {source}")]
+    Driving {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<TargetsError>,
+    },
     /// The tables cannot be published.
     #[error(transparent)]
     Publish(#[from] PublishError),
@@ -155,7 +165,8 @@ pub fn run_piece(
         return already_there(plan, &lake, &key);
     };
     let mut joined = |files: &SessionFiles| {
-        let joined = joined(plan, files, &mut run, progress);
+        let read = read_for(plan, files, &mut run, progress);
+        let joined = read.and_then(|read| joined(plan, files, read));
         joined.map_err(|error| error.of(files))
     };
     let training = piece
@@ -171,7 +182,9 @@ pub fn run_piece(
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
     let context = context(plan, &outcome, lake.current(&key)?);
     let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
-    let said = said(plan, &outcome, promised.as_ref())?;
+    let driven = driven::words(&outcome, &plan.valid_for, &lake)?;
+    let remarks: Vec<String> = driven.into_iter().chain(promised).collect();
+    let said = said(plan, &outcome, &remarks)?;
     let commit = tables::publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -181,7 +194,7 @@ pub fn run_piece(
         rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm)
             .into_iter()
-            .chain(promised)
+            .chain(remarks)
             .collect(),
         tables: plan.lake.clone(),
         page: page(&lake, &key)?,
@@ -189,17 +202,13 @@ pub fn run_piece(
 }
 
 /// What the page says besides the tables.
-fn said(
-    plan: &Plan,
-    outcome: &Outcome<'_>,
-    promised: Option<&String>,
-) -> Result<Said, PublishError> {
+fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Said {
         warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
         notes: notes(outcome)
             .into_iter()
-            .chain(promised.cloned())
+            .chain(remarks.iter().cloned())
             .collect(),
     })
 }
@@ -234,6 +243,9 @@ fn session_inputs(files: &SessionFiles) -> Result<Vec<Input>, RunError> {
     if logs.tracker != logs.controller {
         inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
     }
+    let corrected = files.corrected.iter();
+    let corrected = corrected.map(|path| input(path, &format!("{name}/corrected")));
+    inputs.extend(corrected.collect::<Result<Vec<_>, _>>()?);
     Ok(inputs)
 }
 
@@ -320,32 +332,47 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
     })
 }
 
+/// A session's recording and where its joints rest.
+type Read = (Recording, Rest);
+
 /// Reads a session, and meanwhile writes its decoded samples, where they are to be published.
-fn read(
+fn read_for(
     plan: &Plan,
     files: &SessionFiles,
     run: &mut OpenRun<'_>,
     progress: &dyn Progress,
-) -> Result<(Recording, Rest), RunError> {
-    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
-    let within = |recording: &Recording| {
-        damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
-            session: files.name.clone(),
-            damage,
-        })
-    };
+) -> Result<Read, RunError> {
     if !plan.logs {
-        let read = read_dwells(logs, mapping, plan.limits, &rule, progress)?;
-        within(&read.0)?;
-        return Ok(read);
+        return read(plan, files, progress);
     }
+    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
     let mut samples = LogTable::new(run, &files.name);
     let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
-    within(&read.0)?;
+    within(plan, files, &read.0)?;
     if let Some(table) = samples.finish(&read.0)? {
         run.keep(table);
     }
     Ok(read)
+}
+
+/// Reads a session.
+pub(super) fn read(
+    plan: &Plan,
+    files: &SessionFiles,
+    progress: &dyn Progress,
+) -> Result<Read, RunError> {
+    let rule = plan.join.arm_rule();
+    let read = read_dwells(&files.logs, &plan.mapping, plan.limits, &rule, progress)?;
+    within(plan, files, &read.0)?;
+    Ok(read)
+}
+
+/// That no more of the logs was lost than the pipeline file allows.
+fn within(plan: &Plan, files: &SessionFiles, recording: &Recording) -> Result<(), RunError> {
+    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
+        session: files.name.clone(),
+        damage,
+    })
 }
 
 /// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
@@ -361,14 +388,12 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
     Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
 }
 
-/// Reads a session, unless it was `read_before`, and joins it.
+/// Joins a session that was read.
 pub(super) fn joined(
     plan: &Plan,
     files: &SessionFiles,
-    run: &mut OpenRun<'_>,
-    progress: &dyn Progress,
+    (recording, rest): Read,
 ) -> Result<JoinedSession, RunError> {
-    let (recording, rest) = read(plan, files, run, progress)?;
     let wrong = |source| RunError::Join {
         session: files.name.clone(),
         source: Box::new(source),
@@ -386,6 +411,7 @@ pub(super) fn joined(
     Ok(JoinedSession {
         name: files.name.clone(),
         sampling_plan: recording.metadata.get("session.plan").cloned(),
+        driven_by: driven::driven_by(files, &joined.stations)?,
         log_rejects: recording.rejects,
         counts: recording.counts,
         joined,

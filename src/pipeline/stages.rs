@@ -2,6 +2,7 @@
 //! published goes out.
 
 mod another_day;
+mod driven;
 mod gridded;
 mod judged;
 mod observed;
@@ -39,6 +40,8 @@ pub struct StageSettings {
     pub up: Option<UnitVector3<f64>>,
     /// The controller's own tool at the flange, which commands are for; without one it is the fitted target.
     pub flange_from_tool: Option<Isometry3<f64>>,
+    /// The frame that commands are stated in, in the base frame.
+    pub base_from_command: Isometry3<f64>,
     /// Where errors against the raw command can be given: the base they are given in.
     pub raw_command: Option<RawCommandBase>,
     /// Semivariograms.
@@ -119,13 +122,26 @@ pub fn run<'a>(
     let mut stations = grid_stations(&training[last], &gauge, &observed.folds_of(last));
     add_other_days(&mut stations, &training[last], last, &models, &gauge);
     let grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
-    let accuracy = figures(
+    let driven = driven::judged(&training[last], &gauge, settings);
+    let mut accuracy = figures(
         &residuals,
         &grids,
         &stations,
         &training[last].name,
         settings,
     );
+    if let Some((driven, measured)) = driven
+        .as_ref()
+        .and_then(|d| Some((d, d.measured.as_ref()?)))
+    {
+        accuracy.extend(driven::figures(
+            driven,
+            measured,
+            &settings.tolerance,
+            grids.guard_mm,
+        ));
+        residuals.extend([measured.before.clone(), measured.after.clone()]);
+    }
     let Models {
         base_target,
         geometric,
@@ -144,6 +160,7 @@ pub fn run<'a>(
         residuals,
         semivariograms,
         grids,
+        driven,
         accuracy,
     })
 }
@@ -235,6 +252,7 @@ fn figures(
             base_refit: BaseRefit::None,
         },
         moment: Moment::After,
+        driven_by: None,
         figures: chosen.figures,
         bound: chosen.bound,
         blocks: Some(folds.len()),

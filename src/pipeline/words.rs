@@ -5,7 +5,7 @@ use super::outcome::{JoinedSession, Outcome};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::grid::Verdict;
 use crate::join::{Pairing, Station};
-use crate::report::{Accuracy, Angles, BaseRefit, Model, Split};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
 
 /// What a page has no section for: damage of logs, and stations that the whole model hardly believes.
@@ -120,6 +120,11 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
     };
     let judged = match (subject.split, subject.base_refit) {
         (Split::None, _) => String::new(),
+        _ if accuracy.moment == Moment::MeasuredAfter => {
+            " that drove this session, MEASURED AFTER with the base from its first stations"
+                .to_owned()
+        }
+        _ if accuracy.driven_by.is_some() => ", the same stations".to_owned(),
         (Split::Blocks, _) if pooled => format!(", held-out blocks of {}", subject.of_session),
         (Split::Blocks, _) => ", held-out blocks".to_owned(),
         (Split::Session, BaseRefit::None) => format!(", unseen session {}", subject.of_session),

@@ -39,6 +39,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         } else {
             Moment::After
         },
+        driven_by: None,
         figures: Figures::of(&norms),
         bound,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),

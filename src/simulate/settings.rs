@@ -7,6 +7,9 @@ use serde::Serialize;
 pub struct SimulateSettings {
     /// Key of all random streams.
     pub seed: u64,
+    /// Key of what is wrong with the arm, where it is not the session's: another session of the same arm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm_seed: Option<u64>,
     /// Reported angles (rad) at the start; the arm configuration of the whole session is theirs.
     pub home: Vec<f64>,
     /// Where to measure.
@@ -183,6 +186,7 @@ impl SimulateSettings {
     pub fn exact(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
         Self {
             seed,
+            arm_seed: None,
             home,
             poses,
             geometry: GeometryErrors {

@@ -46,10 +46,11 @@ pub struct ArmErrors {
 }
 
 impl ArmErrors {
-    /// Draws what is wrong with the arm whose number is `settings.seed`.
+    /// Draws what is wrong with the arm whose number is `settings.arm_seed`, or `settings.seed`.
     pub fn draw(arm: &Arm, settings: &SimulateSettings) -> Self {
         let joints = arm.joints().len();
-        let stream = |ingredient| Stream::new(settings.seed, ingredient);
+        let stream =
+            |ingredient| Stream::new(settings.arm_seed.unwrap_or(settings.seed), ingredient);
         let errors = &settings.joints;
         let mut curves = stream(Ingredient::JointCurves);
         let mut lines = stream(Ingredient::GearLines);

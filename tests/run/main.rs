@@ -5,6 +5,7 @@ mod bad_input;
 mod bad_output;
 mod cell;
 mod damaged;
+mod driven;
 mod export;
 mod interrupted;
 mod joints;

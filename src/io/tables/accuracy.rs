@@ -28,11 +28,14 @@ pub fn accuracy(
 ) -> Result<Table, PublishError> {
     let rows: Vec<Figure<'_>> = all.iter().flat_map(figures).collect();
     let subjects = || rows.iter().map(|row| &row.of.subject);
-    let table_of = |model| (model == Model::Table).then(|| table_id(key));
+    let table_of = |of: &'_ Accuracy| {
+        let own = (of.subject.model == Model::Table).then(|| table_id(key));
+        of.driven_by.clone().or(own.map(str::to_owned))
+    };
     let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
     let table = words::subjects(table, subjects)
         .column("point", subjects().map(|s| point(s.model)))
-        .column("table_id", subjects().map(|s| table_of(s.model)))
+        .column("table_id", rows.iter().map(|row| table_of(row.of)))
         .absent(["pose"]);
     Ok(limits(values(table, &rows), &rows, tolerance).finish()?)
 }
@@ -87,6 +90,7 @@ fn values(columns: Columns, rows: &[Figure<'_>]) -> Columns {
     let moment = |row: &Figure<'_>| match row.of.moment {
         Moment::Before => ("measured", "before"),
         Moment::After => ("predicted", "after"),
+        Moment::MeasuredAfter => ("measured_after", "after"),
     };
     let quantity = |row: &Figure<'_>| {
         if row.is_coverage() {

@@ -32,6 +32,7 @@ pub fn stations(session: &JoinedSession, arm: &Arm, key: &RunKey) -> Result<Tabl
         .column("joints_rad", stations.iter().map(|s| &s.joints))
         .column("joint_samples", stations.iter().map(|s| s.joint_samples))
         .column("commanded_joints_rad", commanded_joints(session, arm));
+    let table = targets(table, session);
     Ok(attained(commands(table, stations), stations).finish()?)
 }
 
@@ -95,6 +96,27 @@ fn commands(columns: Columns, stations: &[Station]) -> Columns {
             ["command_qx", "command_qy", "command_qz", "command_qw"],
             commands().map(orientation),
         )
+}
+
+/// The targets that the stations of a session driven by a table went to.
+fn targets(columns: Columns, session: &JoinedSession) -> Columns {
+    let stations = session.joined.stations.len();
+    let target = |station: usize| {
+        let by = session.driven_by.as_ref()?;
+        let place = by.matched.of_command[station]?;
+        Some((&by.file.key.run, &by.file.targets[place]))
+    };
+    let targets = || (0..stations).map(target);
+    columns
+        .column(
+            "target",
+            targets().map(|of| of.map(|(_, target)| &target.name)),
+        )
+        .group(
+            ["target_x_mm", "target_y_mm", "target_z_mm"],
+            targets().map(|of| of.map(|(_, target)| target.target.coords.into())),
+        )
+        .column("table_id", targets().map(|of| of.map(|(run, _)| run)))
 }
 
 fn attained(columns: Columns, stations: &[Station]) -> Columns {

@@ -20,6 +20,12 @@ pub enum TargetsError {
     /// No row.
     #[error("{} holds no target", .0.display())]
     Empty(PathBuf),
+    /// A form that does not hold what a session is judged by.
+    #[error("{}: a session is judged by corrected targets as .csv or .parquet; of a data list that is the file of corrections beside it", .0.display())]
+    NotDriving(PathBuf),
+    /// Corrections of more than one table.
+    #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]
+    SeveralTables(PathBuf),
     /// Not a CSV file, or one that cannot be read.
     #[error("cannot read {} as CSV: {source}", path.display())]
     Csv {

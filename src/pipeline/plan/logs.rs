@@ -33,6 +33,19 @@ pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack
     Ok(found)
 }
 
+/// The file that may or may not be there, by name; or why it is not one.
+pub(super) fn at_most_one(folder: &Path, names: &LogNames) -> Result<Option<PathBuf>, Lack> {
+    let found = all(folder, names).map_err(|error| Lack::Wrong(error.to_string()))?;
+    match &found[..] {
+        [] => Ok(None),
+        [one] => Ok(Some(one.clone())),
+        several => Err(Lack::Wrong(format!(
+            "it has {} files {names}; a session is driven by one file of corrected targets",
+            several.len()
+        ))),
+    }
+}
+
 /// The files of one side of every session, by the name that `{session}` stands for.
 pub(super) fn find_named(
     folder: &Path,

@@ -9,7 +9,7 @@ mod found;
 mod growing;
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Overrides, PlanError, logs};
 use crate::io::log::{Limits, SessionLogs};
@@ -26,6 +26,8 @@ pub struct SessionFiles {
     pub name: String,
     /// The files of its two sides.
     pub logs: SessionLogs,
+    /// The file of corrected targets that drove it.
+    pub corrected: Option<PathBuf>,
 }
 
 /// One piece of work: what one run learns from and is judged on.
@@ -230,6 +232,7 @@ impl Session {
         let files = |logs: &SessionLogs| SessionFiles {
             name: self.name.clone(),
             logs: logs.clone(),
+            corrected: self.corrected.clone(),
         };
         self.logs.as_ref().map(files)
     }

@@ -158,7 +158,10 @@ impl Planning {
         let plan = Plan::load(path, &overrides)?;
         let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();
         let files = files.expect("a plan of one session has its files");
-        Ok(run::joined(&plan, files, None, progress).map_err(Box::new)?)
+        let read = run::read(&plan, files, progress);
+        Ok(read
+            .and_then(|read| run::joined(&plan, files, read))
+            .map_err(Box::new)?)
     }
 
     /// The whole model of the stations that take part.

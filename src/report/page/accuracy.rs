@@ -25,7 +25,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Error norms in mm on stations that took no part. Before is given twice: against the raw command where command and "
-            "measured target are one point, and with base and target fitted, which is the honest start. After is predicted."
+            "measured target are one point, and with base and target fitted, which is the honest start. After is predicted, unless a "
+            "table drove the session: then it was measured."
         }
         (rows(content, &telling))
         @if !flattering.is_empty() {
@@ -84,10 +85,14 @@ fn row(content: &Content, subject: &Subject) -> Markup {
     };
     let value = |name: &str| figure(name).and_then(|figure| figure.value);
     let bound = figure("bound");
-    let before = matches!(subject.model.as_str(), "raw_command" | "base_target");
+    let moment = match bound.map_or("", |bound| bound.evidence.as_str()) {
+        "measured" => "before",
+        "measured_after" => "after, measured",
+        _ => "after, predicted",
+    };
     html! {
         tr {
-            th.word scope="row" { (words::subject(subject)) small { @if before { "before" } @else { "after, predicted" } } }
+            th.word scope="row" { (words::subject(subject)) small { (moment) } }
             td.word { (words::stations(subject)) }
             td { (bound.map_or(0, |bound| bound.n)) @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
             @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }

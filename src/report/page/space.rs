@@ -7,6 +7,49 @@ use super::words;
 use crate::report::chart::{Arrow, Axis, Chart, Limit, Series, Vectors, vectors};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
+    Some(html! {
+        @if let Some(driven) = driven(content) { (measured(content, driven)?) }
+        (predicted(content)?)
+    })
+}
+
+/// What a table left in the session that it drove: the only errors after that are measured.
+fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
+    let before = set(content, driven, &["raw_command"])?;
+    let after = set(content, driven, &["table"])?;
+    let sets = [
+        (
+            "Before",
+            before,
+            "Errors against the commands, as the arm makes them.",
+        ),
+        (
+            "After, measured",
+            after,
+            "Errors against the targets, which the commands were corrected for.",
+        ),
+    ];
+    let n = counting(after).count();
+    Some(html! {
+        p {
+            "This session was driven by a table. Its " (n) " stations beside those that the base was found from were measured: "
+            "how far the tool point came from where it was commanded (before) and from where it was to be (after, measured), on one scale."
+        }
+        (vectors(&arrows(sets))?)
+        figure { (order(before, after)) figcaption { "The same errors in the order of the stations." } }
+    })
+}
+
+fn arrows<const N: usize>(sets: [(&str, &Residuals, &str); N]) -> [Vectors; N] {
+    sets.map(|(name, set, description)| Vectors {
+        name: name.to_owned(),
+        description: format!("{description} {}.", words::stations(&set.subject)),
+        arrows: counting(set).map(arrow).collect(),
+        look: words::look(&set.subject.model),
+    })
+}
+
+fn predicted(content: &Content) -> Option<Markup> {
     let judged = judged(content)?;
     let before = set(content, judged, &["base_target"])?;
     let after = set(content, judged, &["full", "geometric"])?;
@@ -22,23 +65,23 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "Errors that are left when what the model predicts is subtracted.",
         ),
     ];
-    let arrows = sets.map(|(name, set, description)| Vectors {
-        name: name.to_owned(),
-        description: format!("{description} {}.", words::stations(&set.subject)),
-        arrows: counting(set).map(arrow).collect(),
-        look: words::look(&set.subject.model),
-    });
     Some(html! {
         p {
             "Before: " (words::subject(&before.subject)) ". After, predicted: what is left where the prediction of the "
             (words::subject(&after.subject)) " is subtracted. Stations of " (words::stations(&after.subject)) "; none of them took part in the fit."
         }
-        (vectors(&arrows)?)
+        (vectors(&arrows(sets))?)
         div.pair {
             figure { (distribution(content, judged)) figcaption { "How these errors are distributed." } }
             figure { (order(before, after)) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
         }
     })
+}
+
+/// The stations of a session that a table drove.
+fn driven(content: &Content) -> Option<&Subject> {
+    let mut subjects = content.residuals.iter().map(|set| &set.subject);
+    subjects.find(|subject| subject.model == "table")
 }
 
 /// The stations that judge: of an unseen session where there is one, otherwise of held-out blocks.
@@ -48,7 +91,10 @@ fn judged(content: &Content) -> Option<&Subject> {
         ("session", "none"),
         ("blocks", "none"),
     ];
-    let subjects = || content.residuals.iter().rev().map(|set| &set.subject);
+    let subjects = || {
+        let sets = content.residuals.iter().rev().map(|set| &set.subject);
+        sets.filter(|subject| !matches!(subject.model.as_str(), "table" | "raw_command"))
+    };
     let of_way = |(split, refit): (&str, &str)| {
         subjects().find(|s| s.split == split && s.base_refit == refit)
     };

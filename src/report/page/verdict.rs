@@ -98,7 +98,9 @@ pub(super) fn mm(value: Option<f64>) -> Markup {
 /// The mean error before, base and target fitted, on all held-out stations of the table's session, and how many they are.
 fn before(content: &Content) -> Option<(f64, i64)> {
     let figures = || content.figures.iter();
-    let table = &figures().find(|f| f.subject.model == "table")?.subject;
+    let table = &figures()
+        .find(|f| f.subject.model == "table" && f.evidence == "predicted")?
+        .subject;
     let alike = |own: &Subject| own.split == table.split && own.of_session == table.of_session;
     let before = figures()
         .find(|f| f.subject.model == "base_target" && f.name == "mean" && alike(&f.subject))?;

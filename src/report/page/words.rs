@@ -37,7 +37,10 @@ pub(super) fn subject(subject: &Subject) -> String {
 /// The stations that judged.
 pub(super) fn stations(subject: &Subject) -> String {
     let session = &subject.of_session;
-    if subject.model == "raw_command" {
+    if subject.model == "table" && subject.split == "session" {
+        return format!("{session}, driven by a table; base from its first stations");
+    }
+    if subject.model == "raw_command" && subject.split == "none" {
         return format!("{session}, every station");
     }
     match (subject.split.as_str(), subject.base_refit.as_str()) {

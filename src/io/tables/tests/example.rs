@@ -107,6 +107,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
     JoinedSession {
         name: SESSION.to_owned(),
         sampling_plan: None,
+        driven_by: None,
         log_rejects: vec![log_reject(Some(3)), log_reject(None)],
         counts: BTreeMap::from(
             [
@@ -229,6 +230,7 @@ fn outcome() -> Outcome<'static> {
     let samples = samples(&session.joined.stations, &gauge);
     Outcome {
         residuals: vec![residuals(&session.joined.stations, &gauge)],
+        driven: None,
         accuracy: vec![accuracy(true), accuracy(false)],
         semivariograms: vec![(
             Model::BaseTarget,
@@ -326,6 +328,7 @@ fn accuracy(there: bool) -> Accuracy {
     Accuracy {
         subject: subject(Split::Blocks, model),
         moment: Moment::After,
+        driven_by: None,
         figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),
         bound: None,
         blocks: Some(2),

@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::growing::growing;
 use super::{LeftOut, POOLED, Why, logs};
 use crate::io::log::{Limits, SessionLogs, session_record};
-use crate::pipeline::file::{InputSection, LogNames, SessionsBy};
+use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
 use logs::Lack;
 
 /// A session as it was found: with its files, or why there is no work with it now.
@@ -19,6 +19,8 @@ pub struct Session {
     pub name: String,
     /// The files of its two sides.
     pub logs: Result<SessionLogs, Why>,
+    /// The file of corrected targets that drove it.
+    pub corrected: Option<PathBuf>,
 }
 
 /// Files of one side, or why there are none.
@@ -61,6 +63,7 @@ impl<'a> Found<'a> {
         found.cloned().unwrap_or_else(|| Session {
             name: name.to_owned(),
             logs: Err(Why::Bad(self.not_there(name))),
+            corrected: None,
         })
     }
 
@@ -82,7 +85,8 @@ impl<'a> Found<'a> {
             if path.is_dir() {
                 let controller = logs::find(&path, &self.input.controller);
                 let tracker = logs::find(&path, &self.input.tracker);
-                self.add(name, controller, tracker);
+                let corrected = logs::at_most_one(&path, &self.input.corrected_targets);
+                self.add(name, [controller, tracker], corrected);
             } else if !path.exists() {
                 self.leave_out(name, "it is a link that leads nowhere".to_owned());
             }
@@ -99,11 +103,11 @@ impl<'a> Found<'a> {
                 |names: &LogNames| Err(Lack::Absent(format!("there is no {}", names.of(&name))));
             let controller = controllers.remove(&name);
             let tracker = trackers.remove(&name);
-            self.add(
-                name.clone(),
+            let sides = [
                 controller.unwrap_or_else(|| absent(&self.input.controller)),
                 tracker.unwrap_or_else(|| absent(&self.input.tracker)),
-            );
+            ];
+            self.add(name.clone(), sides, self.corrected_of(&name));
         }
         Ok(())
     }
@@ -127,9 +131,20 @@ impl<'a> Found<'a> {
         for (session, [controller, tracker]) in sides {
             let controller = only_one(controller, "controller's", &self.input.controller);
             let tracker = only_one(tracker, "tracker's", &self.input.tracker);
-            self.add(session, controller, tracker);
+            let corrected = self.corrected_of(&session);
+            self.add(session, [controller, tracker], corrected);
         }
         Ok(())
+    }
+
+    /// The corrected targets of a session whose files stand beside those of others: their name has to say whose they are.
+    fn corrected_of(&self, session: &str) -> Result<Option<PathBuf>, Lack> {
+        let names = &self.input.corrected_targets;
+        if names.patterns().iter().all(|pattern| pattern.contains(SESSION_PLACE)) {
+            logs::at_most_one(self.folder, &names.of(session))
+        } else {
+            Ok(None)
+        }
     }
 
     /// The session that a log's metadata names.
@@ -144,7 +159,12 @@ impl<'a> Found<'a> {
     }
 
     /// Adds a session, or what looks like one and has neither side.
-    fn add(&mut self, name: String, controller: Side, tracker: Side) {
+    fn add(&mut self, name: String, sides: [Side; 2], corrected: Result<Option<PathBuf>, Lack>) {
+        let [controller, tracker] = sides;
+        let (corrected, tracker) = match corrected {
+            Ok(corrected) => (corrected, tracker),
+            Err(lack) => (None, Err(lack)),
+        };
         let logs = match (controller, tracker) {
             (Err(Lack::Absent(one)), Err(Lack::Absent(other))) => {
                 return self.leave_out(name, both_lacks(&one, &other));
@@ -158,7 +178,11 @@ impl<'a> Found<'a> {
                 tracker,
             }),
         };
-        self.sessions.push(Session { name, logs });
+        self.sessions.push(Session {
+            name,
+            logs,
+            corrected,
+        });
     }
 
     /// The logs, unless one of them is still being written.

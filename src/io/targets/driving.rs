@@ -1,0 +1,194 @@
+//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table they are of.
+//!
+//! It is what `posegrid compensate` wrote, CSV or Parquet; of its columns only those are read that a comparison needs. Targets
+//! that were refused have no command and are counted.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use arrow::array::Array as _;
+use nalgebra::{Matrix3, Point3};
+use serde::Deserialize;
+
+use super::{Form, TargetsError};
+use crate::io::schema;
+use crate::io::table;
+use crate::manifest::RunKey;
+use crate::report::driven::CorrectedTarget;
+
+/// What drove a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivingFile {
+    /// The run whose table corrected the targets.
+    pub key: RunKey,
+    /// Which of its tables: `compensation` or `calibrations`.
+    pub table: String,
+    /// Targets with their commands, in the file's order.
+    pub targets: Vec<CorrectedTarget>,
+    /// Targets without a command.
+    pub refused: usize,
+}
+
+/// One row; the file has more columns.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+struct DrivingRow {
+    robot: String,
+    session: String,
+    run: String,
+    target: String,
+    corrected_by: String,
+    x_mm: Option<f64>,
+    y_mm: Option<f64>,
+    z_mm: Option<f64>,
+    target_x_mm: Option<f64>,
+    target_y_mm: Option<f64>,
+    target_z_mm: Option<f64>,
+    correction_cov_xx_mm2: Option<f64>,
+    correction_cov_xy_mm2: Option<f64>,
+    correction_cov_xz_mm2: Option<f64>,
+    correction_cov_yy_mm2: Option<f64>,
+    correction_cov_yz_mm2: Option<f64>,
+    correction_cov_zz_mm2: Option<f64>,
+}
+
+/// Reads a file of corrected targets.
+pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
+    let rows = match Form::of(path)? {
+        Form::Csv => from_csv(path)?,
+        Form::Parquet => from_parquet(path)?,
+        Form::Json | Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
+    };
+    let of: BTreeSet<_> = rows
+        .iter()
+        .map(|row| (&row.robot, &row.session, &row.run, &row.corrected_by))
+        .collect();
+    let mut of = of.into_iter();
+    let Some((robot, session, run, table)) = of.next() else {
+        return Err(TargetsError::Empty(path.to_owned()));
+    };
+    if of.next().is_some() {
+        return Err(TargetsError::SeveralTables(path.to_owned()));
+    }
+    let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
+    Ok(DrivingFile {
+        key: RunKey::new(robot, session, run),
+        table: table.clone(),
+        refused: rows.len() - targets.len(),
+        targets,
+    })
+}
+
+fn from_csv(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
+    let failed = |source| TargetsError::Csv {
+        path: path.to_owned(),
+        source,
+    };
+    let mut reader = csv::Reader::from_path(path).map_err(failed)?;
+    reader
+        .deserialize()
+        .map(|row| row.map_err(failed))
+        .collect()
+}
+
+fn from_parquet(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
+    let table = table::read(path, schema::find("corrected_targets")?)?;
+    let row = |row: usize| {
+        let text = |column| table.text(column).value(row).to_owned();
+        let number = |column| {
+            let numbers = table.f64(column);
+            numbers.is_valid(row).then(|| numbers.value(row))
+        };
+        DrivingRow {
+            robot: text("robot"),
+            session: text("session"),
+            run: text("run"),
+            target: text("target"),
+            corrected_by: text("corrected_by"),
+            x_mm: number("x_mm"),
+            y_mm: number("y_mm"),
+            z_mm: number("z_mm"),
+            target_x_mm: number("target_x_mm"),
+            target_y_mm: number("target_y_mm"),
+            target_z_mm: number("target_z_mm"),
+            correction_cov_xx_mm2: number("correction_cov_xx_mm2"),
+            correction_cov_xy_mm2: number("correction_cov_xy_mm2"),
+            correction_cov_xz_mm2: number("correction_cov_xz_mm2"),
+            correction_cov_yy_mm2: number("correction_cov_yy_mm2"),
+            correction_cov_yz_mm2: number("correction_cov_yz_mm2"),
+            correction_cov_zz_mm2: number("correction_cov_zz_mm2"),
+        }
+    };
+    Ok((0..table.rows()).map(row).collect())
+}
+
+impl DrivingRow {
+    /// The target with its command; `None` where it was refused.
+    fn corrected(&self) -> Option<CorrectedTarget> {
+        let point = |[x, y, z]: [Option<f64>; 3]| Some(Point3::new(x?, y?, z?));
+        let [xx, xy, xz] = [
+            self.correction_cov_xx_mm2?,
+            self.correction_cov_xy_mm2?,
+            self.correction_cov_xz_mm2?,
+        ];
+        let [yy, yz, zz] = [
+            self.correction_cov_yy_mm2?,
+            self.correction_cov_yz_mm2?,
+            self.correction_cov_zz_mm2?,
+        ];
+        Some(CorrectedTarget {
+            name: self.target.clone(),
+            target: point([self.target_x_mm, self.target_y_mm, self.target_z_mm])?,
+            command: point([self.x_mm, self.y_mm, self.z_mm])?,
+            covariance: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    const HEAD: &str = "robot,session,run,target,corrected_by,x_mm,y_mm,z_mm,target_x_mm,target_y_mm,target_z_mm,\
+        correction_cov_xx_mm2,correction_cov_xy_mm2,correction_cov_xz_mm2,correction_cov_yy_mm2,correction_cov_yz_mm2,\
+        correction_cov_zz_mm2,note\n";
+
+    fn from(text: &str) -> Result<DrivingFile, String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("corrected.csv");
+        fs::write(&path, text).expect("writable");
+        read(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn commands_are_read_with_the_run_they_are_of_and_refusals_counted() {
+        let file = from(&format!(
+            "{HEAD}kr,mon,00ff,A,compensation,1.5,2,3,1,2,3,4,0,0,5,0,6,x\nkr,mon,00ff,B,compensation,,,,7,8,9,,,,,,,y\n"
+        ))
+        .expect("a good file");
+        assert_eq!(file.key, RunKey::new("kr", "mon", "00ff"));
+        assert_eq!(
+            (file.targets.len(), file.refused, file.table.as_str()),
+            (1, 1, "compensation")
+        );
+        assert_eq!(
+            file.targets[0].command - file.targets[0].target,
+            nalgebra::Vector3::new(0.5, 0.0, 0.0)
+        );
+        assert_eq!(
+            file.targets[0].covariance.diagonal(),
+            nalgebra::Vector3::new(4.0, 5.0, 6.0)
+        );
+    }
+
+    #[test]
+    fn files_of_two_tables_or_of_none_are_refused() {
+        let row =
+            |run: &str| format!("kr,mon,{run},A{run},compensation,1.5,2,3,1,2,3,4,0,0,5,0,6,x\n");
+        let two = from(&format!("{HEAD}{}{}", row("00ff"), row("00fe"))).unwrap_err();
+        assert!(two.contains("several tables"), "{two}");
+        assert!(from(HEAD).unwrap_err().contains("holds no target"));
+        let other = from("target,x_mm\nA,1\n").unwrap_err();
+        assert!(other.contains("missing field"), "{other}");
+    }
+}

@@ -1,0 +1,80 @@
+//! A session that a table drove: what it says of that table.
+
+use nalgebra::Vector3;
+
+use super::StageSettings;
+use crate::fit::Gauge;
+use crate::fit::commanded::CommandedPose;
+use crate::grid::Tolerance;
+use crate::join::{Pairing, Station};
+use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
+use crate::report::driven::{self, DrivenStation, Measured};
+use crate::report::{Accuracy, Moment, accuracy};
+
+/// What the session says of the table that drove it; `None` where none did.
+pub(super) fn judged(
+    session: &JoinedSession,
+    gauge: &Gauge<'_>,
+    settings: &StageSettings,
+) -> Option<Driven> {
+    let by = session.driven_by.as_ref()?;
+    let stations = stations(session, by, gauge, settings);
+    Some(Driven {
+        key: by.file.key.clone(),
+        table: by.file.table.clone(),
+        application: driven::application(&stations),
+        measured: driven::measured(&stations, &session.name, settings.refit.first),
+        stations,
+    })
+}
+
+/// The measured stations that went to a target.
+fn stations(
+    session: &JoinedSession,
+    by: &DrivenBy,
+    gauge: &Gauge<'_>,
+    settings: &StageSettings,
+) -> Vec<DrivenStation> {
+    let base_from_command = &settings.base_from_command;
+    let turn = base_from_command.rotation.to_rotation_matrix();
+    let station =
+        |((station, pose), place): ((&Station, &Option<CommandedPose>), &Option<usize>)| {
+            let target = &by.file.targets[(*place)?];
+            let attained = station
+                .attained
+                .as_ref()
+                .filter(|_| station.pairing == Pairing::Paired)?;
+            let stated: Vector3<f64> = target.command - target.target;
+            Some(DrivenStation {
+                station: station.number,
+                target: base_from_command * target.target,
+                command: pose.as_ref()?.position,
+                attained: gauge.attained_tool(&station.joints, attained),
+                stated: base_from_command.rotation * stated,
+                covariance: turn * target.covariance * turn.inverse(),
+            })
+        };
+    let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+    stations
+        .zip(&by.matched.of_command)
+        .filter_map(station)
+        .collect()
+}
+
+/// The figures before and after, of the same stations.
+pub(super) fn figures(
+    driven: &Driven,
+    measured: &Measured,
+    tolerance: &Tolerance,
+    guard_mm: f64,
+) -> [Accuracy; 2] {
+    let of = |set, moment| Accuracy {
+        moment,
+        driven_by: Some(driven.key.run.clone()),
+        ..accuracy::accuracy(set, tolerance, guard_mm)
+    };
+    [
+        of(&measured.before, Moment::Before),
+        of(&measured.after, Moment::MeasuredAfter),
+    ]
+}

@@ -1,0 +1,324 @@
+//! A session that a table drove: what the table achieved, how it was applied, whether its promise is kept.
+//!
+//! Inputs: the corrected targets that were driven ([`CorrectedTarget`]), the session's commands, and where its tool point came
+//! to stand. Outputs are figures *measured after* (METHOD.md 7), against the promise of the table's own run. Steps:
+//! 1. each station's command is matched with the target it is near to ([`matched`]): nearer than any other by half, so that
+//!    a command corrected wrongly is still told whose it is;
+//! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);
+//! 3. [`application()`] tells from the errors how the corrections were applied;
+//! 4. the promised bound is held against the stations that judge ([`Kept`]).
+
+mod application;
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
+use crate::figures::{Figures, share_interval};
+use crate::geometry::align;
+
+pub use application::{Application, application};
+
+/// A target and the command that a table made of it, in the frame of commands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CorrectedTarget {
+    /// Its name.
+    pub name: String,
+    /// Where the tool point shall be, mm.
+    pub target: Point3<f64>,
+    /// The command that was to bring it there, mm.
+    pub command: Point3<f64>,
+    /// Covariance of the correction, mm².
+    pub covariance: Matrix3<f64>,
+}
+
+/// Stations and the corrected targets they went to.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Matched {
+    /// For each command the place of its target; `None` where there is none.
+    pub of_command: Vec<Option<usize>>,
+    /// Commands too far from every target.
+    pub far: usize,
+    /// Commands between two targets.
+    pub between: usize,
+}
+
+/// A command further than this from its target is of none, mm: several times what arms are off.
+const FAR_MM: f64 = 10.0;
+/// The next target has to be this many times as far as the nearest.
+const CLEARLY: f64 = 2.0;
+
+/// Matches commands with targets, both in the frame of commands.
+pub fn matched(commands: &[Option<Point3<f64>>], targets: &[CorrectedTarget]) -> Matched {
+    let mut matched = Matched::default();
+    for command in commands {
+        let found = command.map(|command| nearest(&command, targets));
+        matched.far += usize::from(found == Some(Near::Far));
+        matched.between += usize::from(found == Some(Near::Between));
+        matched.of_command.push(match found {
+            Some(Near::At(place)) => Some(place),
+            Some(Near::Far | Near::Between) | None => None,
+        });
+    }
+    matched
+}
+
+#[derive(PartialEq)]
+enum Near {
+    At(usize),
+    Between,
+    Far,
+}
+
+fn nearest(command: &Point3<f64>, targets: &[CorrectedTarget]) -> Near {
+    let (mut first, mut second) = ((f64::INFINITY, 0), f64::INFINITY);
+    for (place, target) in targets.iter().enumerate() {
+        let away = (command - target.target).norm();
+        if away < first.0 {
+            (first, second) = ((away, place), first.0);
+        } else {
+            second = second.min(away);
+        }
+    }
+    if first.0 > FAR_MM {
+        Near::Far
+    } else if second < CLEARLY * first.0 {
+        Near::Between
+    } else {
+        Near::At(first.1)
+    }
+}
+
+/// One station of a session that a table drove; everything in the base frame of the session's own base + target fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivenStation {
+    /// Its number.
+    pub station: usize,
+    /// Where the tool point was to be, mm.
+    pub target: Point3<f64>,
+    /// What was commanded, mm.
+    pub command: Point3<f64>,
+    /// Where the tool point came to stand, mm.
+    pub attained: Point3<f64>,
+    /// The correction that the table gave, mm.
+    pub stated: Vector3<f64>,
+    /// Its covariance, mm².
+    pub covariance: Matrix3<f64>,
+}
+
+impl DrivenStation {
+    /// How far the command is from target and stated correction, mm.
+    pub fn departure_mm(&self) -> f64 {
+        (self.command - self.target - self.stated).norm()
+    }
+}
+
+/// The errors of a session that a table drove, both of the tool point and of the same stations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// Attained minus commanded: what the arm would have missed its targets by.
+    pub before: ResidualSet,
+    /// Attained minus wanted: what the table left.
+    pub after: ResidualSet,
+}
+
+/// The errors before and after, the base found from the first `first` stations and their targets, or from half of all
+/// stations where there are fewer than twice as many. `None` where these do not span space.
+pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Option<Measured> {
+    let first = first.min(stations.len() / 2);
+    let points = |of: fn(&DrivenStation) -> Point3<f64>| {
+        stations[..first].iter().map(of).collect::<Vec<_>>()
+    };
+    let base = align(
+        &points(|s| s.target),
+        &points(|s| s.attained),
+        &vec![1.0; first],
+    )?;
+    let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
+        let residual = |(place, station): (usize, &DrivenStation)| Residual {
+            station: station.station,
+            fold: None,
+            used_for_refit: place < first,
+            predicted: wanted(station),
+            residual: base * station.attained - wanted(station),
+            covariance: None,
+            weight: None,
+        };
+        ResidualSet {
+            subject: Subject {
+                split: Split::Session,
+                of_session: session.to_owned(),
+                model,
+                angles: Angles::Commanded,
+                base_refit: BaseRefit::First,
+            },
+            residuals: stations.iter().enumerate().map(residual).collect(),
+        }
+    };
+    Some(Measured {
+        before: set(Model::RawCommand, |station| station.command),
+        after: set(Model::Table, |station| station.target),
+    })
+}
+
+/// What a table's own run promised of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TablePromise {
+    /// Predicted mean error, mm.
+    pub mean_mm: f64,
+    /// What `share` of errors stays below, mm.
+    pub bound_mm: f64,
+    /// The share of errors that the bound is of.
+    pub share: f64,
+    /// How sure the promise is.
+    pub confidence: f64,
+}
+
+/// A promise held against what was measured after.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kept {
+    /// What was promised.
+    pub promise: TablePromise,
+    /// Figures of the stations that judge.
+    pub figures: Figures,
+    /// Of these, how many are within the promised bound.
+    pub within: usize,
+    /// The share of all errors within the bound that this leaves possible, two-sided at the promise's confidence.
+    pub interval: (f64, f64),
+}
+
+/// Holds a promise against the stations that judge; `None` without any.
+pub fn kept(promise: &TablePromise, after: &ResidualSet) -> Option<Kept> {
+    let judged = after.residuals.iter().filter(|r| !r.used_for_refit);
+    let norms: Vec<f64> = judged.map(|r| r.residual.norm()).collect();
+    let within = norms
+        .iter()
+        .filter(|&&norm| norm <= promise.bound_mm)
+        .count();
+    Some(Kept {
+        figures: Figures::of(&norms)?,
+        within,
+        interval: share_interval(within, norms.len(), promise.confidence),
+        promise: promise.clone(),
+    })
+}
+
+impl Kept {
+    /// Whether the measured errors contradict the promise.
+    pub fn is_broken(&self) -> bool {
+        self.interval.1 < self.promise.share
+    }
+
+    /// The comparison in a line that a person reads.
+    pub fn words(&self) -> String {
+        let (promise, figures) = (&self.promise, &self.figures);
+        format!(
+            "predicted mean {:.3} mm, {} % below {:.3} mm; measured, noise included: mean {:.3}, largest {:.3} mm, \
+             {} of {} within the bound ({:.1} to {:.1} % of all with {} % confidence): {}",
+            promise.mean_mm,
+            100.0 * promise.share,
+            promise.bound_mm,
+            figures.mean,
+            figures.max,
+            self.within,
+            figures.n,
+            100.0 * self.interval.0,
+            100.0 * self.interval.1,
+            100.0 * promise.confidence,
+            if self.is_broken() {
+                "not kept"
+            } else {
+                "not contradicted"
+            }
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn target(x: f64) -> CorrectedTarget {
+        CorrectedTarget {
+            name: format!("{x}"),
+            target: Point3::new(x, 0.0, 0.0),
+            command: Point3::new(x + 1.0, 0.0, 0.0),
+            covariance: Matrix3::identity(),
+        }
+    }
+
+    #[test]
+    fn a_command_is_matched_with_the_target_it_is_clearly_nearest_to() {
+        let targets = [target(0.0), target(20.0), target(500.0)];
+        let commands = [
+            Some(-1.0),
+            Some(9.0),
+            Some(22.0),
+            None,
+            Some(300.0),
+            Some(1.0),
+        ];
+        let commands = commands.map(|x| x.map(|x| Point3::new(x, 0.0, 0.0)));
+        let found = matched(&commands, &targets);
+        // 9 mm from one and 11 mm from the next is between both; 200 mm from all is of none; a visit may be repeated.
+        assert_eq!(
+            found.of_command,
+            [Some(0), None, Some(1), None, None, Some(0)]
+        );
+        assert_eq!((found.far, found.between), (1, 1));
+    }
+
+    /// Stations whose errors after are `norms`, the base moved by 3 mm.
+    fn stations(norms: &[f64]) -> Vec<DrivenStation> {
+        let station = |(i, norm): (usize, &f64)| {
+            let target = Point3::new(
+                (i % 3) as f64 * 300.0,
+                (i / 3 % 3) as f64 * 300.0,
+                (i / 9) as f64 * 300.0,
+            );
+            DrivenStation {
+                station: i,
+                target,
+                command: target,
+                attained: target + Vector3::new(3.0, 0.0, *norm),
+                stated: Vector3::zeros(),
+                covariance: Matrix3::identity(),
+            }
+        };
+        norms.iter().enumerate().map(station).collect()
+    }
+
+    #[test]
+    fn the_first_stations_find_the_base_and_the_others_judge() {
+        let mut norms = vec![0.0; 10];
+        norms.extend([0.1; 18]);
+        norms.extend([0.4; 2]);
+        let after = measured(&stations(&norms), "tuesday", 10)
+            .expect("stations span space")
+            .after;
+        let promise = TablePromise {
+            mean_mm: 0.1,
+            bound_mm: 0.2,
+            share: 0.95,
+            confidence: 0.95,
+        };
+        let kept = kept(&promise, &after).expect("stations that judge");
+        assert_eq!((kept.figures.n, kept.within), (20, 18));
+        assert!((kept.figures.max - 0.4).abs() < 1e-9, "{kept:?}");
+        // 18 of 20 leave 68 to 99 % possible (Clopper and Pearson): 95 % are not contradicted.
+        assert!((kept.interval.0 - 0.683).abs() < 1e-3 && (kept.interval.1 - 0.988).abs() < 1e-3);
+        assert!(!kept.is_broken() && kept.words().ends_with("not contradicted"));
+    }
+
+    #[test]
+    fn a_session_of_few_stations_judges_with_half_of_them() {
+        let both = measured(&stations(&[0.0; 12]), "tuesday", 50).expect("stations span space");
+        assert_eq!(
+            both.after
+                .residuals
+                .iter()
+                .filter(|r| r.used_for_refit)
+                .count(),
+            6
+        );
+    }
+}

@@ -1,0 +1,326 @@
+//! How corrections were applied, told from what they did.
+//!
+//! A correction δ that a table gives is minus the error the arm would have made: at a station with error r against its
+//! command, δ = −r was applied as meant. So the session that a table drove tells by itself, without the table:
+//! 1. how far the base was moved meanwhile is nobody's mistake: small rigid motions are taken out of errors and
+//!    corrections;
+//! 2. each way of applying a table predicts the corrections from the errors: −r as meant, +r with the wrong sign, −2r
+//!    twice, −R r in a frame that is turned by R (Kabsch's closed form);
+//! 3. the way that leaves least is the one, if it explains half of the corrections; if none does, they have nothing to do
+//!    with this arm's errors.
+
+use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Vector3, Vector6};
+
+use super::DrivenStation;
+
+/// How the corrections of a table were applied.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Application {
+    /// As meant; the share of the corrections that the errors explain.
+    AsMeant(f64),
+    /// Commands are the targets as they were.
+    Not,
+    /// Added where they had to be taken away.
+    WrongSign(f64),
+    /// Twice.
+    Twice(f64),
+    /// In a frame that is turned against the table's.
+    Turned {
+        /// By this, degrees.
+        angle_deg: f64,
+        /// The share of the corrections that the errors then explain.
+        explained: f64,
+    },
+    /// Without likeness to the errors of this arm, however applied: the largest share that the errors explain.
+    Unrelated(f64),
+    /// Too few stations to tell.
+    TooFew {
+        /// Stations there are.
+        stations: usize,
+    },
+}
+
+/// With fewer stations a rotation and a motion of the base could explain much by themselves.
+const LEAST_STATIONS: usize = 12;
+/// Corrections smaller than this share of those stated were not made.
+const NOT_MADE: f64 = 0.2;
+/// A way of applying a table has to explain this share of the corrections.
+const EXPLAINS: f64 = 0.5;
+/// A turn counts from here, degrees, and only where it leaves less than this share of what the next way leaves.
+const TURN_DEG: f64 = 15.0;
+const TURN_LEAVES: f64 = 0.5;
+/// Twice what is stated to be left, as a mean squared Mahalanobis distance of three expected.
+const WITHIN_STATED: f64 = 6.0;
+
+/// How the corrections of these stations were applied.
+pub fn application(stations: &[DrivenStation]) -> Application {
+    if stations.len() < LEAST_STATIONS {
+        return Application::TooFew {
+            stations: stations.len(),
+        };
+    }
+    let positions: Vec<Point3<f64>> = stations.iter().map(|s| s.command).collect();
+    let made: Vec<Vector3<f64>> = stations.iter().map(|s| s.command - s.target).collect();
+    if rms(&made) < NOT_MADE * rms(&stations.iter().map(|s| s.stated).collect::<Vec<_>>()) {
+        return Application::Not;
+    }
+    let errors: Vec<Vector3<f64>> = stations.iter().map(|s| s.attained - s.command).collect();
+    let (errors, made) = (settled(&positions, &errors), settled(&positions, &made));
+    let all = sum_of_squares(&made);
+    let explained = |predict: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
+        let left = made
+            .iter()
+            .zip(&errors)
+            .map(|(made, error)| made - predict(error));
+        1.0 - sum_of_squares(&settled(&positions, &left.collect::<Vec<_>>())) / all
+    };
+    let turn = turn(&errors, &made);
+    let angle_deg = turn.angle().to_degrees();
+    let straight = [
+        Application::AsMeant(explained(&|error| -error)),
+        Application::WrongSign(explained(&|error| *error)),
+        Application::Twice(explained(&|error| -2.0 * error)),
+    ];
+    let best = straight
+        .into_iter()
+        .max_by(|a, b| a.explained().total_cmp(&b.explained()))
+        .expect("three ways");
+    if best != straight[0] && within_stated(stations, &positions) {
+        return straight[0];
+    }
+    let turned = explained(&|error| -(turn * error));
+    let turned_leaves_less = 1.0 - turned < TURN_LEAVES * (1.0 - best.explained());
+    let found = if angle_deg >= TURN_DEG && turned_leaves_less {
+        Application::Turned {
+            angle_deg,
+            explained: turned,
+        }
+    } else {
+        best
+    };
+    if found.explained() >= EXPLAINS || within_stated(stations, &positions) {
+        found
+    } else {
+        Application::Unrelated(found.explained())
+    }
+}
+
+impl Application {
+    /// The share of the corrections that the errors explain.
+    pub fn explained(&self) -> f64 {
+        match *self {
+            Self::AsMeant(share)
+            | Self::WrongSign(share)
+            | Self::Twice(share)
+            | Self::Unrelated(share)
+            | Self::Turned {
+                explained: share, ..
+            } => share,
+            Self::Not | Self::TooFew { .. } => 0.0,
+        }
+    }
+
+    /// Whether the table did what it is for, as far as can be told.
+    pub const fn is_sound(&self) -> bool {
+        matches!(self, Self::AsMeant(_) | Self::TooFew { .. })
+    }
+
+    /// In words that a person reads, with what to try.
+    pub fn words(&self) -> String {
+        let percent = 100.0 * self.explained();
+        match self {
+            Self::AsMeant(_) => "corrections were applied as meant".to_owned(),
+            Self::Not => {
+                "corrections were NOT applied: commands are the targets as they were; load the corrected program"
+                    .to_owned()
+            }
+            Self::WrongSign(_) => format!(
+                "corrections were applied with the WRONG SIGN (so applied, the errors explain {percent:.0} % of them): take the \
+                 error away, do not add it"
+            ),
+            Self::Twice(_) => format!(
+                "corrections were applied TWICE (so the errors explain {percent:.0} % of them): correct the targets themselves, \
+                 not corrected ones"
+            ),
+            Self::Turned { angle_deg, .. } => format!(
+                "corrections were applied in ANOTHER FRAME, turned by {angle_deg:.0}° against the table's (so the errors explain \
+                 {percent:.0} % of them): give targets in the frame of commands"
+            ),
+            Self::Unrelated(_) => format!(
+                "corrections have NOTHING TO DO with this arm's errors (however applied, they explain at most {percent:.0} %): a \
+                 table of another arm, looked up in another frame, or the arm has changed; measure it anew"
+            ),
+            Self::TooFew { stations } => format!(
+                "{stations} stations are too few to tell how corrections were applied; {LEAST_STATIONS} do"
+            ),
+        }
+    }
+}
+
+/// Whether what is left is no more than what the corrections were stated to leave.
+fn within_stated(stations: &[DrivenStation], positions: &[Point3<f64>]) -> bool {
+    let left: Vec<Vector3<f64>> = stations.iter().map(|s| s.attained - s.target).collect();
+    let left = settled(positions, &left);
+    let distances: Option<Vec<f64>> = stations
+        .iter()
+        .zip(&left)
+        .map(|(station, left)| {
+            let factor = station.covariance.cholesky()?;
+            Some(left.dot(&factor.solve(left)))
+        })
+        .collect();
+    distances.is_some_and(|all| all.iter().sum::<f64>() / (all.len() as f64) < WITHIN_STATED)
+}
+
+/// The rotation that brings `−errors` nearest to `made`.
+fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
+    let cross = errors
+        .iter()
+        .zip(made)
+        .fold(Matrix3::zeros(), |sum, (error, made)| {
+            sum - made * error.transpose()
+        });
+    let svd = cross.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+        return Rotation3::identity();
+    };
+    let mended = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    Rotation3::from_matrix_unchecked(u * mended * v_t)
+}
+
+/// Vectors at positions without the small rigid motion `t + ω × (p − p̄)` that is nearest to them.
+fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let n = positions.len() as f64;
+    let middle = positions
+        .iter()
+        .fold(Vector3::zeros(), |sum, p| sum + p.coords)
+        / n;
+    // Radians times this are mm about as large as the translation, which keeps the six numbers alike in size.
+    let size = (positions
+        .iter()
+        .map(|p| (p.coords - middle).norm_squared())
+        .sum::<f64>()
+        / n)
+        .sqrt();
+    let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
+    let rows = |p: &Point3<f64>| {
+        let mut rows = nalgebra::Matrix3x6::zeros();
+        rows.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+        let lever = (p.coords - middle) / size.max(1.0);
+        rows.fixed_view_mut::<3, 3>(0, 3)
+            .copy_from(&-lever.cross_matrix());
+        rows
+    };
+    for (p, vector) in positions.iter().zip(vectors) {
+        let rows = rows(p);
+        normal += rows.tr_mul(&rows);
+        right += rows.tr_mul(vector);
+    }
+    // Stations on a line leave a turn about it undetermined; the smallest motion is taken then.
+    let motion = normal
+        .svd(true, true)
+        .solve(&right, 1e-9 * n)
+        .expect("both sides of the decomposition were asked for");
+    positions
+        .iter()
+        .zip(vectors)
+        .map(|(p, vector)| vector - rows(p) * motion)
+        .collect()
+}
+
+fn sum_of_squares(vectors: &[Vector3<f64>]) -> f64 {
+    vectors.iter().map(Vector3::norm_squared).sum()
+}
+
+fn rms(vectors: &[Vector3<f64>]) -> f64 {
+    (sum_of_squares(vectors) / vectors.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+
+    /// A smooth error field of 0.3 mm or so; `phase` makes another arm of it.
+    fn error(p: &Point3<f64>, phase: f64) -> Vector3<f64> {
+        let [x, y, z] = [p.x, p.y, p.z].map(|v| v / 200.0 + phase);
+        Vector3::new(
+            (x + y).sin(),
+            (1.3 * y - z + phase).cos(),
+            (x - 0.7 * z * y).sin(),
+        ) * 0.3
+    }
+
+    /// 125 stations in a box of 800 mm, whose corrections are made of the error field by `apply`.
+    fn stations(apply: impl Fn(Vector3<f64>) -> Vector3<f64>, phase: f64) -> Vec<DrivenStation> {
+        let place = |i: usize| {
+            let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| 200.0 * k as f64);
+            Point3::new(1200.0 + x, y - 400.0, 500.0 + z)
+        };
+        let station = |i: usize| {
+            let target = place(i);
+            let command = target + apply(error(&target, phase));
+            // The base stands 0.5 mm and 0.2 mrad from where it stood.
+            let moved = Vector3::new(0.5, -0.1, 0.2)
+                + Vector3::new(1e-4, 1e-4, -1e-4).cross(&target.coords);
+            DrivenStation {
+                station: i,
+                target,
+                command,
+                attained: command + error(&command, 0.0) + moved,
+                stated: -error(&target, phase),
+                covariance: Matrix3::identity() * 1e-4,
+            }
+        };
+        (0..125).map(station).collect()
+    }
+
+    #[test]
+    fn each_way_of_applying_a_table_is_named() {
+        let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), FRAC_PI_2);
+        let found =
+            |apply: &dyn Fn(Vector3<f64>) -> Vector3<f64>| application(&stations(apply, 0.0));
+        assert!(matches!(found(&|e| -e), Application::AsMeant(share) if share > 0.99));
+        assert!(matches!(found(&|e| e), Application::WrongSign(share) if share > 0.99));
+        assert!(matches!(found(&|e| -2.0 * e), Application::Twice(share) if share > 0.99));
+        assert_eq!(found(&|_| Vector3::zeros()), Application::Not);
+        assert!(
+            matches!(found(&|e| -(turned * e)), Application::Turned { angle_deg, .. } if (angle_deg - 90.0).abs() < 5.0)
+        );
+        let of_another_arm = application(&stations(|e| -e, 2.0));
+        assert!(
+            matches!(of_another_arm, Application::Unrelated(share) if share < 0.5),
+            "{of_another_arm:?}"
+        );
+    }
+
+    #[test]
+    fn what_is_left_within_what_was_stated_is_as_meant_however_little_the_errors_explain() {
+        // Corrections of a hundredth of the error that is left, which is stated.
+        let mut all = stations(|e| -e, 0.0);
+        for (i, station) in all.iter_mut().enumerate() {
+            let noise = Vector3::new(1.0, -1.0, 0.5) * if i % 2 == 0 { 0.3 } else { -0.3 };
+            station.command = station.target + Vector3::new(0.01, 0.0, 0.0) * (i % 3) as f64;
+            station.stated = station.command - station.target;
+            station.attained = station.target + noise;
+            station.covariance = Matrix3::identity() * 0.1;
+        }
+        assert!(application(&all).is_sound());
+    }
+
+    #[test]
+    fn few_stations_tell_nothing() {
+        let few = &stations(|e| e, 0.0)[..11];
+        assert_eq!(application(few), Application::TooFew { stations: 11 });
+    }
+
+    #[test]
+    fn a_motion_of_the_base_is_taken_out_whole() {
+        let positions: Vec<Point3<f64>> = stations(|e| e, 0.0).iter().map(|s| s.target).collect();
+        let moved = |p: &Point3<f64>| {
+            Vector3::new(1.0, 2.0, 3.0) + Vector3::new(1e-3, -2e-3, 3e-3).cross(&p.coords)
+        };
+        let vectors: Vec<_> = positions.iter().map(moved).collect();
+        assert!(rms(&settled(&positions, &vectors)) < 1e-9);
+    }
+}
