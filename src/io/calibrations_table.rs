@@ -76,18 +76,22 @@ pub enum CalibrationsTableError {
 
 /// Reads the arm that a run identified, with the best model it has.
 pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_with(path, |file, base| file.best(base))
+    read_model(path, Wanted::Best)
 }
 
 /// Reads the arm that a run identified, with the geometry alone.
 pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_with(path, |file, base| file.geometric(base))
+    read_model(path, Wanted::Geometry)
 }
 
-fn read_with(
-    path: &Path,
-    model: impl Fn(&CalibrationsFile<'_>, &SavedCalibration) -> Result<ArmModel, CalibrationsTableError>,
-) -> Result<PublishedArm, CalibrationsTableError> {
+/// Which model of a run is wanted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    Best,
+    Geometry,
+}
+
+fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsTableError> {
     let table = table::read(path, schema::find("calibrations")?)?;
     let file = CalibrationsFile {
         path,
@@ -111,7 +115,10 @@ fn read_with(
         frames,
         flange_from_tool: said.placement("flange_from_tool")?,
         command_from_base: said.placement("command_from_base")?,
-        model: model(&file, &base)?,
+        model: match wanted {
+            Wanted::Best => file.best(&base)?,
+            Wanted::Geometry => file.geometric(&base)?,
+        },
         measured: file.measured(arm.joints().len())?,
         validity: said.validity()?,
         arm,

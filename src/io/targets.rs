@@ -3,7 +3,7 @@
 //! 1. [`read()`] takes the columns of `schemas/targets.toml` by name, or the positions of a data list ([`krl`]), and refuses
 //!    a file with any wrong value, by its row and column: half a program is worse than none.
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
-//! 3. [`write_csv`] and [`write_json`] write a table with a nanometre's digits, joint angles in a column each; Parquet is
+//! 3. [`write_csv()`] and [`write_json()`] write a table with a nanometre's digits, joint angles in a column each; Parquet is
 //!    [`super::table::write()`], and a data list comes back with its commands by [`krl::DataList::write`].
 //! 4. [`driving::read()`] reads such a file again, for the session that it drove.
 

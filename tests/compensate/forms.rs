@@ -2,7 +2,6 @@
 
 use std::fs;
 
-use arrow::array::Array as _;
 use posegrid::cli::compensate::CompensateCommandError;
 use posegrid::io::schema;
 use posegrid::io::table;
@@ -84,7 +83,7 @@ fn every_form_has_the_same_commands() {
     for (name, text) in FILES {
         fs::write(cell.path(name), text).unwrap();
         let (_, text) = cell.compensate(name, None).unwrap();
-        if !name.ends_with(".json") {
+        if name != "targets.json" {
             assert_eq!(field(&text, "A", "x_mm"), "748.403792", "{name}");
         }
         let out = format!("{name}.parquet");

@@ -28,19 +28,12 @@ struct Curves {
     robot: String,
     session: String,
     run: String,
-    units: Units,
+    unit: &'static str,
     angle: &'static str,
     error: &'static str,
     /// Null where the table does not hold it.
     valid_for: Option<ValidFor>,
     joints: Vec<Curve>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct Units {
-    angle_rad: &'static str,
-    error_rad: &'static str,
-    sd_rad: &'static str,
 }
 
 /// What the curves are valid for; null: not stated.
@@ -124,11 +117,7 @@ fn write(
         robot: key.robot.clone(),
         session: key.session.clone(),
         run: key.run.clone(),
-        units: Units {
-            angle_rad: "rad",
-            error_rad: "rad",
-            sd_rad: "rad",
-        },
+        unit: "rad",
         angle: "the axis variable: the reported angle, for coupled axes with the robot file's joint map applied",
         error: "attained minus reported angle beside the identified geometry; smooth curve and gear lines together",
         valid_for,

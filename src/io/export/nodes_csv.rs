@@ -1,6 +1,6 @@
 //! A compensation table as CSV: a row a node; before them, each in a line `# name: value`, what holds for every node.
 //!
-//! Readers that know no comments skip these lines: pandas by `comment="#"`, polars by `comment_prefix="#"`, DuckDB by
+//! Readers that know no comments skip these lines: pandas by `comment="#"`, polars by `comment_prefix="#"`, `DuckDB` by
 //! `comment='#'`. Values there are JSON, so that no name breaks a line.
 
 use std::io::Write;

@@ -156,17 +156,14 @@ fn push_joint(
     let _ = write!(
         urdf,
         "  <joint name=\"{name}\" type=\"{kind}\">\n    <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n    \
-         <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\n{inside}  </joint>\n  <link name=\"{child}\"/>\n",
-        xyz.join(" "),
-        rpy.join(" ")
+         <origin xyz=\"{xyz}\" rpy=\"{rpy}\"/>\n{inside}  </joint>\n  <link name=\"{child}\"/>\n"
     );
 }
 
-fn numbers(element: &str, vector: &Vector3<f64>) -> String {
-    format!(
-        "    <{element}=\"{} {} {}\"/>\n",
-        vector.x, vector.y, vector.z
-    )
+/// Three numbers, no zero of them negative.
+fn three(numbers: [f64; 3]) -> String {
+    let [a, b, c] = numbers.map(|number| number + 0.0);
+    format!("{a} {b} {c}")
 }
 
 fn limit(joint: &Joint) -> String {

@@ -3,7 +3,7 @@
 //! A data list comes back as it was, byte for byte, but for the numbers of X, Y and Z and for lines that begin with
 //! `; corrected by posegrid` or `; refused by posegrid`. Definitions are those of KUKA System Software, Operating and
 //! Programming Instructions for System Integrators (*Positions and frames*, *Status and Turn*). Steps:
-//! 1. [`read`] takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own;
+//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own;
 //! 2. a position is a target: X, Y, Z in mm, A, B, C as `Rz(A) Ry(B) Rx(C)` in degrees, S for the arm configuration
 //!    ([`status`]); T, external axes and everything else stay as they are, other aggregates are counted;
 //! 3. frames are held together: one pair of `TOOL_NO` and `BASE_NO`, and no tool that stands in the cell (`IPO_FRAME #TCP`);
@@ -54,7 +54,12 @@ struct Point {
     xyz: [Range<usize>; 3],
     /// Its S, where it has one.
     status: Option<Status>,
+    /// Whether an external axis stands away from 0.
+    external: bool,
 }
+
+/// External axes.
+const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
 impl DataList {
     /// The S of each target, in their order.
@@ -80,6 +85,14 @@ impl DataList {
         if taught > 0 {
             notes.push(format!(
                 "{taught} positions were taught with the controller's absolute-accuracy option on (bit 4 of S)"
+            ));
+        }
+        let external = self.points.iter().filter(|point| point.external);
+        let external = external.count();
+        if external > 0 {
+            notes.push(format!(
+                "{external} positions have external axes away from 0: where these move the arm or the part, the table's frame of \
+                 commands moves with them, and the corrections do not hold"
             ));
         }
         if !self.others.is_empty() {
@@ -222,7 +235,12 @@ impl Reading<'_> {
         let [Some(x), Some(y), Some(z)] = ranges else {
             return Err(RowProblem::PartOfPosition);
         };
+        let mut external = false;
+        for axis in EXTERNAL {
+            external |= number(axis)?.is_some_and(|value| value != 0.0);
+        }
         self.points.push(Point {
+            external,
             line: line.whole.clone(),
             xyz: [x, y, z],
             status: at.status(self.text)?,

@@ -10,7 +10,7 @@ use crate::geometry::Position;
 const LIST: &[u8] = b"&ACCESS RVP\r\n&REL 12\r\nDEFDAT  LEFT_WING PUBLIC\r\n\
 ;FOLD EXTERNAL DECLARATIONS;%{PE}%MKUKATPBASIS,%CEXT,%VCOMMON,%P\r\nEXT  BAS (BAS_COMMAND  :IN,REAL  :IN )\r\n;ENDFOLD\r\n\
 DECL INT COUNT=3\r\nDECL CHAR NOTE[9]=\"a={X 1;\"\r\n\
-DECL E6POS XP1={X 1650.0,Y -120.5,Z 980.25,A 90.0,B 0.0,C 180.0,S 6,T 27,E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 0.0,E6 0.0} ; f\xfcr A\r\n\
+DECL E6POS XP1={X 1650.0,Y -120.5,Z 980.25,A 90.0,B 0.0,C 180.0,S 6,T 27,E1 0.0,E2 0.0,E3 0.0,E4 0.0,E5 -1.5,E6 0.0} ; f\xfcr A\r\n\
 DECL FDAT FP1={TOOL_NO 3,BASE_NO 1,IPO_FRAME #BASE,POINT2[] \"{},X 9 \",TQ_STATE FALSE}\r\n\
 DECL PDAT PPDAT1={VEL 100.0,ACC 100.0,APO_DIST 100.0}\r\n\
 decl global e6pos xp2 = { y 2.5E1 , x +1.6e3, z 7 , s 'b010', t 2}\r\n\
@@ -84,6 +84,10 @@ fn positions_are_found_and_everything_else_is_counted() {
     let notes = list.notes().join("\n");
     assert!(notes.contains("TOOL_NO 3, BASE_NO 1"), "{notes}");
     assert!(notes.contains("1 positions were taught with"), "{notes}");
+    assert!(
+        notes.contains("1 positions have external axes away from 0"),
+        "{notes}"
+    );
     assert!(
         notes.contains("left as they are: 1 E6AXIS, 1 FDAT, 1 LOAD, 1 PDAT"),
         "{notes}"
