@@ -62,10 +62,7 @@ fn a_past_run_takes_the_place_of_the_prior() {
     // The same run by its file, and another way to mount it: another plan.
     let file = cell.table_file("calibrations", "mon");
     let relative = file.strip_prefix(cell.path("")).expect("in the cell");
-    let named = format!(
-        "calibrations = {:?}\nbase = \"same\"\ntarget = \"same\"",
-        relative
-    );
+    let named = format!("calibrations = {relative:?}\nbase = \"same\"\ntarget = \"same\"");
     let cell = cell.with("session = \"mon\"", &named);
     plan(&cell, &[]).expect(3, &["greedy variance       5", "plan "]);
 }
