@@ -3,8 +3,8 @@
 //! Let x be the truth at the first estimate and x + δ at the second, `Λ_i`, `η_i` what the stations of each say. With x integrated
 //! out under a weak prior P, the log likelihood of δ is quadratic: score `u = η₂ − Λ₂ A⁻¹ (η₁ + η₂)` at δ = 0 and information
 //! `V = Λ₂ − Λ₂ A⁻¹ Λ₂`, `A = Λ₁ + Λ₂ + P` (the parallel sum of Λ₁ and Λ₂: what both determine). Without a change `u ~ N(0, V)`.
-//! That only the columns G changed explains `u_Gᵀ V_GG⁺ u_G`, chi-square with as many degrees of freedom as V_GG has rank; the shift
-//! is `V_GG⁺ u_G` with covariance V_GG⁺. Directions in which a change of a whole unit (3 mm, 3 mrad, 0.3 mrad of a curve)
+//! That only the columns G changed explains `u_Gᵀ V_GG⁺ u_G`, chi-square with as many degrees of freedom as `V_GG` has rank; the shift
+//! is `V_GG⁺ u_G` with covariance `V_GG⁺`. Directions in which a change of a whole unit (3 mm, 3 mrad, 0.3 mrad of a curve)
 //! would be less than one standard deviation count as not determined.
 
 use nalgebra::{DMatrix, DVector};

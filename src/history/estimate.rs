@@ -88,6 +88,7 @@ impl Estimate {
     }
 
     /// The same without the columns that `is_forgotten`, which stay free.
+    #[must_use]
     pub fn without(&self, is_forgotten: impl Fn(&Column) -> bool) -> Self {
         let (gone, kept): (Vec<usize>, Vec<usize>) =
             (0..self.columns.len()).partition(|&place| is_forgotten(&self.columns[place]));
@@ -184,6 +185,7 @@ impl Estimate {
 
     /// What the stations of a session at the same poses would say of an arm whose columns are off by `truth` (mm, rad), base
     /// and target from the same frames: Λ stays, and η is drawn with `normals`, one standard normal number for each column.
+    #[must_use]
     pub fn drawn(&self, truth: &[(Column, f64)], normals: &[f64]) -> Self {
         let offset = |column: &Column| {
             let own = truth.iter().filter(|(own, _)| own == column);

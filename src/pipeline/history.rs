@@ -256,7 +256,7 @@ fn judge(
     summary: Summary,
     progress: &dyn Progress,
 ) -> (Summary, usize) {
-    let mut judged = summary.as_far_as(rows, |row| session::read(lake, &row.fact).is_ok());
+    let mut judged = summary.up_to(rows, |row| session::read(lake, &row.fact).is_ok());
     let new = &rows[judged.entries.len()..];
     progress.begin("sessions", new.len() as u64);
     for some in new.chunks(AT_ONCE) {

@@ -94,7 +94,7 @@ impl Summary {
 
     /// The same where its sessions are the first of `rows`; nothing where they are not, or where one that could not be read
     /// `is_readable` by now.
-    pub(super) fn as_far_as(
+    pub(super) fn up_to(
         mut self,
         rows: &[CurrentRow],
         is_readable: impl Fn(&CurrentRow) -> bool,

@@ -29,7 +29,7 @@ const SECTIONS: [Maker<Content>; 8] = [
         "Base, target and joints since the first session",
         charts::since_first,
     ),
-    ("control", "Control charts", charts::control),
+    ("control", "Control charts", |c| Some(charts::control(c))),
     (
         "curves",
         "Joint curves, first and newest",

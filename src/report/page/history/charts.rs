@@ -133,49 +133,37 @@ fn banded(series: &Series, scale: f64) -> Drawn {
     )
 }
 
-pub(super) fn control(content: &Content) -> Option<Markup> {
-    let averages = |series: &Series| -> Vec<[f64; 2]> {
-        let own = series
-            .points
-            .iter()
-            .filter_map(|point| Some([point.session as f64, point.average?]));
-        let all: Vec<[f64; 2]> = own.collect();
-        let every = all.len().div_ceil(MOST).max(1);
-        let kept = all
-            .iter()
-            .enumerate()
-            .filter(|(place, [_, average])| place % every == 0 || average.abs() > 1.0);
-        kept.map(|(_, point)| *point).collect()
-    };
+pub(super) fn control(content: &Content) -> Markup {
     let groups = [
         (true, "Accuracy figures"),
         (false, "Base, target and joint offsets"),
     ];
-    let figures: Vec<Markup> = groups
-        .into_iter()
-        .filter_map(|(is_accuracy, caption)| {
-            let own = content
-                .series
-                .iter()
-                .filter(|series| series.is_accuracy == is_accuracy);
-            let drawn: Vec<Drawn> = own
-                .map(|series| Drawn::line(&named(&series.name), averages(series)))
-                .collect();
-            let has_any = drawn
-                .iter()
-                .any(|series| matches!(&series.marks[0], Marks::Line(line) if !line.is_empty()));
-            has_any.then(|| figure(caption, drawn))
-        })
-        .collect();
-    Some(html! {
+    let figures = groups.map(|(is_accuracy, caption)| {
+        let own = content.series.iter();
+        let own = own.filter(|series| series.is_accuracy == is_accuracy);
+        let averages = own.map(|series| Drawn::line(&named(&series.name), averages(series)));
+        figure(caption, averages.collect())
+    });
+    html! {
         p {
             "Each figure is held against mean and spread of those before it (self-starting scores), and the scores are averaged with exponential "
             "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1 it is out of control, and its chart begins anew. "
-            "All charts of the robot together leave their limits once in " (run_length(content)) " sessions without a change, or less."
+            "All charts of the robot together leave their limits once in " (run_length(content)) " sessions without a change, or less. "
+            "A figure's first two sessions have no score."
         }
-        @if figures.is_empty() { p.none { "No chart yet: three sessions of one segment are needed." } }
-        @else { div.pair { @for figure in &figures { (figure) } } }
-    })
+        div.pair { @for figure in &figures { (figure) } }
+    }
+}
+
+/// Averages over their limits, thinned where there are many; one out of control always stays.
+fn averages(series: &Series) -> Vec<[f64; 2]> {
+    let own = series.points.iter();
+    let all = own.filter_map(|point| Some([point.session as f64, point.average?]));
+    let every = series.points.len().div_ceil(MOST).max(1);
+    let kept = all.enumerate();
+    let kept =
+        kept.filter(|(place, [_, average])| place.is_multiple_of(every) || average.abs() > 1.0);
+    kept.map(|(_, point)| point).collect()
 }
 
 fn figure(caption: &str, drawn: Vec<Drawn>) -> Markup {
