@@ -21,6 +21,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use crate::io::memory::keep_what_is_freed;
 use messages::LogFormat;
 use progress::Bars;
 
@@ -72,6 +73,7 @@ enum Command {
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
+    keep_what_is_freed();
     let arguments = Arguments::parse();
     let bars = Bars::new(arguments.log_format);
     messages::start(arguments.log_format, &bars);

@@ -8,6 +8,7 @@ pub mod inspect;
 pub mod lake;
 pub mod log;
 pub mod log_writer;
+pub mod memory;
 pub mod message;
 pub mod page;
 pub mod schema;

@@ -3,7 +3,8 @@
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
 //! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
-//!    the lake yet.
+//!    the lake yet. A table whose rows come before the run is known to have a result ([`OpenTable`]) waits for it under a
+//!    temporary name ([`OpenRun::keep`]).
 //! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several that commit the same
 //!    run exactly one does, and nothing of a committed run is ever written again.
 //!

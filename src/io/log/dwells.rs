@@ -185,12 +185,14 @@ impl Reading<'_> {
         sink: &mut dyn JointSink,
     ) -> Result<(Recording, Rest), LogError> {
         let mut recording = read_session(self.logs, self.mapping, self.limits, self.progress)?;
-        tracing::warn!(
-            "{}: joint states are far out of order in time, over more than {} of them or from one file to the next: they \
+        if recording.joints.stamps.len() > 1 {
+            tracing::warn!(
+                "{}: joint states are far out of order in time, over more than {} of them or from one file to the next: they \
              were read again, and held in memory to be put in order",
-            self.logs.controller_names(),
-            JointsInOrder::HELD_BACK
-        );
+                self.logs.controller_names(),
+                JointsInOrder::HELD_BACK
+            );
+        }
         let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
         let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
         sink.begin_again();

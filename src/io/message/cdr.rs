@@ -116,11 +116,7 @@ impl Cursor<'_> {
                     row.set(slot, self.number(of)?);
                     self.layout.number(self.at - of.size(), slot, of);
                 }
-                Step::Text { slot } => {
-                    // Whether its end mark is there is not told by its count.
-                    self.layout.depends_on_more();
-                    row.set(slot, Cell::Text(self.text()?));
-                }
+                Step::Text { slot } => row.set(slot, Cell::Text(self.text()?)),
                 Step::AddNumber { slot, of } => row.list(slot).set_last(self.number(of)?),
                 Step::AddText { slot } => row.list(slot).set_last(Cell::Text(self.text()?)),
                 Step::Numbers { slot, of, count } => {
@@ -248,7 +244,7 @@ impl Cursor<'_> {
             .and_then(|rest| rest.first_chunk::<4>())
             .ok_or(MessageFault::Short)?;
         self.at = start + 4;
-        self.layout.count(start, *bytes);
+        self.layout.count(start);
         Ok(if self.big_endian {
             u32::from_be_bytes(*bytes)
         } else {
@@ -263,6 +259,7 @@ impl Cursor<'_> {
     fn text(&mut self) -> Result<Span, MessageFault> {
         let length = self.count()?;
         let (start, end) = self.elements(Primitive::U8, u64::from(length))?;
+        self.layout.text(end);
         let length = without_end_mark(&self.bytes[start..end]).len();
         Ok(Span::new(start, start + length, false))
     }

@@ -259,6 +259,53 @@ impl Row {
         self.cells.is_empty()
     }
 
+    /// The integer in a slot, if it is one.
+    #[inline]
+    pub fn integer(&self, slot: usize) -> Option<i64> {
+        match self.cells.get(slot) {
+            Some(&Cell::Integer(integer)) => Some(integer),
+            _ => None,
+        }
+    }
+
+    /// The number in a slot, if it is one.
+    #[inline]
+    pub fn number(&self, slot: usize) -> Option<f64> {
+        match self.cells.get(slot) {
+            Some(&Cell::Number(number)) => Some(number),
+            Some(&Cell::Integer(integer)) => Some(integer as f64),
+            _ => None,
+        }
+    }
+
+    /// The array of numbers in a slot, if they are stored as doubles, least byte first.
+    #[inline]
+    pub fn doubles<'m>(&self, message: &'m [u8], slot: usize) -> Option<&'m [[u8; 8]]> {
+        match self.cells.get(slot) {
+            Some(&Cell::Numbers {
+                start,
+                end,
+                of: Primitive::F64,
+                big_endian: false,
+            }) => Some(bytes(message, start, end).as_chunks().0),
+            _ => None,
+        }
+    }
+
+    /// Whether the array of strings in a slot is the one that [`Texts::remember`] wrote down. Never true of another.
+    #[inline]
+    pub fn texts_are(&self, message: &[u8], slot: usize, key: &[u8]) -> bool {
+        match self.cells.get(slot) {
+            Some(&Cell::Texts {
+                start,
+                end,
+                big_endian,
+                ..
+            }) => key.split_first() == Some((&u8::from(big_endian), bytes(message, start, end))),
+            _ => false,
+        }
+    }
+
     /// The value of the path at `slot` among the wanted ones; `message` is the one the row was filled from.
     #[inline]
     pub fn value<'m>(&'m self, message: &'m [u8], slot: usize) -> Value<'m> {

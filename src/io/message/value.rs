@@ -124,19 +124,6 @@ impl Numbers<'_> {
         self.len() == 0
     }
 
-    /// The numbers as they are stored, if that is as doubles, least byte first.
-    #[inline]
-    pub const fn doubles(&self) -> Option<&[[u8; 8]]> {
-        match self {
-            Self::Stored {
-                bytes,
-                of: Primitive::F64,
-                big_endian: false,
-            } => Some(bytes.as_chunks().0),
-            _ => None,
-        }
-    }
-
     /// The number at `index`, if there is one.
     #[inline]
     pub fn get(&self, index: usize) -> Option<f64> {

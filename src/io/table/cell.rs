@@ -4,8 +4,8 @@ use std::iter::repeat_n;
 use std::sync::Arc;
 
 use arrow::array::{
-    ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Array, Int64Builder,
-    ListArray, ListBuilder, StringArray, StringBuilder, new_null_array,
+    ArrayBuilder, ArrayRef, BooleanArray, Float64Array, Float64Builder, Int64Builder, ListArray,
+    ListBuilder, StringArray, StringBuilder, new_null_array,
 };
 use arrow::buffer::OffsetBuffer;
 use arrow::datatypes::{DataType, Field, FieldRef};
@@ -52,7 +52,9 @@ impl<V: Value> Cell for Option<V> {
 impl Value for f64 {
     const KIND: ColumnType = ColumnType::Float64;
     fn array(values: impl Iterator<Item = Option<Self>>) -> Result<ArrayRef, (usize, String)> {
-        Ok(Arc::new(values.collect::<Float64Array>()))
+        let mut column = Float64Builder::with_capacity(values.size_hint().0);
+        values.for_each(|value| column.append_option(value));
+        Ok(Arc::new(column.finish()))
     }
 }
 
@@ -70,10 +72,11 @@ macro_rules! whole_numbers {
             fn array(
                 values: impl Iterator<Item = Option<Self>>,
             ) -> Result<ArrayRef, (usize, String)> {
-                let fit = |(row, value): (usize, Option<Self>)| {
-                    value.map(|value| signed(row, value)).transpose()
-                };
-                Ok(Arc::new(values.enumerate().map(fit).collect::<Result<Int64Array, _>>()?))
+                let mut column = Int64Builder::with_capacity(values.size_hint().0);
+                for (row, value) in values.enumerate() {
+                    column.append_option(value.map(|value| signed(row, value)).transpose()?);
+                }
+                Ok(Arc::new(column.finish()))
             }
         }
     )+};

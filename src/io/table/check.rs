@@ -13,26 +13,19 @@ use super::{Table, TableError, same};
 use crate::io::schema::{ColumnSchema, ColumnType, Role, TableSchema};
 use crate::manifest::RunKey;
 
-/// The table that the columns make, if they keep its contract.
+/// The table that the columns make, if they keep its contract; those that are not given are `like` those of a table that
+/// keeps it.
 pub(super) fn table(
     schema: &'static TableSchema,
     key: Option<RunKey>,
     rows: usize,
     arrays: Vec<Option<ArrayRef>>,
+    like: Option<&Table>,
 ) -> Result<Table, TableError> {
-    let given = schema.columns.iter().zip(&arrays);
-    let missing: Vec<_> = given
-        .filter(|(_, array)| array.is_none())
-        .map(|(column, _)| column.name.clone())
-        .collect();
-    if !missing.is_empty() {
-        return Err(TableError::Missing {
-            table: schema.table.clone(),
-            columns: missing,
-        });
-    }
-    let arrays: Vec<ArrayRef> = arrays.into_iter().flatten().collect();
-    for (column, array) in schema.columns.iter().zip(&arrays) {
+    let given: Vec<bool> = arrays.iter().map(Option::is_some).collect();
+    let arrays = all(schema, arrays, like)?;
+    let columns = schema.columns.iter().zip(&arrays).zip(given);
+    for ((column, array), _) in columns.filter(|(_, given)| *given) {
         check_column(schema, column, rows, array)?;
     }
     let arrow = |source| TableError::Arrow {
@@ -48,6 +41,31 @@ pub(super) fn table(
         in_order(schema, batch, &names)?
     };
     Ok(Table { schema, key, batch })
+}
+
+/// Every column, given or `like` that of another table.
+fn all(
+    schema: &TableSchema,
+    arrays: Vec<Option<ArrayRef>>,
+    like: Option<&Table>,
+) -> Result<Vec<ArrayRef>, TableError> {
+    let known = |place: usize| like.map(|table| Arc::clone(table.batch.column(place)));
+    let arrays = arrays.into_iter().enumerate();
+    let arrays: Vec<_> = arrays
+        .map(|(place, array)| array.or_else(|| known(place)))
+        .collect();
+    let missing = schema.columns.iter().zip(&arrays);
+    let missing: Vec<_> = missing
+        .filter(|(_, array)| array.is_none())
+        .map(|(column, _)| column.name.clone())
+        .collect();
+    if missing.is_empty() {
+        return Ok(arrays.into_iter().flatten().collect());
+    }
+    Err(TableError::Missing {
+        table: schema.table.clone(),
+        columns: missing,
+    })
 }
 
 /// The rows in the schema's order, if no two have the same name.
@@ -161,27 +179,30 @@ fn not_allowed(words: &[String], array: &StringArray) -> Option<(usize, String)>
     ))
 }
 
-/// The columns that name a row, enumerations as the places of their words.
+/// The columns that name a row, enumerations as the places of their words; without enumerations that say the same in every
+/// row, by which no two differ.
 fn row_names(schema: &TableSchema, batch: &RecordBatch) -> Vec<ArrayRef> {
     let names = schema.order.iter();
-    names.map(|name| sort_key(schema, batch, name)).collect()
+    names
+        .filter_map(|name| sort_key(schema, batch, name))
+        .collect()
 }
 
-fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> ArrayRef {
+fn sort_key(schema: &TableSchema, batch: &RecordBatch, name: &str) -> Option<ArrayRef> {
     let (place, column) = schema
         .column(name)
         .expect("a schema's order names its own columns");
     let array = batch.column(place);
     let Some(words) = &column.values else {
-        return Arc::clone(array);
+        return Some(Arc::clone(array));
     };
     let texts = array.as_string::<i32>();
     let rank = |word: &str| words.iter().position(|w| w == word).map(|rank| rank as u64);
-    let ranks: UInt64Array = match same::text(texts) {
-        Some(word) => vec![rank(word); texts.len()].into(),
-        None => texts.iter().map(|word| rank(word?)).collect(),
-    };
-    Arc::new(ranks)
+    if same::text(texts).is_some() {
+        return None;
+    }
+    let ranks: UInt64Array = texts.iter().map(|word| rank(word?)).collect();
+    Some(Arc::new(ranks))
 }
 
 /// Whether each row stands behind the one before it. Without columns that name rows no row does; with nulls among them

@@ -31,6 +31,8 @@ pub struct Columns {
     rows: usize,
     key: Option<RunKey>,
     arrays: Vec<Option<ArrayRef>>,
+    /// Whose columns stand for those that are not given.
+    like: Option<Table>,
     error: Option<TableError>,
 }
 
@@ -42,7 +44,17 @@ impl Columns {
             rows,
             key: None,
             arrays: vec![None; schema.columns.len()],
+            like: None,
             error: None,
+        }
+    }
+
+    /// A table like `table`, with as many rows: columns that are not given are those of `table`, and not checked again.
+    pub fn like(table: &Table) -> Self {
+        Self {
+            key: table.key().cloned(),
+            like: Some(table.clone()),
+            ..Self::new(table.schema(), table.rows())
         }
     }
 
@@ -119,7 +131,13 @@ impl Columns {
         if let Some(error) = self.error {
             return Err(error);
         }
-        check::table(self.schema, self.key, self.rows, self.arrays)
+        check::table(
+            self.schema,
+            self.key,
+            self.rows,
+            self.arrays,
+            self.like.as_ref(),
+        )
     }
 
     /// Takes the array that `make` gives for so many rows, unless something was wrong before.
@@ -284,6 +302,25 @@ mod tests {
             let error = refusal(columns);
             assert!(error.contains(expected), "{error}");
         }
+    }
+
+    #[test]
+    fn a_table_like_another_has_its_other_columns_and_checks_those_given() {
+        let whole = |offsets: [f64; 2]| {
+            let columns =
+                parameters().column("confused_with", [vec!["base_rz".to_owned()], vec![]]);
+            columns.column("offset", offsets).finish().unwrap()
+        };
+        let first = whole([1e-4, 2e-4]);
+        // The first one's rows were put in order: those given now stand in that order already.
+        let second = Columns::like(&first)
+            .column("offset", [4e-4, 3e-4])
+            .finish();
+        assert_eq!(second.unwrap(), whole([3e-4, 4e-4]));
+        let error = refusal(Columns::like(&first).column("offset", [0.0, f64::NAN]));
+        assert!(error.contains("\"offset\", row 1: NaN"), "{error}");
+        let error = refusal(Columns::like(&first).column("offset", [0.0]));
+        assert!(error.contains("\"offset\": 1 values for 2 rows"), "{error}");
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileErro
         source,
     };
     let columns = columns(&batch, schema).map_err(content)?;
-    check::table(schema, key(&entries), batch.num_rows(), columns).map_err(content)
+    check::table(schema, key(&entries), batch.num_rows(), columns, None).map_err(content)
 }
 
 /// The file's metadata entries and its rows, as the file has them.

@@ -47,6 +47,8 @@ pub struct LogTable<'r> {
     key: RunKey,
     /// Joint samples so far.
     joints: usize,
+    /// A part of joint samples: most of its columns are those of the next one too.
+    like: Option<Table>,
     table: Result<OpenTable<'r>, PublishError>,
 }
 
@@ -57,6 +59,7 @@ impl<'r> LogTable<'r> {
             run,
             key: run.key().of_session(session),
             joints: 0,
+            like: None,
             table: Ok(OpenTable::new(run)),
         }
     }
@@ -80,10 +83,19 @@ impl JointSink for LogTable<'_> {
         let rows = self.joints..self.joints + stamps_ns.len();
         self.joints = rows.end;
         if let Ok(table) = &mut self.table {
-            let part = joint_rows(rows, stamps_ns.iter().copied(), angles, &self.key);
-            let appended = part.and_then(|part| Ok(table.append(&part)?));
-            if let Err(error) = appended {
-                self.table = Err(error);
+            let like = self.like.as_ref().filter(|like| like.rows() == rows.len());
+            let stamps_ns = stamps_ns.iter().copied();
+            let part = match like {
+                Some(like) => more_joint_rows(rows, stamps_ns, angles, like),
+                None => joint_rows(rows, stamps_ns, angles, &self.key),
+            };
+            let appended = part.and_then(|part| {
+                table.append(&part)?;
+                Ok(part)
+            });
+            match appended {
+                Ok(part) => self.like = Some(part),
+                Err(error) => self.table = Err(error),
             }
         }
     }
@@ -156,6 +168,20 @@ fn command_rows(
         rows,
     )
     .finish()?)
+}
+
+/// Further joint samples, as many as a part `like` this one has.
+fn more_joint_rows(
+    rows: Rows,
+    stamps_ns: impl Iterator<Item = i64>,
+    angles: &[&[f64]],
+    like: &Table,
+) -> Result<Table, PublishError> {
+    let table = Columns::like(like)
+        .column("sample", rows)
+        .column("stamp_ns", stamps_ns)
+        .across("joints_rad", angles);
+    Ok(table.finish()?)
 }
 
 /// Stamps and angles (rad, a column a joint) of these rows only.

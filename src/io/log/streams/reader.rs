@@ -70,7 +70,10 @@ pub struct Part {
 #[derive(Debug, Default)]
 struct JointOrder {
     names: Vec<u8>,
+    /// For each joint of the arm; fewer where some were not found.
     places: Vec<usize>,
+    /// How many names there are.
+    of: usize,
 }
 
 /// The values of one message.
@@ -177,17 +180,21 @@ impl<'m> Values<'m> {
     }
 
     fn number(self, slot: usize) -> Result<f64, RowFault> {
-        match self.get(slot) {
-            Value::Absent => Err(RowFault::NoValue(slot)),
-            value => value.number().ok_or(RowFault::NoNumber(slot)),
-        }
+        let fault = || match self.get(slot) {
+            Value::Absent => RowFault::NoValue(slot),
+            _ => RowFault::NoNumber(slot),
+        };
+        self.row.number(slot).ok_or_else(fault)
     }
 
     /// Seconds and nanoseconds in the first two places.
     fn time(self) -> Result<i64, RowFault> {
-        let integer = |slot| match self.get(slot) {
-            Value::Absent => Err(RowFault::NoValue(slot)),
-            value => value.integer().ok_or(RowFault::Stamp),
+        let integer = |slot| {
+            let fault = || match self.get(slot) {
+                Value::Absent => RowFault::NoValue(slot),
+                _ => RowFault::Stamp,
+            };
+            self.row.integer(slot).ok_or_else(fault)
         };
         let (sec, nanosec) = (integer(0)?, integer(1)?);
         if !(0..1_000_000_000).contains(&nanosec) {
@@ -234,6 +241,9 @@ impl JointOrder {
         joint_names: &[String],
         joints: &mut DecodedJoints,
     ) -> Result<(), RowFault> {
+        if self.reads_as_before(values, first, joints) {
+            return Ok(());
+        }
         let (names, angles) = (values.get(first), values.get(first + 1));
         let names = names.texts().ok_or(RowFault::NoArray(first))?;
         let angles = angles.numbers().ok_or(RowFault::NoArray(first + 1))?;
@@ -244,14 +254,8 @@ impl JointOrder {
         if self.places.len() != joint_names.len() || !names.are(&self.names) {
             self.find(&names, joint_names)?;
         }
-        // Nearly all store them as doubles.
-        let doubles = angles.doubles();
-        let angle = |place: usize| match doubles {
-            Some(doubles) => doubles.get(place).map(|&bytes| f64::from_le_bytes(bytes)),
-            None => angles.get(place),
-        };
         for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
-            match angle(place) {
+            match angles.get(place) {
                 Some(angle) => column.push(angle),
                 None => return Err(take_back(joints, RowFault::NoNumber(first + 1))),
             }
@@ -259,8 +263,31 @@ impl JointOrder {
         Ok(())
     }
 
+    /// Takes the angles where names and form are those of nearly every message: the same ones again, and doubles.
+    #[inline]
+    fn reads_as_before(
+        &self,
+        values: Values<'_>,
+        first: usize,
+        joints: &mut DecodedJoints,
+    ) -> bool {
+        let Values { row, payload } = values;
+        let Some(angles) = row.doubles(payload, first + 1) else {
+            return false;
+        };
+        let known = self.places.len() == joints.angles.len() && angles.len() == self.of;
+        if !known || !row.texts_are(payload, first, &self.names) {
+            return false;
+        }
+        for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
+            column.push(f64::from_le_bytes(angles[place]));
+        }
+        true
+    }
+
     fn find(&mut self, names: &Texts<'_>, joints: &[String]) -> Result<(), RowFault> {
         self.places.clear();
+        self.of = names.len();
         for (place, joint) in joints.iter().enumerate() {
             let mut found = names
                 .iter()

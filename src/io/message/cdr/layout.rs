@@ -2,16 +2,20 @@
 //!
 //! Where everything stands in a message follows from its encapsulation and the counts in it. A message as long as the
 //! one before, with the same counts at the same places, is laid out alike: what was found in it stands there again,
-//! and only single numbers have to be read anew.
+//! and only single numbers have to be read anew. The texts behind counts are compared with them: frames and names hardly
+//! ever change, and a few long stretches of bytes are compared faster than many short ones.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::HEADER;
 use crate::io::message::Primitive;
 use crate::io::message::row::{Cell, number};
 
-/// More counts than this are not worth comparing.
-const MOST_COUNTS: usize = 32;
+/// More stretches or numbers than this are not worth comparing.
+const MOST: usize = 32;
+/// Bytes between two stretches that may be padding: they are compared too, though they may hold anything.
+const PADDING: usize = 3;
 
 /// What the layout of a message follows from.
 #[derive(Debug, Clone, Default)]
@@ -20,8 +24,9 @@ pub struct Layout {
     plan: Option<Arc<()>>,
     length: usize,
     header: [u8; HEADER],
-    /// Place and bytes.
-    counts: Vec<(usize, [u8; 4])>,
+    /// Counts, and the texts between them: where they lie, and their bytes one behind the other.
+    stretches: Vec<Range<usize>>,
+    same: Vec<u8>,
     /// Single numbers: place, slot, as what.
     numbers: Vec<(usize, usize, Primitive)>,
     big_endian: bool,
@@ -33,23 +38,31 @@ impl Layout {
     /// The next message has to be walked.
     pub fn forget(&mut self) {
         self.plan = None;
-        self.counts.clear();
+        self.stretches.clear();
         self.numbers.clear();
         self.is_other = false;
     }
 
     /// A count was read.
-    pub fn count(&mut self, place: usize, bytes: [u8; 4]) {
-        if self.counts.len() < MOST_COUNTS {
-            self.counts.push((place, bytes));
-        } else {
-            self.is_other = true;
+    pub fn count(&mut self, place: usize) {
+        let is_full = self.stretches.len() == MOST;
+        match self.stretches.last_mut() {
+            Some(last) if (last.end..=last.end + PADDING).contains(&place) => last.end = place + 4,
+            _ if is_full => self.is_other = true,
+            _ => self.stretches.push(place..place + 4),
+        }
+    }
+
+    /// A text that ends there was read, right behind its count.
+    pub fn text(&mut self, end: usize) {
+        if let Some(last) = self.stretches.last_mut() {
+            last.end = end;
         }
     }
 
     /// A single number was taken.
     pub fn number(&mut self, place: usize, slot: usize, of: Primitive) {
-        if self.numbers.len() < MOST_COUNTS {
+        if self.numbers.len() < MOST {
             self.numbers.push((place, slot, of));
         } else {
             self.is_other = true;
@@ -69,21 +82,25 @@ impl Layout {
             self.length = message.len();
             self.header = *header;
             self.big_endian = big_endian;
+            self.same.clear();
+            for stretch in &self.stretches {
+                self.same.extend_from_slice(&message[stretch.clone()]);
+            }
         }
     }
 
     /// Whether `message` is laid out alike for `plan`.
     #[inline]
     pub fn is_of(&self, plan: &Arc<()>, message: &[u8]) -> bool {
-        let same = |&(place, bytes): &(usize, [u8; 4])| {
-            message
-                .get(place..place + 4)
-                .is_some_and(|found| found == bytes)
+        let mut same = self.same.as_slice();
+        let mut is_same = |stretch: &Range<usize>| {
+            let known = same.split_off(..stretch.len());
+            known.is_some_and(|known| message.get(stretch.clone()) == Some(known))
         };
         self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan))
             && message.len() == self.length
             && message.starts_with(&self.header)
-            && self.counts.iter().all(same)
+            && self.stretches.iter().all(&mut is_same)
     }
 
     /// Reads the single numbers of a message laid out alike: slot and value.

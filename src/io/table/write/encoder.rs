@@ -1,7 +1,7 @@
 //! Tables → the bytes of row groups.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
 use arrow::datatypes::DataType;
@@ -22,6 +22,8 @@ pub struct Encoder {
     /// What a table is of stands in each of its rows, and much is absent in all of them: encoded once for so many rows,
     /// such a column is the same bytes again in every row group of as many.
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
+    /// The array of each such column that came last: where it comes again it need not be looked at.
+    latest: Mutex<Vec<Option<(ArrayRef, Arc<EncodedColumn>)>>>,
 }
 
 /// A column that says the same in all rows.
@@ -61,6 +63,7 @@ impl Encoder {
             schema: ArrowSchemaConverter::new().convert(&table.batch.schema())?,
             properties: Arc::new(properties(table)),
             uniform: Mutex::default(),
+            latest: Mutex::new(vec![None; table.batch.num_columns()]),
         })
     }
 
@@ -75,6 +78,9 @@ impl Encoder {
     /// The row groups of a table: the same bytes on any thread, whatever was encoded before.
     pub fn encode(&self, part: &Table) -> Result<RowGroups, ParquetError> {
         let rows = part.rows();
+        if (1..=ROW_GROUP_ROWS).contains(&rows) {
+            return Ok(RowGroups(vec![self.row_group(&part.batch)?]));
+        }
         let firsts = (0..rows).step_by(ROW_GROUP_ROWS);
         let group = |first| part.batch.slice(first, ROW_GROUP_ROWS.min(rows - first));
         firsts
@@ -91,20 +97,41 @@ impl Encoder {
     }
 
     fn column(&self, place: usize, array: &ArrayRef) -> Result<Arc<EncodedColumn>, ParquetError> {
+        if let Some(column) = self.again(place, array) {
+            return Ok(column);
+        }
         let Some(says) = says(array) else {
             return self.fresh(place, array);
         };
+        let column = self.saying(place, array, says)?;
+        locked(&self.latest)[place] = Some((Arc::clone(array), Arc::clone(&column)));
+        Ok(column)
+    }
+
+    /// What the column became when it was the very same array.
+    fn again(&self, place: usize, array: &ArrayRef) -> Option<Arc<EncodedColumn>> {
+        let latest = locked(&self.latest);
+        let (known, column) = latest[place].as_ref()?;
+        std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(array)).then(|| Arc::clone(column))
+    }
+
+    /// A column that says the same in all rows.
+    fn saying(
+        &self,
+        place: usize,
+        array: &ArrayRef,
+        says: Says,
+    ) -> Result<Arc<EncodedColumn>, ParquetError> {
         let uniform = Uniform {
             column: place,
             rows: array.len(),
             says,
         };
-        let known = || self.uniform.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(column) = known().get(&uniform) {
+        if let Some(column) = locked(&self.uniform).get(&uniform) {
             return Ok(Arc::clone(column));
         }
         let column = self.fresh(place, array)?;
-        known().insert(uniform, Arc::clone(&column));
+        locked(&self.uniform).insert(uniform, Arc::clone(&column));
         Ok(column)
     }
 
@@ -112,6 +139,10 @@ impl Encoder {
         let column = self.schema.column(place);
         Ok(Arc::new(encode(column, self.properties(), array)?))
     }
+}
+
+fn locked<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// What all rows say, if they say the same.
