@@ -76,7 +76,6 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
     };
     JoinedSession {
         name: "monday".to_owned(),
-        log: None,
         log_rejects: vec![],
         counts: BTreeMap::default(),
         commanded: commanded(&joined.stations, arm, &frames),
