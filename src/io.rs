@@ -10,6 +10,7 @@ pub mod log_writer;
 pub mod message;
 pub mod page;
 pub mod schema;
+pub mod store;
 pub mod table;
 pub mod tables;
 pub mod targets;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::num::NonZeroUsize;
 use std::panic::{self, AssertUnwindSafe};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
@@ -14,6 +14,7 @@ use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
 use crate::io::lake::Lake;
+use crate::io::store::Place;
 use crate::pipeline::plan::{Overrides, Plan, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
@@ -79,7 +80,14 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         messages::result(work(&plan));
         return DONE;
     }
-    clean(&Lake::new(&plan.lake));
+    let lake = match Lake::at(&plan.lake) {
+        Ok(lake) => lake,
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            return NO_RESULT;
+        }
+    };
+    clean(&lake);
     let endings = all(&plan, args.jobs, bars);
     messages::result(summary(&plan, &endings));
     exit_code(&endings)
@@ -217,11 +225,12 @@ fn verdict(verdict: &Verdict) -> String {
     }
 }
 
-/// A path as seen from the working folder, where it lies in it.
-pub fn near(path: &Path) -> PathBuf {
+/// A place as seen from the working folder, where it lies in it.
+pub fn near(place: &Place) -> Place {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
-    let inside = here.ok().and_then(|here| path.strip_prefix(here).ok());
-    inside.unwrap_or(path).to_owned()
+    let path = place.as_path();
+    let inside = path.and_then(|path| path.strip_prefix(here.ok()?).ok());
+    inside.map_or_else(|| place.clone(), Place::of)
 }
 
 fn exit_code(endings: &[Ending]) -> u8 {
@@ -251,8 +260,8 @@ mod tests {
             verdict,
             rejected: Vec::new(),
             words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
-            tables: PathBuf::from("lake"),
-            page: Some(PathBuf::from("lake/report/r/a/00ff.html")),
+            tables: Place::of("lake"),
+            page: Some(Place::of("lake/report/r/a/00ff.html")),
         })
     }
 

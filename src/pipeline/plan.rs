@@ -24,6 +24,7 @@ use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
 use crate::io::log::Limits;
+use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest;
@@ -68,8 +69,8 @@ pub struct Plan {
     pub left_out: Vec<LeftOut>,
     /// What is legal and yet worth knowing.
     pub remarks: Vec<&'static str>,
-    /// The folder of the published tables.
-    pub lake: PathBuf,
+    /// Where the published tables are.
+    pub lake: Place,
     /// Whether decoded samples are published.
     pub logs: bool,
     /// The id of the sampling plan that the sessions were measured by, where their logs do not say it.
@@ -83,7 +84,7 @@ pub struct Overrides {
     pub sessions: Vec<String>,
     /// Sessions that only judge, instead of `[input] test`; empty for none.
     pub test: Vec<String>,
-    /// The folder of the published tables, relative to the working folder, instead of `[output] lake`.
+    /// The folder of the published tables, relative to the working folder, instead of `[output] lake`; or an address on object storage.
     pub lake: Option<PathBuf>,
 }
 
@@ -120,10 +121,7 @@ impl Plan {
             left_out: listed.left_out,
             logs: file.output.logs,
             sampling_plan: file.report.plan,
-            lake: match &overrides.lake {
-                Some(lake) => lake.clone(),
-                None => lake,
-            },
+            lake: usable(overrides.lake.as_deref(), lake)?,
         })
     }
 }
@@ -156,6 +154,21 @@ fn folder_of(path: &Path) -> Result<PathBuf, PlanError> {
         source,
     })?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
+}
+
+/// The lake that the command line names, or else the file's, if this program can use it.
+pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, PlanError> {
+    let lake = named.map_or(of_file, Place::of);
+    store::at(&lake)?;
+    Ok(lake)
+}
+
+/// What a person wrote in a file in `base`, as [`resolved`] where it is a path.
+fn placed_at(base: &Path, written: &Path) -> Place {
+    match Place::of(written) {
+        Place::Path(path) => Place::Path(resolved(base, &path)),
+        url @ Place::Url(_) => url,
+    }
 }
 
 /// `path` relative to `base`, which has no symbolic links, with leading `..` taken off it.

@@ -8,15 +8,16 @@ mod cell;
 mod checks;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{PlanError, files, placed};
+use super::plan::{PlanError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::page::{self, plan::About};
+use crate::io::store::Place;
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Outcome, RunKey, StageCount, Work};
@@ -35,8 +36,8 @@ pub struct Planning {
     pub arm: Arm,
     /// What the plan follows from.
     pub settings: PlanSettings,
-    /// The folder of published tables.
-    pub lake: PathBuf,
+    /// Where the published tables are.
+    pub lake: Place,
     command_from_base: Isometry3<f64>,
     pub(super) work: Work,
 }
@@ -51,7 +52,7 @@ pub struct Planned {
     /// Whether it is shown to meet the tolerance.
     pub is_met: bool,
     /// Where its page is; plans of versions that wrote none have none.
-    pub page: Option<PathBuf>,
+    pub page: Option<Place>,
 }
 
 /// Why there is no plan.
@@ -121,7 +122,7 @@ impl Planning {
         Ok(Self {
             arm: read.arm,
             settings,
-            lake: lake.map_or(read.lake, Path::to_owned),
+            lake: usable(lake, read.lake)?,
             command_from_base: base_from_command.inverse(),
             work,
         })
@@ -130,7 +131,7 @@ impl Planning {
     /// Makes the plan and publishes it, unless the lake has it.
     pub fn make(&self, progress: &dyn Progress) -> Result<Planned, PlanningError> {
         let key = self.work.key();
-        let lake = Lake::new(&self.lake);
+        let lake = Lake::at(&self.lake)?;
         let mut made = None;
         if !lake.exists(&key)? {
             let plan = plan::plan(&self.arm, &self.settings, progress)?;

@@ -25,6 +25,7 @@ use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::log::{LogError, read_dwells, read_session};
 use crate::io::page::Said;
+use crate::io::store::Place;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::join::rest::Rest;
 use crate::join::{JoinError, join, join_at_rest};
@@ -48,9 +49,9 @@ pub struct Done {
     /// What came out, line by line.
     pub words: Vec<String>,
     /// Where its tables are.
-    pub tables: PathBuf,
+    pub tables: Place,
     /// Where its page is; runs of versions that wrote none have none.
-    pub page: Option<PathBuf>,
+    pub page: Option<Place>,
 }
 
 impl Done {
@@ -129,7 +130,7 @@ pub fn run_piece(
     let mut recordings = BTreeMap::new();
     let work = work(plan, piece, &mut recordings, progress)?;
     let key = work.key();
-    let lake = Lake::new(&plan.lake);
+    let lake = Lake::at(&plan.lake)?;
     if lake.exists(&key)? {
         return already_there(plan, &lake, &key);
     }
@@ -182,9 +183,9 @@ fn said(
 }
 
 /// Where the page of a run is, if it has one.
-pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
+pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError> {
     let page = lake.page(key)?;
-    Ok(page.is_file().then_some(page))
+    Ok(lake.has_page(key)?.then_some(page))
 }
 
 /// The work's identity. A log is only read here where nothing else names the robot.
@@ -305,7 +306,7 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
         ],
-        tables: lake.root().to_owned(),
+        tables: lake.root(),
         page: page(lake, key)?,
     })
 }

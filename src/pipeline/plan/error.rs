@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::geometry::PlacementError;
+use crate::io::store::StoreError;
 use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
@@ -143,6 +144,9 @@ pub enum PlanError {
     /// The settings cannot be written down.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
+    /// The place of the tables, or of the sessions, cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
 }
 
 fn listed(names: &[String]) -> String {
