@@ -1,6 +1,7 @@
 //! The pipeline: a file becomes a checked plan, a plan becomes pieces of work, and each piece is one run.
 
 pub mod damage;
+pub mod fetch;
 pub mod file;
 pub mod outcome;
 pub mod plan;

@@ -67,7 +67,11 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         Ok(plan) => plan,
         Err(error) => {
             tracing::error!("{error}");
-            return BAD_USAGE;
+            return if error.is_worth_a_retry() {
+                NO_RESULT
+            } else {
+                BAD_USAGE
+            };
         }
     };
     for left in &plan.left_out {

@@ -15,6 +15,7 @@ mod place;
 
 use std::fmt::Debug;
 use std::fs::File;
+use std::io;
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
@@ -48,6 +49,14 @@ pub trait Store: Debug + Send + Sync {
     /// A file as it was listed; where the store has tags, one that changed since is an error.
     fn open_listed(&self, listed: &Listed) -> Result<File, StoreError> {
         self.open(&listed.key)
+    }
+
+    /// Copies such a file into one of this machine.
+    fn copy_to(&self, listed: &Listed, mut to: File) -> Result<(), StoreError> {
+        let mut from = self.open_listed(listed)?;
+        let place = self.place(&listed.key).named();
+        let copied = io::copy(&mut from, &mut to);
+        copied.map(drop).map_err(StoreError::folder("copy", &place))
     }
 
     /// Several such files; a store that answers slowly is asked for some at a time.

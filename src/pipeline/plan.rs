@@ -12,6 +12,7 @@ mod error;
 pub mod files;
 mod logs;
 mod sessions;
+mod tree;
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -33,6 +34,7 @@ use crate::report::evaluate::RefitSettings;
 pub use error::PlanError;
 pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, WorkPiece};
+pub use tree::Tree;
 
 /// A checked pipeline: what to do, on which files, with which settings.
 #[derive(Debug, Clone)]
@@ -63,6 +65,8 @@ pub struct Plan {
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
     pub settings: String,
+    /// Where the sessions' logs stand.
+    pub tree: Tree,
     /// What there is to do.
     pub pieces: Vec<WorkPiece>,
     /// Sub-folders that are no session.
@@ -99,8 +103,9 @@ impl Plan {
             lake,
         } = files::read(path)?;
         let placed = Placed::new(path, &file)?;
-        let folder = resolved(&base, &file.input.folder);
-        let listed = sessions::list(path, &folder, &file.input, overrides)?;
+        let folder = placed_at(&base, &file.input.folder);
+        let tree = Tree::at(&folder)?;
+        let listed = sessions::list(path, &tree, &folder.named(), &file.input, overrides)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),
@@ -117,6 +122,7 @@ impl Plan {
             max_lost_share: file.input.max_lost_share,
             max_rejected_share: file.input.max_rejected_share,
             join: file.join,
+            tree,
             pieces: listed.pieces,
             left_out: listed.left_out,
             logs: file.output.logs,

@@ -12,6 +12,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::damage::{self, DamageError};
+use super::fetch::{FetchError, Fetched};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
@@ -119,14 +120,30 @@ pub enum RunError {
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
+    /// The logs cannot be fetched.
+    #[error(transparent)]
+    Fetch(#[from] FetchError),
+    /// Any of these, of logs that were fetched, in words that name what they are copies of.
+    #[error("{0}")]
+    Copied(String),
 }
 
-/// Does one piece of work.
+/// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
     plan: &Plan,
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
+    let fetched = Fetched::of(&plan.tree, piece)?;
+    let done = run_local(plan, fetched.piece(), progress);
+    done.map_err(|error| match fetched.is_copied() {
+        true => RunError::Copied(fetched.told(&error.to_string())),
+        false => error,
+    })
+}
+
+/// Does one piece of work whose logs stand on this machine.
+fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<Done, RunError> {
     let mut recordings = BTreeMap::new();
     let work = work(plan, piece, &mut recordings, progress)?;
     let key = work.key();

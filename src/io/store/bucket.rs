@@ -147,12 +147,21 @@ impl Bucket {
         })
     }
 
-    /// Fetches an object as it was listed, a few blocks at once, into a file without a name.
+    /// Fetches an object as it was listed into a file without a name.
     async fn fetch(&self, listed: &Listed) -> Result<File, StoreError> {
-        let object = self.object(&listed.key)?;
         let local = std::env::temp_dir();
         let local_error = StoreError::folder("write a temporary in", &local);
         let mut file = tempfile::tempfile().map_err(&local_error)?;
+        self.fetch_into(listed, &mut file).await?;
+        file.rewind().map_err(&local_error)?;
+        Ok(file)
+    }
+
+    /// Fetches an object as it was listed, a few blocks at once.
+    async fn fetch_into(&self, listed: &Listed, file: &mut File) -> Result<(), StoreError> {
+        let object = self.object(&listed.key)?;
+        let local = std::env::temp_dir();
+        let local_error = StoreError::folder("write a temporary in", &local);
         let starts = (0..listed.bytes).step_by(usize_of(PART_BYTES));
         let block = |start: u64| {
             let options = GetOptions {
@@ -169,8 +178,7 @@ impl Bucket {
             let block = block.map_err(|error| self.told("read", &listed.key, &error))?;
             file.write_all(&block).map_err(&local_error)?;
         }
-        file.rewind().map_err(&local_error)?;
-        Ok(file)
+        Ok(())
     }
 
     /// The folder of this store's temporaries.
@@ -222,6 +230,10 @@ impl Store for Bucket {
 
     fn open_listed(&self, listed: &Listed) -> Result<File, StoreError> {
         self.runtime.block_on(self.fetch(listed))
+    }
+
+    fn copy_to(&self, listed: &Listed, mut to: File) -> Result<(), StoreError> {
+        self.runtime.block_on(self.fetch_into(listed, &mut to))
     }
 
     fn open_all(&self, listed: &[Listed]) -> Vec<Result<File, StoreError>> {

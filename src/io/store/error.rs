@@ -105,6 +105,18 @@ impl StoreError {
         }
     }
 
+    /// Whether the same may go well another time: nothing is wrong with what was asked for.
+    pub const fn is_worth_a_retry(&self) -> bool {
+        use BucketTrouble::{Changed, NoAnswer};
+        matches!(
+            self,
+            Self::Bucket {
+                trouble: NoAnswer | Changed,
+                ..
+            }
+        )
+    }
+
     /// Whether there is nothing there, rather than nothing to be had.
     pub fn is_not_found(&self) -> bool {
         match self {

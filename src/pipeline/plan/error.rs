@@ -164,3 +164,10 @@ fn besides(left_out: &[String]) -> String {
         format!("; left out: {}", left_out.join(", "))
     }
 }
+
+impl PlanError {
+    /// Whether the same may go well another time: nothing is wrong with the pipeline file.
+    pub const fn is_worth_a_retry(&self) -> bool {
+        matches!(self, Self::Store(error) if error.is_worth_a_retry())
+    }
+}

@@ -3,16 +3,16 @@
 //! A pattern is a path in the folder whose last part may hold `*` (any letters) and `?` (one letter), as recorders number
 //! the files of a split recording. Every pattern has to find a file, and none may find a file twice.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::tree::Tree;
 use crate::pipeline::file::LogNames;
 
 /// The files of one side, by name; or what the folder lacks.
-pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, String> {
+pub(super) fn find(tree: &Tree, folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, String> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
-        let files = matching(folder, pattern);
+        let files = matching(tree, folder, pattern);
         if files.is_empty() {
             return Err(format!("it has no {pattern}"));
         }
@@ -28,30 +28,29 @@ pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Stri
     Ok(found)
 }
 
-fn matching(folder: &Path, pattern: &str) -> Vec<PathBuf> {
+fn matching(tree: &Tree, folder: &Path, pattern: &str) -> Vec<PathBuf> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
         return Vec::new();
     };
     let last = last.to_string_lossy();
-    if !last.contains(['*', '?']) || whole.is_file() {
-        return if whole.is_file() {
+    if !last.contains(['*', '?']) || tree.is_file(&whole) {
+        return if tree.is_file(&whole) {
             vec![whole]
         } else {
             Vec::new()
         };
     }
     let letters: Vec<char> = last.chars().collect();
-    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
+    let entries = tree.entries(parent).unwrap_or_default().into_iter();
     let mut found: Vec<PathBuf> = entries
-        .filter(|entry| {
-            let name = entry.file_name();
+        .filter(|path| {
+            let name = path.file_name().unwrap_or_default();
             let name: Vec<char> = name.to_string_lossy().chars().collect();
             // A hidden file is a temporary of some program; a pattern has to say that it means it.
             (name.first() != Some(&'.') || letters.first() == Some(&'.')) && fits(&letters, &name)
         })
-        .map(|entry| entry.path())
-        .filter(|path| path.is_file())
+        .filter(|path| tree.is_file(path))
         .collect();
     found.sort();
     found
@@ -82,6 +81,8 @@ fn fits(pattern: &[char], name: &[char]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
@@ -106,7 +107,7 @@ mod tests {
         fs::create_dir(folder.path().join("arm_3.mcap")).expect("writable");
         let find = |names: &[&str]| {
             let names = names.iter().map(|&name| name.to_owned()).collect();
-            let found = find(folder.path(), &LogNames::Several(names))?;
+            let found = find(&Tree::Folder, folder.path(), &LogNames::Several(names))?;
             let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
             Ok::<_, String>(found.into_iter().map(name).collect::<Vec<_>>())
         };

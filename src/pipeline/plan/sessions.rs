@@ -1,10 +1,10 @@
 //! Sessions: which sub-folders are one, which of them are learnt from and which judge, and in which pieces of work.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::io;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Component, Path};
 
+use super::tree::Tree;
 use super::{Overrides, PlanError, logs};
 use crate::io::log::SessionLogs;
 use crate::pipeline::file::{InputSection, Pool};
@@ -48,14 +48,15 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Lists the work: `folder` is `[input] folder`, resolved.
+/// Lists the work: `folder` is `[input] folder`, resolved, in `tree`.
 pub(super) fn list(
     path: &Path,
+    tree: &Tree,
     folder: &Path,
     input: &InputSection,
     overrides: &Overrides,
 ) -> Result<Listed, PlanError> {
-    let found = Found::look(folder, input).map_err(|source| PlanError::Folder {
+    let found = Found::look(tree, folder, input).map_err(|source| PlanError::Folder {
         path: path.to_owned(),
         folder: folder.to_owned(),
         source,
@@ -128,6 +129,7 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), PlanError> {
 
 /// What the sessions' folder holds.
 struct Found<'a> {
+    tree: &'a Tree,
     folder: &'a Path,
     input: &'a InputSection,
     sessions: Vec<SessionFiles>,
@@ -136,17 +138,16 @@ struct Found<'a> {
 
 impl<'a> Found<'a> {
     /// Every sub-folder, by name.
-    fn look(folder: &'a Path, input: &'a InputSection) -> io::Result<Self> {
+    fn look(tree: &'a Tree, folder: &'a Path, input: &'a InputSection) -> io::Result<Self> {
         let mut found = Self {
+            tree,
             folder,
             input,
             sessions: Vec::new(),
             left_out: Vec::new(),
         };
-        let entries = fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
-        let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
-        paths.sort();
-        for path in paths.into_iter().filter(|path| path.is_dir()) {
+        let paths = tree.entries(folder)?.into_iter();
+        for path in paths.filter(|path| tree.is_dir(path)) {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             match found.session(&name) {
                 Ok(session) => found.sessions.push(session),
@@ -171,14 +172,14 @@ impl<'a> Found<'a> {
             ));
         }
         let own = self.folder.join(name);
-        if !own.is_dir() {
+        if !self.tree.is_dir(&own) {
             return Err("there is no such folder".to_owned());
         }
         Ok(SessionFiles {
             name: name.to_owned(),
             logs: SessionLogs {
-                controller: logs::find(&own, &self.input.controller)?,
-                tracker: logs::find(&own, &self.input.tracker)?,
+                controller: logs::find(self.tree, &own, &self.input.controller)?,
+                tracker: logs::find(self.tree, &own, &self.input.tracker)?,
             },
         })
     }

@@ -1,0 +1,118 @@
+//! Logs on object storage → local copies to read, under names of our own.
+//!
+//! Input: a piece of work as it was listed. Output: [`Fetched`], the same piece with paths that can be read; its copies go with
+//! it. Nothing of an object's name becomes part of a path. A log that is not what was listed any more is an error.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use thiserror::Error;
+
+use super::plan::{SessionFiles, Tree, WorkPiece};
+use crate::io::lake::temporary;
+use crate::io::store::StoreError;
+
+/// What folders of copies are named by.
+const COPIES: &str = "posegrid-logs";
+
+/// A piece of work whose logs can be read.
+#[derive(Debug)]
+pub struct Fetched {
+    piece: WorkPiece,
+    /// Copies, by the address of what they are of.
+    copies: BTreeMap<PathBuf, PathBuf>,
+    /// Their folder; `None` where the logs are read where they stand.
+    _folder: Option<TempDir>,
+}
+
+/// Why logs cannot be fetched.
+#[derive(Debug, Error)]
+pub enum FetchError {
+    /// The storage did not give one.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The copy cannot be written.
+    #[error("cannot write a copy of {} in {}: {source}; TMPDIR names the folder that copies are made in", of.display(), folder.display())]
+    Copy {
+        /// What was copied.
+        of: PathBuf,
+        /// The folder of temporaries.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl Fetched {
+    /// Fetches the logs of a piece of work, where they do not stand on this machine.
+    pub fn of(tree: &Tree, piece: &WorkPiece) -> Result<Self, FetchError> {
+        let mut fetched = Self {
+            piece: piece.clone(),
+            copies: BTreeMap::new(),
+            _folder: None,
+        };
+        if let Tree::Folder = tree {
+            return Ok(fetched);
+        }
+        temporary::clean_folders(COPIES);
+        let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
+        for files in logs_of(&mut fetched.piece) {
+            let known = fetched.copies.len() + 1;
+            let copy = match fetched.copies.get(files) {
+                Some(copy) => copy.clone(),
+                None => fetch(tree, files, &folder.path().join(format!("{known}.mcap")))?,
+            };
+            let address = std::mem::replace(files, copy.clone());
+            fetched.copies.insert(address, copy);
+        }
+        fetched._folder = Some(folder);
+        Ok(fetched)
+    }
+
+    /// The piece of work, with paths that can be read.
+    pub const fn piece(&self) -> &WorkPiece {
+        &self.piece
+    }
+
+    /// A message in which copies go by the addresses of what they are of.
+    pub fn told(&self, message: &str) -> String {
+        let told = |text: String, (address, copy): (&PathBuf, &PathBuf)| {
+            text.replace(&copy.display().to_string(), &address.display().to_string())
+        };
+        self.copies.iter().fold(message.to_owned(), told)
+    }
+
+    /// Whether anything was copied.
+    pub fn is_copied(&self) -> bool {
+        !self.copies.is_empty()
+    }
+}
+
+/// Every path to a log of a piece of work.
+fn logs_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
+    let sessions = piece.training.iter_mut().chain(&mut piece.test);
+    sessions
+        .flat_map(|SessionFiles { logs, .. }| logs.controller.iter_mut().chain(&mut logs.tracker))
+}
+
+/// Copies what stands at an address.
+fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError> {
+    let Tree::Listed { store, files } = tree else {
+        return Ok(address.to_owned());
+    };
+    let listed = files.get(address).expect("a log that was listed");
+    let file = File::options().write(true).create_new(true).open(copy);
+    store.copy_to(listed, file.map_err(wrong(address))?)?;
+    Ok(copy.to_owned())
+}
+
+fn wrong(of: &Path) -> impl Fn(io::Error) -> FetchError + use<'_> {
+    move |source| FetchError::Copy {
+        of: of.to_owned(),
+        folder: std::env::temp_dir(),
+        source,
+    }
+}
