@@ -68,7 +68,7 @@ pub trait Store: Debug + Send + Sync {
     }
 
     /// The files that stand so many folders below a folder, in the order of their names, part by part; none where there
-    /// is no such folder. Names that begin with a dot are temporaries: neither they nor what is in them is listed.
+    /// is no such folder. Files whose names begin with a dot are temporaries, and not listed.
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError>;
 
     /// A local file to write what is to stand under the key.

@@ -96,7 +96,7 @@ fn a_dead_endpoint_ends_and_is_worth_another_try() {
     let silent = Stub::answering(None);
     let changes = [
         ("AWS_ENDPOINT_URL", Some(silent.url.as_str())),
-        ("AWS_TIMEOUT", Some("200 ms")),
+        ("AWS_TIMEOUT", Some("200ms")),
     ];
     run_with(&remote, &changes).expect(1, &["no answer", "check the network"]);
     assert_eq!(silent.requests(), 4, "tried once, and three times more");

@@ -138,8 +138,8 @@ impl Bucket {
             "" => key,
             below => key.strip_prefix(below)?.strip_prefix('/')?,
         };
-        let is_wanted = levels.contains(&rest.matches('/').count())
-            && !rest.split('/').any(|part| part.starts_with('.'));
+        let name = rest.rsplit('/').next().unwrap_or(rest);
+        let is_wanted = levels.contains(&rest.matches('/').count()) && !name.starts_with('.');
         is_wanted.then(|| Listed {
             key: key.to_owned(),
             tag: found.e_tag,
@@ -174,9 +174,15 @@ impl Bucket {
             async { self.client.get_opts(&object, options).await?.bytes().await }
         };
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
+        let mut fetched = 0;
         while let Some(block) = blocks.next().await {
             let block = block.map_err(|error| self.told("read", &listed.key, &error))?;
             file.write_all(&block).map_err(&local_error)?;
+            fetched += block.len() as u64;
+        }
+        // Storage that has no tags, or does not heed them.
+        if fetched != listed.bytes {
+            return Err(trouble::changed("read", self.place(&listed.key)));
         }
         Ok(())
     }

@@ -54,7 +54,8 @@ impl Store for Folder {
         let mut files = Vec::new();
         for level in 0..=*levels.end() {
             if levels.contains(&level) {
-                files.extend(self.names_in(&folders, Path::is_file)?);
+                let names = self.names_in(&folders, Path::is_file)?.into_iter();
+                files.extend(names.filter(|key| !is_hidden(key)));
             }
             folders = self.names_in(&folders, Path::is_dir)?;
         }
@@ -110,7 +111,7 @@ impl Folder {
         Ok(names.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The keys of what is in a folder, of this kind, but for what begins with a dot; none where there is no such folder.
+    /// The keys of what is in a folder, of this kind; none where there is no such folder.
     fn names(&self, key: &str, is_wanted: fn(&Path) -> bool) -> Result<Vec<String>, StoreError> {
         let folder = self.path(key);
         let entries = match fs::read_dir(&folder) {
@@ -121,11 +122,13 @@ impl Folder {
         let names = entries.iter().filter(|entry| is_wanted(&entry.path()));
         // A lake's names are ASCII; whatever else stands there is nobody's.
         let names = names.filter_map(|entry| entry.file_name().into_string().ok());
-        Ok(names
-            .filter(|name| !name.starts_with('.'))
-            .map(|name| format!("{key}/{name}"))
-            .collect())
+        Ok(names.map(|name| format!("{key}/{name}")).collect())
     }
+}
+
+fn is_hidden(key: &str) -> bool {
+    let name = key.rsplit('/').next();
+    name.is_some_and(|name| name.starts_with('.'))
 }
 
 #[cfg(test)]

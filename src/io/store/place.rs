@@ -19,11 +19,9 @@ impl Place {
     /// What a person wrote: an address if it begins with `s3://`, and a path otherwise.
     pub fn of(written: impl Into<PathBuf>) -> Self {
         let path = written.into();
-        match path.to_str() {
-            Some(text) if text.starts_with(SCHEME) => {
-                Self::Url(text.trim_end_matches('/').to_owned())
-            }
-            _ => Self::Path(path),
+        match path.to_str().and_then(|text| text.strip_prefix(SCHEME)) {
+            Some(rest) => Self::Url(format!("{SCHEME}{}", rest.trim_end_matches('/'))),
+            None => Self::Path(path),
         }
     }
 
@@ -100,7 +98,8 @@ mod tests {
         );
         assert_eq!(url.join("runs/a.parquet").stem(), "a");
         assert_eq!(url.bucket(), Some(("bucket", "some/lake")));
-        assert_eq!(Place::of("s3://bucket").bucket(), Some(("bucket", "")));
+        assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));
+        assert_eq!(Place::of("s3://").bucket(), Some(("", "")));
         assert_eq!(url.as_path(), None);
         // A folder of that name is one: only the scheme as a whole makes an address.
         assert!(Place::of("s3:/x").as_path().is_some());

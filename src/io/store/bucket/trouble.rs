@@ -10,6 +10,8 @@ use object_store::client::HttpError;
 use super::{Place, StoreError};
 use crate::io::store::BucketTrouble;
 
+/// What is told of an object that is not what it was.
+const CHANGED: &str = "it changed meanwhile";
 /// The longest message told.
 const LONGEST: usize = 300;
 
@@ -67,6 +69,16 @@ pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
     }
 }
 
+/// The error of an object that is not what was listed.
+pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
+    StoreError::Bucket {
+        doing,
+        place,
+        reason: CHANGED.to_owned(),
+        trouble: BucketTrouble::Changed,
+    }
+}
+
 fn read(error: &Error) -> (String, BucketTrouble) {
     if let Some(root) = on_the_way(error) {
         return (format!("no answer: {root}"), BucketTrouble::NoAnswer);
@@ -77,17 +89,16 @@ fn read(error: &Error) -> (String, BucketTrouble) {
     let status = between(&text, "status code: ", ":");
     let said: Vec<&str> = [status, code, message].into_iter().flatten().collect();
     let trouble = match error {
-        Error::NotFound { .. } if code == Some("NoSuchBucket") => BucketTrouble::NoBucket,
+        _ if code == Some("NoSuchBucket") => BucketTrouble::NoBucket,
+        _ if status.is_some() => by_status(status.unwrap_or_default(), code),
         Error::NotFound { .. } => BucketTrouble::NoObject,
-        Error::PermissionDenied { .. } | Error::Unauthenticated { .. } => BucketTrouble::Refused,
         Error::Precondition { .. } | Error::NotModified { .. } => BucketTrouble::Changed,
-        _ if status.is_some_and(|status| status.starts_with(['5', '4'])) => by_status(status, code),
         _ => BucketTrouble::Other,
     };
-    let reason = match (trouble, error) {
-        (BucketTrouble::Changed, _) => "it changed meanwhile".to_owned(),
-        (_, Error::InvalidPath { source }) => {
-            format!("an object's name there is none that can be used: {source}")
+    let reason = match error {
+        _ if trouble == BucketTrouble::Changed => CHANGED.to_owned(),
+        Error::InvalidPath { source } => {
+            format!("an object there has a name that cannot be used: {source}")
         }
         _ if said.is_empty() => without_quotes(&text),
         _ => said.join(", "),
@@ -95,16 +106,19 @@ fn read(error: &Error) -> (String, BucketTrouble) {
     (reason, trouble)
 }
 
-fn by_status(status: Option<&str>, code: Option<&str>) -> BucketTrouble {
+fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
     let refused = [
         "AuthorizationHeaderMalformed",
         "InvalidToken",
         "ExpiredToken",
     ];
-    match status {
-        Some(status) if status.starts_with('5') || status.starts_with("429") => {
-            BucketTrouble::NoAnswer
-        }
+    match status.get(..3).unwrap_or_default() {
+        "401" | "403" => BucketTrouble::Refused,
+        "404" => BucketTrouble::NoObject,
+        "304" | "412" => BucketTrouble::Changed,
+        "408" | "429" => BucketTrouble::NoAnswer,
+        "501" => BucketTrouble::Other,
+        number if number.starts_with('5') => BucketTrouble::NoAnswer,
         _ if code.is_some_and(|code| refused.contains(&code)) => BucketTrouble::Refused,
         _ => BucketTrouble::Other,
     }
@@ -136,9 +150,14 @@ mod tests {
     use super::*;
 
     fn refused(body: &str) -> String {
-        let error = Error::PermissionDenied {
-            path: "a".to_owned(),
-            source: format!("Server returned non-2xx status code: 403 Forbidden: {body}").into(),
+        answered("403 Forbidden", body)
+    }
+
+    /// As listing tells of any answer.
+    fn answered(status: &str, body: &str) -> String {
+        let error = Error::Generic {
+            store: "S3",
+            source: format!("Server returned non-2xx status code: {status}: {body}").into(),
         };
         let secrets = Secrets(vec!["hush-hush".to_owned()]);
         told("read", Place::of("s3://b/a"), &error, &secrets).to_string()
@@ -168,5 +187,30 @@ mod tests {
             "{text}"
         );
         assert!(refused(&"x".repeat(5000)).len() < 600);
+    }
+
+    #[test]
+    fn each_kind_of_trouble_has_its_advice() {
+        let no_bucket = "<Error><Code>NoSuchBucket</Code></Error>";
+        for (status, body, advice) in [
+            ("404 Not Found", no_bucket, "make the bucket"),
+            ("404 Not Found", "", "check the name"),
+            ("503 Service Unavailable", "", "run again"),
+            (
+                "412 Precondition Failed",
+                "",
+                "wait until nobody writes there",
+            ),
+            ("501 Not Implemented", "", "conditional put"),
+            (
+                "400 Bad Request",
+                "<Code>ExpiredToken</Code>",
+                "check AWS_ACCESS_KEY_ID",
+            ),
+            ("400 Bad Request", "", "conditional put"),
+        ] {
+            let text = answered(status, body);
+            assert!(text.contains(advice), "{status}: {text}");
+        }
     }
 }
