@@ -108,10 +108,7 @@ fn decoded_samples_go_up_in_parts() {
             .server
             .put(&remote.key(&format!("sessions/long/{log}")), bytes);
     }
-    let remote = Remote {
-        cell: remote.cell.with("lake = \"s3", "logs = true\nlake = \"s3"),
-        ..remote
-    };
+    let remote = remote.with("lake = \"s3", "logs = true\nlake = \"s3");
     remote.run(&[]).no_defect();
     assert!(remote.lake() == expected, "{:?}", remote.lake().keys());
 }

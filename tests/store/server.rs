@@ -196,6 +196,12 @@ impl Remote {
         Some(remote)
     }
 
+    /// The same with a text of its pipeline file replaced.
+    pub fn with(self, from: &str, to: &str) -> Self {
+        let cell = self.cell.with(from, to);
+        Self { cell, ..self }
+    }
+
     /// Puts the quickstart's logs as a session of this name.
     pub fn put_session(&self, name: &str) {
         for log in ["controller.mcap", "tracker.mcap"] {
