@@ -49,27 +49,30 @@ pub enum FetchError {
 impl Fetched {
     /// Fetches the logs of a piece of work, where they do not stand on this machine.
     pub fn of(tree: &Tree, piece: &WorkPiece) -> Result<Self, FetchError> {
-        let mut fetched = Self {
-            piece: piece.clone(),
-            copies: BTreeMap::new(),
-            _folder: None,
-        };
-        if let Tree::Folder = tree {
-            return Ok(fetched);
+        let (mut piece, mut copies) = (piece.clone(), BTreeMap::new());
+        if matches!(tree, Tree::Folder) {
+            return Ok(Self {
+                piece,
+                copies,
+                _folder: None,
+            });
         }
         temporary::clean_folders(COPIES);
         let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
-        for files in logs_of(&mut fetched.piece) {
-            let known = fetched.copies.len() + 1;
-            let copy = match fetched.copies.get(files) {
-                Some(copy) => copy.clone(),
-                None => fetch(tree, files, &folder.path().join(format!("{known}.mcap")))?,
+        for path in logs_of(&mut piece) {
+            let own = folder.path().join(format!("{}.mcap", copies.len() + 1));
+            let copy = match copies.get(path) {
+                Some(copy) => PathBuf::clone(copy),
+                None => fetch(tree, path, &own)?,
             };
-            let address = std::mem::replace(files, copy.clone());
-            fetched.copies.insert(address, copy);
+            let address = std::mem::replace(path, copy.clone());
+            copies.insert(address, copy);
         }
-        fetched._folder = Some(folder);
-        Ok(fetched)
+        Ok(Self {
+            piece,
+            copies,
+            _folder: Some(folder),
+        })
     }
 
     /// The piece of work, with paths that can be read.

@@ -136,9 +136,12 @@ pub fn run_piece(
 ) -> Result<Done, RunError> {
     let fetched = Fetched::of(&plan.tree, piece)?;
     let done = run_local(plan, fetched.piece(), progress);
-    done.map_err(|error| match fetched.is_copied() {
-        true => RunError::Copied(fetched.told(&error.to_string())),
-        false => error,
+    done.map_err(|error| {
+        if fetched.is_copied() {
+            RunError::Copied(fetched.told(&error.to_string()))
+        } else {
+            error
+        }
     })
 }
 

@@ -11,7 +11,7 @@ fn a_run_killed_between_uploads_is_finished_by_the_next_with_the_same_objects() 
     let Some(remote) = Remote::new(&["mon"]) else {
         return;
     };
-    for objects in [1, 5, 10] {
+    for objects in [1, 6] {
         killed(&remote, objects);
     }
     // What a killed process leaves among the temporaries is removed by the next.

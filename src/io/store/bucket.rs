@@ -292,10 +292,7 @@ impl Store for Bucket {
         match self.runtime.block_on(put) {
             Ok(_) => Ok(true),
             // Storage also says so of a conflict that another's attempt was, if that did not end well.
-            Err(error @ Error::AlreadyExists { .. }) => match self.exists(key)? {
-                true => Ok(false),
-                false => Err(self.told("create", key, &error)),
-            },
+            Err(Error::AlreadyExists { .. }) if self.exists(key)? => Ok(false),
             Err(error) => Err(self.told("create", key, &error)),
         }
     }
