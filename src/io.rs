@@ -12,6 +12,7 @@ pub mod memory;
 pub mod message;
 pub mod page;
 pub mod schema;
+pub mod store;
 pub mod table;
 pub mod tables;
 pub mod targets;

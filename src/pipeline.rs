@@ -2,6 +2,7 @@
 
 pub mod damage;
 mod driven;
+pub mod fetch;
 pub mod file;
 pub mod history;
 pub mod outcome;

@@ -261,7 +261,7 @@ fn what_never_committed_is_no_run_and_is_written_anew() {
     drop(interrupted);
     assert!(!lake.exists(&key).unwrap());
     // What stands there is a leftover, whatever it holds.
-    let path = lake.path(clocks.schema(), &key).unwrap();
+    let path = lake.path(clocks.schema(), &key).unwrap().named();
     fs::write(&path, "torn").unwrap();
     let mut again = lake.start(&key).unwrap().expect("the run does not exist");
     again.publish(&clocks).unwrap();

@@ -16,6 +16,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
+use crate::io::store::Place;
 use crate::io::tables::PublishError;
 use crate::pipeline::history::{
     Asked, HistoryError, LeftOut, PastSession, Reason, RobotHistory, history,
@@ -85,7 +86,7 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
 }
 
 fn told(args: &HistoryArgs, bars: &Bars) -> Result<Vec<RobotHistory>, HistoryCommandError> {
-    let lake = Lake::new(&args.lake);
+    let lake = Lake::at(&Place::of(&args.lake)).map_err(HistoryError::from)?;
     let asked = Asked {
         robot: args.robot.clone(),
         since: args.since.clone(),

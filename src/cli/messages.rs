@@ -5,6 +5,9 @@ use std::io::{self, Write};
 
 use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::filter_fn;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 use super::progress::Bars;
 
@@ -17,11 +20,13 @@ pub enum LogFormat {
     Json,
 }
 
-/// Starts the messages of this process; `RUST_LOG` chooses among them.
+/// Starts the messages of this process; `RUST_LOG` chooses among our own. Those of libraries are left out: what speaks HTTP
+/// may tell headers, and with them credentials.
 pub fn start(format: LogFormat, bars: &Bars) {
     let filter = EnvFilter::builder()
         .with_default_directive(tracing::level_filters::LevelFilter::INFO.into())
         .from_env_lossy();
+    let ours = filter_fn(|message| message.target().starts_with("posegrid"));
     let bars = bars.clone();
     let messages = tracing_subscriber::fmt()
         .with_env_filter(filter)
@@ -31,8 +36,10 @@ pub fn start(format: LogFormat, bars: &Bars) {
             .without_time()
             .with_target(false)
             .with_ansi(io::IsTerminal::is_terminal(&io::stderr()))
+            .finish()
+            .with(ours)
             .init(),
-        LogFormat::Json => messages.json().init(),
+        LogFormat::Json => messages.json().finish().with(ours).init(),
     }
 }
 

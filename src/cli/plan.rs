@@ -107,7 +107,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.csv {
-        let table = Lake::new(&planning.lake).read("sampling_plan", &planned.key)?;
+        let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
         let write = |sink: &mut io::BufWriter<std::fs::File>| -> Result<(), CsvCause> {
             Ok(write_csv(&table, AngleUnit::Deg, sink)?)
         };

@@ -13,7 +13,7 @@ mod summary;
 mod work;
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -21,6 +21,7 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
+use crate::io::store::Place;
 use crate::pipeline::plan::{Overrides, Plan};
 use alone::Turn;
 use stop::Stop;
@@ -74,7 +75,11 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         Ok(plan) => plan,
         Err(error) => {
             tracing::error!("{error}");
-            return BAD_USAGE;
+            return if error.is_worth_a_retry() {
+                NO_RESULT
+            } else {
+                BAD_USAGE
+            };
         }
     };
     tell(&plan);
@@ -104,8 +109,14 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
             return NO_RESULT;
         }
     };
-    let lake = Lake::new(&plan.lake);
-    let by = format!("run {}", near(&args.pipeline).display());
+    let lake = match Lake::at(&plan.lake) {
+        Ok(lake) => lake,
+        Err(error) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            return NO_RESULT;
+        }
+    };
+    let by = format!("run {}", near(&Place::of(&args.pipeline)));
     let _lock = match alone::turn(&lake, &by, args.wait, &stop) {
         Turn::Ours(lock) => lock,
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
@@ -130,9 +141,10 @@ fn clean(lake: &Lake) {
     }
 }
 
-/// A path as seen from the working folder, where it lies in it.
-pub fn near(path: &Path) -> PathBuf {
+/// A place as seen from the working folder, where it lies in it.
+pub fn near(place: &Place) -> Place {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
-    let inside = here.ok().and_then(|here| path.strip_prefix(here).ok());
-    inside.unwrap_or(path).to_owned()
+    let path = place.as_path();
+    let inside = path.and_then(|path| path.strip_prefix(here.ok()?).ok());
+    inside.map_or_else(|| place.clone(), Place::of)
 }

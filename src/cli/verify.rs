@@ -16,8 +16,9 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
+use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Selected, Selection, Verdict, Verified, clean, select, verify,
+    PastRun, Selected, Selection, Verdict, Verified, VerifyError, clean, select, verify,
 };
 use crate::progress::Progress;
 
@@ -63,8 +64,11 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
         sample: args.sample.map(NonZeroUsize::get),
         seed: args.seed,
     };
-    let lake = Lake::new(&args.lake);
-    let selected = match select(&lake, &selection) {
+    let lake = Lake::at(&Place::of(&args.lake));
+    let selected = lake
+        .map_err(VerifyError::from)
+        .and_then(|lake| Ok((select(&lake, &selection)?, lake)));
+    let (selected, lake) = match selected {
         Ok(selected) => selected,
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));

@@ -1,5 +1,5 @@
-//! The lake: a folder of published tables, `TABLE/ROBOT/SESSION/RUN.parquet`, and the page of each run,
-//! `report/ROBOT/SESSION/RUN.html`.
+//! The lake: published tables, `TABLE/ROBOT/SESSION/RUN.parquet`, and the page of each run,
+//! `report/ROBOT/SESSION/RUN.html`, in a folder or on object storage ([`crate::io::store`]).
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
 //! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
@@ -21,11 +21,13 @@ mod rows;
 mod run;
 pub(crate) mod temporary;
 
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::schema::{self, TableSchema};
+use super::store::{self, Folder, Place, Store};
 use super::table::{self, Table};
 use crate::manifest::RunKey;
 use error::folder_error;
@@ -36,53 +38,63 @@ pub use parts::{OpenTable, WholeTable};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 
-/// The folder of the pages, beside those of the tables.
-const PAGES: &str = "report";
+/// The folder of the pages, beside those of the tables, and their name among a run's files.
+pub const PAGES: &str = "report";
 
-/// A folder of published tables.
+/// Published tables.
 #[derive(Debug, Clone)]
 pub struct Lake {
-    root: PathBuf,
+    store: Arc<dyn Store>,
 }
 
 impl Lake {
     /// The lake in the folder `root`, which is made when first written to.
     pub fn new(root: impl Into<PathBuf>) -> Self {
-        Self { root: root.into() }
+        Self {
+            store: Arc::new(Folder::new(root)),
+        }
     }
 
-    /// Its folder.
-    pub fn root(&self) -> &Path {
-        &self.root
+    /// The lake at a place: a folder, or a prefix on object storage, which has to answer.
+    pub fn at(place: &Place) -> Result<Self, LakeError> {
+        let store = store::at(place)?;
+        store.check()?;
+        Ok(Self { store })
+    }
+
+    /// Where it is.
+    pub fn root(&self) -> Place {
+        self.store.place("")
+    }
+
+    /// Its folder, where it is one.
+    pub fn folder(&self) -> Option<&Path> {
+        self.store.folder()
     }
 
     /// Where a table of a run stands, or would.
-    pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<PathBuf, LakeError> {
-        self.file(&schema.table, key, "parquet")
+    pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<Place, LakeError> {
+        self.place(&schema.table, key)
     }
 
     /// Where the page of a run stands, or would.
-    pub fn page(&self, key: &RunKey) -> Result<PathBuf, LakeError> {
-        self.file(PAGES, key, "html")
+    pub fn page(&self, key: &RunKey) -> Result<Place, LakeError> {
+        self.place(PAGES, key)
     }
 
-    fn file(&self, folder: &str, key: &RunKey, ending: &str) -> Result<PathBuf, LakeError> {
-        let part = |part, name: &str| {
-            name::encode(name).map_err(|length| LakeError::Name {
-                part,
-                name: name.to_owned(),
-                length,
-            })
-        };
-        let folder = self.root.join(folder).join(part("robot", &key.robot)?);
-        let file = format!("{}.{ending}", part("run", &key.run)?);
-        Ok(folder.join(part("session", &key.session)?).join(file))
+    /// Where a file of a run stands, or would: the table of that name, or its page ([`PAGES`]).
+    pub fn place(&self, table: &str, key: &RunKey) -> Result<Place, LakeError> {
+        Ok(self.store.place(&file_key(table, key)?))
     }
 
     /// Whether the run exists: whether its row in `runs` does.
     pub fn exists(&self, key: &RunKey) -> Result<bool, LakeError> {
-        let path = self.path(schema::find("runs")?, key)?;
-        path.try_exists().map_err(folder_error("look for", &path))
+        Ok(self.store.exists(&file_key("runs", key)?)?)
+    }
+
+    /// Whether there is a page of the run; runs of versions that wrote none have none.
+    pub fn has_page(&self, key: &RunKey) -> Result<bool, LakeError> {
+        Ok(self.store.exists(&file_key(PAGES, key)?)?)
     }
 
     /// Begins a run, or `None` when the lake has it.
@@ -90,19 +102,59 @@ impl Lake {
         Ok((!self.exists(key)?).then(|| OpenRun::new(self, key)))
     }
 
+    /// Opens a file of a run: the table of that name, or its page ([`PAGES`]).
+    pub fn open(&self, table: &str, key: &RunKey) -> Result<File, LakeError> {
+        Ok(self.store.open(&file_key(table, key)?)?)
+    }
+
     /// Reads a table of a run.
     pub fn read(&self, table: &str, key: &RunKey) -> Result<Table, LakeError> {
         let schema = schema::find(table)?;
-        Ok(table::read(&self.path(schema, key)?, schema)?)
+        let file_key = file_key(table, key)?;
+        let file = self.store.open(&file_key)?;
+        Ok(table::read_open(
+            file,
+            &self.store.place(&file_key).named(),
+            schema,
+        )?)
     }
 
-    /// Removes temporaries of processes that are gone; gives their paths.
+    /// Reads the page of a run.
+    pub fn read_page(&self, key: &RunKey) -> Result<String, LakeError> {
+        let place = self.page(key)?.named();
+        let mut html = String::new();
+        let mut file = self.open(PAGES, key)?;
+        file.read_to_string(&mut html)
+            .map_err(folder_error("read", &place))?;
+        Ok(html)
+    }
+
+    /// Copies what a session has in these tables into a lake in a folder.
+    pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
+        for table in tables {
+            for listed in self.store.list(&session_key(table, key)?, 0..=0)? {
+                let copy = to.join(&listed.key);
+                let folder = copy.parent().expect("keys have names");
+                fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
+                let mut from = self.store.open(&listed.key)?;
+                let copied =
+                    File::create(&copy).and_then(|mut copy| io::copy(&mut from, &mut copy));
+                copied.map_err(folder_error("write", &copy))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes temporaries of processes that are gone; gives their paths. Object storage shows none.
     pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
+        let Some(root) = self.folder() else {
+            return Ok(Vec::new());
+        };
         let mut folders: Vec<PathBuf> = schema::all()
             .iter()
             .map(|schema| schema.table.as_str())
             .chain([PAGES])
-            .map(|folder| self.root.join(folder))
+            .map(|folder| root.join(folder))
             .collect();
         for _robot_then_session in 0..2 {
             folders = folders
@@ -120,6 +172,36 @@ impl Lake {
             .collect::<Result<Vec<_>, _>>()?
             .concat())
     }
+}
+
+/// The key of a file of a run in the lake's store: of the table of that name, or of its page.
+fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
+    let ending = if table == PAGES {
+        "html"
+    } else {
+        // No other folder is a lake's.
+        schema::find(table)?;
+        "parquet"
+    };
+    let run = encoded("run", &key.run)?;
+    Ok(format!("{}/{run}.{ending}", session_key(table, key)?))
+}
+
+/// The key of the folder of a session's runs.
+fn session_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
+    let (robot, session) = (
+        encoded("robot", &key.robot)?,
+        encoded("session", &key.session)?,
+    );
+    Ok(format!("{table}/{robot}/{session}"))
+}
+
+fn encoded(part: &'static str, name: &str) -> Result<String, LakeError> {
+    name::encode(name).map_err(|length| LakeError::Name {
+        part,
+        name: name.to_owned(),
+        length,
+    })
 }
 
 fn subfolders(folder: &Path) -> Result<Vec<PathBuf>, LakeError> {

@@ -24,7 +24,7 @@ use arrow::datatypes::{Float64Type, Int64Type};
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
-pub use read::{name, read};
+pub use read::{name, read, read_open};
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;

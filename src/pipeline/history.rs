@@ -26,6 +26,7 @@ use thiserror::Error;
 
 use crate::history::Judged;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::store::Place;
 use crate::manifest::RunKey;
 use crate::progress::Progress;
 pub use figures::{Figure, Kind, figures};
@@ -121,13 +122,16 @@ impl Reason {
 #[derive(Debug, Error)]
 pub enum HistoryError {
     /// No lake.
-    #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` told as its tables", .0.display())]
-    NoLake(PathBuf),
+    #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` told as its tables", .0)]
+    NoLake(Place),
+    /// Thousands of files are read, which object storage gives one by one.
+    #[error("{0} is on object storage, and history reads a folder: copy the tables runs, calibrations and accuracy here")]
+    OnStorage(Place),
     /// No such robot.
-    #[error("{} has no robot {robot:?}; its robots: {}", lake.display(), robots.join(", "))]
+    #[error("{} has no robot {robot:?}; its robots: {}", lake, robots.join(", "))]
     NoRobot {
         /// The lake.
-        lake: PathBuf,
+        lake: Place,
         /// The robot asked for.
         robot: String,
         /// Those there are.
@@ -154,9 +158,12 @@ pub fn history(
     asked: &Asked,
     progress: &dyn Progress,
 ) -> Result<Vec<RobotHistory>, HistoryError> {
+    if lake.folder().is_none() {
+        return Err(HistoryError::OnStorage(lake.root()));
+    }
     let folders = rows::robots(lake)?;
     if folders.is_empty() {
-        return Err(HistoryError::NoLake(lake.root().to_owned()));
+        return Err(HistoryError::NoLake(lake.root()));
     }
     let mut robots = Vec::new();
     let mut names = Vec::new();
@@ -182,7 +189,7 @@ pub fn history(
     }
     match &asked.robot {
         Some(robot) if robots.is_empty() => Err(HistoryError::NoRobot {
-            lake: lake.root().to_owned(),
+            lake: lake.root(),
             robot: robot.clone(),
             robots: names,
         }),

@@ -12,6 +12,7 @@ mod error;
 pub mod files;
 mod logs;
 mod sessions;
+mod tree;
 
 use std::fs;
 use std::path::{Component, Path, PathBuf};
@@ -24,6 +25,7 @@ use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
 use crate::io::log::Limits;
+use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
 use crate::kinematics::{Arm, RobotFile};
 use crate::manifest;
@@ -32,6 +34,7 @@ use crate::report::evaluate::RefitSettings;
 pub use error::PlanError;
 pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
+pub use tree::Tree;
 
 /// A checked pipeline: what to do, on which files, with which settings.
 #[derive(Debug, Clone)]
@@ -62,6 +65,8 @@ pub struct Plan {
     pub stages: StageSettings,
     /// Every setting that a result follows from, as canonical JSON without paths: part of every run's name.
     pub settings: String,
+    /// Where the sessions' logs stand.
+    pub tree: Tree,
     /// What there is to do.
     pub pieces: Vec<WorkPiece>,
     /// Sessions that there is no piece for, in the order of the pieces.
@@ -70,8 +75,8 @@ pub struct Plan {
     pub left_out: Vec<LeftOut>,
     /// What is legal and yet worth knowing.
     pub remarks: Vec<&'static str>,
-    /// The folder of the published tables.
-    pub lake: PathBuf,
+    /// Where the published tables are.
+    pub lake: Place,
     /// Whether decoded samples are published.
     pub logs: bool,
     /// The id of the sampling plan that the sessions were measured by, where their logs do not say it.
@@ -85,7 +90,7 @@ pub struct Overrides {
     pub sessions: Vec<String>,
     /// Sessions that only judge, instead of `[input] test`; empty for none.
     pub test: Vec<String>,
-    /// The folder of the published tables, relative to the working folder, instead of `[output] lake`.
+    /// The folder of the published tables, relative to the working folder, instead of `[output] lake`; or an address on object storage.
     pub lake: Option<PathBuf>,
 }
 
@@ -100,8 +105,16 @@ impl Plan {
             lake,
         } = files::read(path)?;
         let placed = Placed::new(path, &file)?;
-        let folder = resolved(&base, &file.input.folder);
-        let listed = sessions::list(path, &folder, &file.input, file.limits, overrides)?;
+        let folder = placed_at(&base, &file.input.folder);
+        let tree = Tree::at(&folder)?;
+        let listed = sessions::list(
+            path,
+            &tree,
+            &folder.named(),
+            &file.input,
+            file.limits,
+            overrides,
+        )?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         Ok(Self {
             pipeline: stem.into_owned(),
@@ -118,15 +131,13 @@ impl Plan {
             max_lost_share: file.input.max_lost_share,
             max_rejected_share: file.input.max_rejected_share,
             join: file.join,
+            tree,
             pieces: listed.pieces,
             set_aside: listed.set_aside,
             left_out: listed.left_out,
             logs: file.output.logs,
             sampling_plan: file.report.plan,
-            lake: match &overrides.lake {
-                Some(lake) => lake.clone(),
-                None => lake,
-            },
+            lake: usable(overrides.lake.as_deref(), lake)?,
         })
     }
 }
@@ -159,6 +170,21 @@ fn folder_of(path: &Path) -> Result<PathBuf, PlanError> {
         source,
     })?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
+}
+
+/// The lake that the command line names, or else the file's, if this program can use it.
+pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, PlanError> {
+    let lake = named.map_or(of_file, Place::of);
+    store::at(&lake)?;
+    Ok(lake)
+}
+
+/// What a person wrote in a file in `base`, as [`resolved`] where it is a path.
+fn placed_at(base: &Path, written: &Path) -> Place {
+    match Place::of(written) {
+        Place::Path(path) => Place::Path(resolved(base, &path)),
+        url @ Place::Url(_) => url,
+    }
 }
 
 /// `path` relative to `base`, which has no symbolic links, with leading `..` taken off it.

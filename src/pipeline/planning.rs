@@ -10,15 +10,16 @@ mod known;
 mod so_far;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{PlanError, files, placed};
+use super::plan::{PlanError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::page::{self, plan::About};
+use crate::io::store::Place;
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Outcome, RunKey, StageCount, Work};
@@ -39,8 +40,8 @@ pub struct Planning {
     pub arm: Arm,
     /// What the plan follows from.
     pub settings: PlanSettings,
-    /// The folder of published tables.
-    pub lake: PathBuf,
+    /// Where the published tables are.
+    pub lake: Place,
     command_from_base: Isometry3<f64>,
     pub(super) work: Work,
 }
@@ -55,7 +56,7 @@ pub struct Planned {
     /// Whether it is shown to meet the tolerance.
     pub is_met: bool,
     /// Where its page is; plans of versions that wrote none have none.
-    pub page: Option<PathBuf>,
+    pub page: Option<Place>,
 }
 
 /// Why there is no plan.
@@ -107,7 +108,7 @@ impl Planning {
         checks::check(path, section, read.arm.joints().len())?;
         let mut settings = Placed::new(path, file, section)?.settings(&read.arm, file, section)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        let lake = lake.map_or_else(|| read.lake.clone(), Path::to_owned);
+        let lake = usable(lake, read.lake.clone())?;
         let robot = file
             .robot
             .name
@@ -151,7 +152,7 @@ impl Planning {
     /// Makes the plan and publishes it, unless the lake has it.
     pub fn make(&self, progress: &dyn Progress) -> Result<Planned, PlanningError> {
         let key = self.work.key();
-        let lake = Lake::new(&self.lake);
+        let lake = Lake::at(&self.lake)?;
         let mut made = None;
         if !lake.exists(&key)? {
             let plan = plan::plan(&self.arm, &self.settings, progress)?;

@@ -12,6 +12,7 @@ use thiserror::Error;
 
 use super::damage::{self, DamageError};
 use super::driven;
+use super::fetch::{FetchError, Fetched};
 use super::outcome::{JoinedSession, Outcome};
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
@@ -26,6 +27,7 @@ use crate::io::lake::{Commit, Lake, LakeError, OpenRun};
 use crate::io::log::{LogError, read_dwells, read_dwells_beside, read_metadata};
 use crate::io::page::Said;
 use crate::io::tables::logs::LogTable;
+use crate::io::store::Place;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::io::targets::TargetsError;
 use crate::join::rest::Rest;
@@ -50,9 +52,9 @@ pub struct Done {
     /// What came out, line by line.
     pub words: Vec<String>,
     /// Where its tables are.
-    pub tables: PathBuf,
+    pub tables: Place,
     /// Where its page is; runs of versions that wrote none have none.
-    pub page: Option<PathBuf>,
+    pub page: Option<Place>,
 }
 
 impl Done {
@@ -133,6 +135,17 @@ pub enum RunError {
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
+    /// The logs cannot be fetched.
+    #[error(transparent)]
+    Fetch(#[from] FetchError),
+    /// Any of these, of logs that were fetched, in words that name what they are copies of.
+    #[error("{words}")]
+    Copied {
+        /// The session whose fault it is, where it is one's.
+        session: Option<String>,
+        /// What is wrong.
+        words: String,
+    },
 }
 
 impl RunError {
@@ -140,6 +153,7 @@ impl RunError {
     pub fn session(&self) -> Option<&str> {
         match self {
             Self::OfSession { session, .. } => Some(session),
+            Self::Copied { session, .. } => session.as_deref(),
             _ => None,
         }
     }
@@ -152,15 +166,31 @@ impl RunError {
     }
 }
 
-/// Does one piece of work.
+/// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
     plan: &Plan,
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
+    let fetched = Fetched::of(&plan.tree, piece)?;
+    let done = run_local(plan, fetched.piece(), progress);
+    done.map_err(|error| {
+        if fetched.is_copied() {
+            RunError::Copied {
+                session: error.session().map(str::to_owned),
+                words: fetched.told(&error.to_string()),
+            }
+        } else {
+            error
+        }
+    })
+}
+
+/// Does one piece of work whose logs stand on this machine.
+fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<Done, RunError> {
     let work = work(plan, piece)?;
     let key = work.key();
-    let lake = Lake::new(&plan.lake);
+    let lake = Lake::at(&plan.lake)?;
     let Some(mut run) = lake.start(&key)? else {
         return already_there(plan, &lake, &key);
     };
@@ -214,9 +244,9 @@ fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, 
 }
 
 /// Where the page of a run is, if it has one.
-pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<PathBuf>, RunError> {
+pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError> {
     let page = lake.page(key)?;
-    Ok(page.is_file().then_some(page))
+    Ok(lake.has_page(key)?.then_some(page))
 }
 
 /// The work's identity. A log is only looked into here where nothing else names the robot.
@@ -327,7 +357,7 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
         ],
-        tables: lake.root().to_owned(),
+        tables: lake.root(),
         page: page(lake, key)?,
     })
 }

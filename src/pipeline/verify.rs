@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::io::lake::{Lake, LakeError};
+use crate::io::store::Place;
 use crate::manifest::{RunKey, Work};
 use crate::progress::Progress;
 
@@ -42,7 +43,7 @@ pub enum VerifyError {
     #[error("there is no lake in {}: {reason}; name the folder that `posegrid run` told as its tables", lake.display())]
     NoLake {
         /// The folder.
-        lake: PathBuf,
+        lake: Place,
         /// What is missing.
         reason: &'static str,
     },
@@ -52,7 +53,7 @@ pub enum VerifyError {
         /// The name asked for.
         name: String,
         /// The lake.
-        lake: PathBuf,
+        lake: Place,
         /// Sessions that it has.
         sessions: Vec<String>,
     },
@@ -60,7 +61,7 @@ pub enum VerifyError {
     #[error("{} has no run by {}; its runs are by {}", lake.display(), asked.join(", "), found.join(", "))]
     NoneByPipeline {
         /// The lake.
-        lake: PathBuf,
+        lake: Place,
         /// Names of the pipeline files given.
         asked: Vec<String>,
         /// Names of those that the lake's runs are by.
@@ -125,7 +126,7 @@ impl Verified {
 /// Verifies one run; `pipeline` is the file it is by, where one of that name was given.
 pub fn verify(
     claim: &Claim,
-    place: &Path,
+    place: &Place,
     pipeline: Option<&Path>,
     lake: &Lake,
     progress: &dyn Progress,
@@ -180,7 +181,7 @@ fn recomputed(
 }
 
 /// Where a row contradicts itself or its place.
-fn contradictions(claim: &Claim, place: &Path, lake: &Lake) -> Vec<String> {
+fn contradictions(claim: &Claim, place: &Place, lake: &Lake) -> Vec<String> {
     let mut found = Vec::new();
     let work = Work {
         robot: claim.key.robot.clone(),
@@ -207,7 +208,7 @@ fn contradictions(claim: &Claim, place: &Path, lake: &Lake) -> Vec<String> {
     }
     let own = crate::io::schema::find("runs").map_err(LakeError::from);
     let own = own.and_then(|schema| lake.path(schema, &claim.key));
-    if own.ok().as_deref() != Some(place) {
+    if own.ok().as_ref() != Some(place) {
         found.push(format!(
             "it stands at {}, which is not the place of run {} of robot {:?} and session {:?}",
             place.display(),

@@ -61,7 +61,7 @@ fn rows<'h>(
 /// Named as the lake names it: a robot's name may be anything.
 fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
     let key = RunKey::new("robot", "session", robot);
-    let path = lake.page(&key)?;
+    let path = lake.page(&key)?.named();
     let name = path.file_name().unwrap_or_default();
     Ok(name.to_string_lossy().into_owned())
 }

@@ -27,6 +27,7 @@ pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
         let holder = match lake.lock(by) {
             Locking::Done(lock) => return Turn::Ours(Some(lock)),
             Locking::Held(holder) => holder,
+            Locking::NoFolder => return Turn::Ours(None),
             Locking::Refused(error) => {
                 tracing::warn!(
                     "{error}; going on without a lock: the lake stays sound, but another batch at the same time would do \

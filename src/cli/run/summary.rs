@@ -4,7 +4,6 @@
 //! what it says; a name cannot break a line or begin one. Sessions stand in the order of the plan.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
 
 use super::near;
 use super::stop::Stop;
@@ -104,7 +103,7 @@ fn outcome(done: &Done) -> String {
         write!(text, ", too much rejected: {line}").expect("a string");
     }
     if let (true, Some(page)) = (done.already_there, &done.page) {
-        write!(text, ", page {}", near(page).display()).expect("a string");
+        write!(text, ", page {}", near(page)).expect("a string");
     }
     text
 }
@@ -123,8 +122,7 @@ fn paragraph(ending: &Ending) -> String {
     }
     let page = done.page.as_ref().map(|page| ("page", page));
     for (what, path) in page.into_iter().chain([("tables", &done.tables)]) {
-        let path: PathBuf = near(path);
-        writeln!(text, "  {what}: {}", path.display()).expect("a string");
+        writeln!(text, "  {what}: {}", near(path)).expect("a string");
     }
     text.push('\n');
     text

@@ -1,27 +1,21 @@
 //! What can go wrong with a lake, and what to try.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use thiserror::Error;
 
 use super::name;
 use crate::io::schema::SchemaError;
+use crate::io::store::{Place, StoreError};
 use crate::io::table::FileError;
 
 /// Why a lake cannot be used.
 #[derive(Debug, Error)]
 pub enum LakeError {
-    /// The file system refused.
-    #[error("cannot {doing} {path}: {source}{}", advice(source))]
-    Folder {
-        /// What was tried.
-        doing: &'static str,
-        /// Where.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
-    },
+    /// The folder or the object storage refused.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// A name too long for a file system.
     #[error(
         "the name {name:?} takes {length} bytes as a folder's name, more than {longest}: choose a shorter {part} name in \
@@ -52,20 +46,20 @@ pub enum LakeError {
     },
     /// A published table would change.
     #[error(
-        "{path} is published, and computing it again gave other bytes: run `posegrid verify` to see the difference \
+        "{place} is published, and computing it again gave other bytes: run `posegrid verify` to see the difference \
          (another processor, or a changed program under the same version); nothing published is rewritten"
     )]
     Rewrite {
         /// The file.
-        path: PathBuf,
+        place: Place,
     },
     /// A table changed between writing and committing.
     #[error(
-        "{path} changed while its run was being written: digest {found}, written as {written}; run it again"
+        "{place} changed while its run was being written: digest {found}, written as {written}; run it again"
     )]
     Changed {
         /// The file.
-        path: PathBuf,
+        place: Place,
         /// Digest of what is there.
         found: String,
         /// Digest of what was written.
@@ -79,32 +73,11 @@ pub enum LakeError {
     Schema(#[from] SchemaError),
 }
 
-fn advice(error: &io::Error) -> &'static str {
-    match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-            "; make room there, or name another folder under [output] in the pipeline file; run again afterwards"
-        }
-        io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::PermissionDenied => {
-            "; make the folder writable, or name another one under [output] in the pipeline file"
-        }
-        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
-            "; a file stands where a folder is needed: name another folder under [output] in the pipeline file"
-        }
-        io::ErrorKind::Unsupported => {
-            "; a lake needs a file system with hard links, to let exactly one of two equal runs commit"
-        }
-        _ => "",
-    }
-}
-
 /// The error of doing something at a path, of what the system says.
 pub(super) fn folder_error<'a>(
     doing: &'static str,
     path: &'a Path,
 ) -> impl Fn(io::Error) -> LakeError + use<'a> {
-    move |source| LakeError::Folder {
-        doing,
-        path: path.to_owned(),
-        source,
-    }
+    let told = StoreError::folder(doing, path);
+    move |source| told(source).into()
 }

@@ -6,7 +6,7 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::temporary::host;
@@ -44,14 +44,19 @@ pub enum Locking {
     Held(Holder),
     /// This file system gives no lock here.
     Refused(LakeError),
+    /// The lake is on object storage, which has no locks: of two batches that do the same work one commits it.
+    NoFolder,
 }
 
 impl Lake {
     /// Locks the lake, if no other process has it; `by` is what others are told of this one, besides its number and host.
     pub fn lock(&self, by: &str) -> Locking {
-        let path = self.root().join(FILE);
+        let Some(root) = self.folder() else {
+            return Locking::NoFolder;
+        };
+        let path = root.join(FILE);
         let refused = |error| Locking::Refused(folder_error("lock", &path)(error));
-        let mut file = match self.lock_file(&path) {
+        let mut file = match lock_file(root, &path) {
             Ok(file) => file,
             Err(error) => return refused(error),
         };
@@ -65,16 +70,16 @@ impl Lake {
             Err(TryLockError::Error(error)) => refused(error),
         }
     }
+}
 
-    fn lock_file(&self, path: &PathBuf) -> io::Result<File> {
-        fs::create_dir_all(self.root())?;
-        File::options()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(path)
-    }
+fn lock_file(root: &Path, path: &Path) -> io::Result<File> {
+    fs::create_dir_all(root)?;
+    File::options()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(path)
 }
 
 fn sign(file: &mut File, by: &str) -> io::Result<()> {
@@ -123,7 +128,7 @@ mod tests {
         let Locking::Done(_lock) = lake.lock("b") else {
             panic!("it was given back");
         };
-        let words = fs::read_to_string(lake.root().join(FILE)).unwrap();
+        let words = fs::read_to_string(lake.folder().unwrap().join(FILE)).unwrap();
         assert!(words.ends_with(": b"), "the words of the last: {words}");
     }
 

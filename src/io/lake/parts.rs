@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::LakeError;
 use super::error::folder_error;
-use super::run::{OpenRun, into_io, temporary_beside};
+use super::run::{OpenRun, into_io};
 use super::temporary::Temporary;
 use crate::io::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::manifest::Written;
@@ -24,6 +24,8 @@ pub struct OpenTable<'r> {
 
 /// A table of which at least one part came.
 struct Begun {
+    key: String,
+    /// What errors of writing name.
     path: PathBuf,
     encoder: Encoder,
     file: PartsFile<Temporary>,
@@ -33,7 +35,7 @@ struct Begun {
 /// A table that is whole, but not in its place yet. Dropped, it leaves nothing.
 #[derive(Debug)]
 pub struct WholeTable {
-    pub(super) path: PathBuf,
+    pub(super) key: String,
     pub(super) temporary: Temporary,
     pub(super) written: Written,
 }
@@ -97,10 +99,11 @@ impl<'r> OpenTable<'r> {
 
 impl Begun {
     fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self, LakeError> {
-        let path = run.path(first)?;
+        let key = run.file_key(first)?;
+        let path = run.written_at(&key);
         let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
         let encoder = Encoder::of(first).map_err(wrong)?;
-        let file = PartsFile::new(&encoder, temporary_beside(&path)?).map_err(wrong)?;
+        let file = PartsFile::new(&encoder, run.temporary(&key)?).map_err(wrong)?;
         Ok(Self {
             written: Written {
                 table: first.schema().table.clone(),
@@ -110,6 +113,7 @@ impl Begun {
                 rows: 0,
                 digest: String::new(),
             },
+            key,
             path,
             encoder,
             file,
@@ -133,6 +137,7 @@ impl Begun {
 
     fn finish(self) -> Result<WholeTable, LakeError> {
         let Self {
+            key,
             path,
             file,
             mut written,
@@ -142,7 +147,7 @@ impl Begun {
         let mut temporary = file.finish().map_err(|error| wrong(into_io(error)))?;
         written.digest = temporary.sync().map_err(wrong)?;
         Ok(WholeTable {
-            path,
+            key,
             temporary,
             written,
         })

@@ -1,36 +1,36 @@
-//! All rows of `runs` in a lake.
+//! Rows of `runs` in a lake.
 
-use std::fs;
-use std::path::PathBuf;
-
-use super::error::folder_error;
-use super::{Lake, LakeError, subfolders};
+use super::{Lake, LakeError};
 use crate::io::schema;
-use crate::io::table::{self, FileError, Table};
+use crate::io::store::{Listed, Place};
+use crate::io::table::{self, Table};
 
-/// The file of a row of `runs`, and the row or why it cannot be read.
-pub type RunRow = (PathBuf, Result<Table, FileError>);
+/// Files of rows that are asked for at a time.
+const AT_ONCE: usize = 64;
+
+/// The place of a row of `runs`, and the row or why it cannot be read.
+pub type RunRow = (Place, Result<Table, LakeError>);
 
 impl Lake {
     /// The row of every run, in the order of robot, session and run; one that cannot be read stops no other.
     pub fn runs(&self) -> Result<Vec<RunRow>, LakeError> {
+        self.rows("runs", 2)
+    }
+
+    /// The rows that stand `levels` folders below a folder.
+    pub(super) fn rows(&self, folder: &str, levels: usize) -> Result<Vec<RunRow>, LakeError> {
         let schema = schema::find("runs")?;
-        let mut rows = Vec::new();
-        for robot in subfolders(&self.root.join(&schema.table))? {
-            for session in subfolders(&robot)? {
-                let entries = fs::read_dir(&session).and_then(Iterator::collect);
-                let entries: Vec<fs::DirEntry> = entries.map_err(folder_error("list", &session))?;
-                let mut files: Vec<PathBuf> = entries
-                    .iter()
-                    .filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'))
-                    .map(fs::DirEntry::path)
-                    .filter(|path| path.extension().is_some_and(|ending| ending == "parquet"))
-                    .collect();
-                files.sort();
-                rows.extend(files.into_iter().map(|path| {
-                    let row = table::read(&path, schema);
-                    (path, row)
-                }));
+        let listed = self.store.list(folder, levels..=levels)?.into_iter();
+        let listed: Vec<Listed> = listed
+            .filter(|file| file.key.ends_with(".parquet"))
+            .collect();
+        let mut rows = Vec::with_capacity(listed.len());
+        for listed in listed.chunks(AT_ONCE) {
+            for (listed, file) in listed.iter().zip(self.store.open_all(listed)) {
+                let place = self.store.place(&listed.key);
+                let read = |file| Ok(table::read_open(file, &place.named(), schema)?);
+                let row = file.map_err(LakeError::from).and_then(read);
+                rows.push((place, row));
             }
         }
         Ok(rows)

@@ -1,16 +1,15 @@
 //! A run being written: its tables one by one, then the row that makes it exist.
 
-use std::fs::{self, File};
 use std::io::{self, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use parquet::errors::ParquetError;
 
 use super::error::folder_error;
 use super::parts::{OpenTable, WholeTable};
 use super::temporary::Temporary;
-use super::{Lake, LakeError, PAGES};
-use crate::io::schema;
+use super::{Lake, LakeError, PAGES, file_key};
+use crate::io::store::Tag;
 use crate::io::table::{self, Table};
 use crate::manifest::{RunKey, Written, digest};
 
@@ -20,6 +19,8 @@ pub struct OpenRun<'a> {
     lake: &'a Lake,
     key: RunKey,
     written: Vec<Written>,
+    /// What the store calls each of them.
+    tags: Vec<Tag>,
     /// Tables that wait for the run's result; if there is none they go with it.
     kept: Vec<WholeTable>,
 }
@@ -39,6 +40,7 @@ impl<'a> OpenRun<'a> {
             lake,
             key: key.clone(),
             written: Vec::new(),
+            tags: Vec::new(),
             kept: Vec::new(),
         }
     }
@@ -55,8 +57,8 @@ impl<'a> OpenRun<'a> {
 
     /// Writes a table of the run; its session may be another that the run read.
     pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
-        let path = self.path(table)?;
-        let (temporary, digest) = write(table, &path)?;
+        let key = self.file_key(table)?;
+        let (temporary, digest) = self.write(table, &key)?;
         let written = Written {
             table: table.schema().table.clone(),
             session: table
@@ -65,23 +67,23 @@ impl<'a> OpenRun<'a> {
             rows: table.rows() as u64,
             digest,
         };
-        self.put_file(path, temporary, written)
+        self.put_file(&key, temporary, written)
     }
 
     /// Writes the run's page.
     pub fn publish_page(&mut self, html: &str) -> Result<(), LakeError> {
-        let path = self.lake.page(&self.key)?;
-        let mut temporary = temporary_beside(&path)?;
+        let key = file_key(PAGES, &self.key)?;
+        let mut temporary = self.lake.store.temporary(&key)?;
         let written = temporary.write_all(html.as_bytes());
         let digest = written.and_then(|()| temporary.sync());
-        let digest = digest.map_err(folder_error("write", &path))?;
+        let digest = digest.map_err(folder_error("write", &self.written_at(&key)))?;
         let written = Written {
             table: PAGES.to_owned(),
             session: self.key.session.clone(),
             rows: 0,
             digest,
         };
-        self.put_file(path, temporary, written)
+        self.put_file(&key, temporary, written)
     }
 
     /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. See
@@ -94,7 +96,7 @@ impl<'a> OpenRun<'a> {
         let mut open = OpenTable::new(self);
         open.append_all(parts, table)?;
         if let Some(whole) = open.finish()? {
-            self.put_file(whole.path, whole.temporary, whole.written)?;
+            self.put_file(&whole.key, whole.temporary, whole.written)?;
         }
         Ok(())
     }
@@ -107,7 +109,7 @@ impl<'a> OpenRun<'a> {
     /// Puts the tables kept so far in their places.
     pub fn publish_kept(&mut self) -> Result<(), LakeError> {
         for table in std::mem::take(&mut self.kept) {
-            self.put_file(table.path, table.temporary, table.written)?;
+            self.put_file(&table.key, table.temporary, table.written)?;
         }
         Ok(())
     }
@@ -115,18 +117,19 @@ impl<'a> OpenRun<'a> {
     /// Puts what was written in its place.
     fn put_file(
         &mut self,
-        path: PathBuf,
+        key: &str,
         temporary: Temporary,
         written: Written,
     ) -> Result<(), LakeError> {
+        let mut tag = None;
         if !self.lake.exists(&self.key)? {
-            temporary
-                .replace(&path)
-                .map_err(folder_error("write", &path))?;
-        } else if written.digest != digest_of(&path)? {
-            return Err(LakeError::Rewrite { path });
+            tag = self.lake.store.put(key, temporary)?;
+        } else if written.digest != self.digest_of(key)? {
+            let place = self.lake.store.place(key);
+            return Err(LakeError::Rewrite { place });
         }
         self.written.push(written);
+        self.tags.push(tag);
         Ok(())
     }
 
@@ -141,25 +144,28 @@ impl<'a> OpenRun<'a> {
             "a run is committed by its row in `runs`"
         );
         assert_eq!(runs.key(), Some(&self.key), "the row is the run's own");
-        let path = self.path(runs)?;
-        for written in &self.written {
-            self.check_unchanged(written)?;
+        for (written, tag) in self.written.iter().zip(&self.tags) {
+            self.check_unchanged(written, tag)?;
         }
-        let (temporary, _) = write(runs, &path)?;
-        let created = temporary
-            .create(&path)
-            .map_err(folder_error("create by a hard link", &path))?;
-        Ok(if created {
+        let key = self.file_key(runs)?;
+        let (temporary, _) = self.write(runs, &key)?;
+        Ok(if self.lake.store.create(&key, temporary)? {
             Commit::Done
         } else {
             Commit::AlreadyThere
         })
     }
 
-    pub(super) fn path(&self, table: &Table) -> Result<PathBuf, LakeError> {
+    /// A local file to write what is to stand under the key.
+    pub(super) fn temporary(&self, key: &str) -> Result<Temporary, LakeError> {
+        Ok(self.lake.store.temporary(key)?)
+    }
+
+    /// The key of a table of this run.
+    pub(super) fn file_key(&self, table: &Table) -> Result<String, LakeError> {
         match table.key() {
             Some(key) if key.run == self.key.run && key.robot == self.key.robot => {
-                self.lake.path(table.schema(), key)
+                file_key(&table.schema().table, key)
             }
             other => Err(LakeError::OtherRun {
                 table: table.schema().table.clone(),
@@ -173,44 +179,45 @@ impl<'a> OpenRun<'a> {
         }
     }
 
-    fn check_unchanged(&self, written: &Written) -> Result<(), LakeError> {
-        let key = self.key.of_session(&written.session);
-        let path = match written.table.as_str() {
-            PAGES => self.lake.page(&key)?,
-            table => self.lake.path(schema::find(table)?, &key)?,
-        };
-        let found = digest_of(&path)?;
+    /// Whether a file is still what was written: by the store's own tag, or by its digest where there is none.
+    fn check_unchanged(&self, written: &Written, tag: &Tag) -> Result<(), LakeError> {
+        let key = file_key(&written.table, &self.key.of_session(&written.session))?;
+        if tag.is_some() && self.lake.store.tag(&key)? == *tag {
+            return Ok(());
+        }
+        let found = self.digest_of(&key)?;
         if found == written.digest {
             return Ok(());
         }
         Err(LakeError::Changed {
-            path,
+            place: self.lake.store.place(&key),
             found,
             written: written.digest.clone(),
         })
     }
-}
 
-/// Writes a table under a temporary name beside `path`; gives its digest too.
-fn write(table: &Table, path: &Path) -> Result<(Temporary, String), LakeError> {
-    let write = folder_error("write", path);
-    let temporary = temporary_beside(path)?;
-    let mut temporary = table::write(table, temporary).map_err(|error| write(into_io(error)))?;
-    let digest = temporary.sync().map_err(&write)?;
-    Ok((temporary, digest))
-}
+    /// Writes a table to a temporary; gives its digest too.
+    fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String), LakeError> {
+        let path = self.written_at(key);
+        let write = folder_error("write", &path);
+        let temporary = self.lake.store.temporary(key)?;
+        let mut temporary =
+            table::write(table, temporary).map_err(|error| write(into_io(error)))?;
+        let digest = temporary.sync().map_err(&write)?;
+        Ok((temporary, digest))
+    }
 
-pub(super) fn temporary_beside(path: &Path) -> Result<Temporary, LakeError> {
-    let folder = path.parent().expect("a lake's files stand in folders");
-    fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
-    Temporary::beside(path).map_err(folder_error("write", path))
-}
+    /// What errors of writing a temporary name: the file, or the folder of temporaries where the lake is none.
+    pub(super) fn written_at(&self, key: &str) -> PathBuf {
+        let folder = self.lake.folder();
+        folder.map_or_else(std::env::temp_dir, |root| root.join(key))
+    }
 
-fn digest_of(path: &Path) -> Result<String, LakeError> {
-    let digest = File::open(path)
-        .and_then(digest)
-        .map_err(folder_error("read", path))?;
-    Ok(digest.0)
+    fn digest_of(&self, key: &str) -> Result<String, LakeError> {
+        let place = self.lake.store.place(key).named();
+        let digest = digest(self.lake.store.open(key)?).map_err(folder_error("read", &place))?;
+        Ok(digest.0)
+    }
 }
 
 /// The system's own error inside a Parquet error, where there is one: a full disk is told as such.

@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use tempfile::TempDir;
+
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// A temporary of another host, or of a container that is no more, is a leftover when nothing was written to it for a day:
@@ -20,7 +22,7 @@ const AT_ONCE: usize = 256 << 10;
 
 /// A file under a temporary name; removed when dropped.
 #[derive(Debug)]
-pub(super) struct Temporary {
+pub struct Temporary {
     path: PathBuf,
     file: BufWriter<Digested>,
 }
@@ -34,7 +36,7 @@ struct Digested {
 
 impl Temporary {
     /// Opens a temporary beside `target`, whose folder is there.
-    pub(super) fn beside(target: &Path) -> io::Result<Self> {
+    pub(crate) fn beside(target: &Path) -> io::Result<Self> {
         let file_name = target
             .file_name()
             .expect("a lake's files have names")
@@ -51,8 +53,14 @@ impl Temporary {
         Ok(Self { path, file })
     }
 
+    /// Where it stands until then.
+    #[cfg(feature = "s3")]
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Brings everything to the disk, under the temporary name still, and gives the BLAKE3 digest, hexadecimal.
-    pub(super) fn sync(&mut self) -> io::Result<String> {
+    pub(crate) fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;
         let Digested { file, hasher } = self.file.get_ref();
         file.sync_all()?;
@@ -60,13 +68,13 @@ impl Temporary {
     }
 
     /// Takes the place of `target`, whatever was there.
-    pub(super) fn replace(self, target: &Path) -> io::Result<()> {
+    pub(crate) fn replace(self, target: &Path) -> io::Result<()> {
         fs::rename(&self.path, target)?;
         sync_folder(target)
     }
 
     /// Becomes `target` if nothing is there yet; of several that try at once exactly one does.
-    pub(super) fn create(self, target: &Path) -> io::Result<bool> {
+    pub(crate) fn create(self, target: &Path) -> io::Result<bool> {
         match fs::hard_link(&self.path, target) {
             Ok(()) => sync_folder(target).map(|()| true),
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(false),
@@ -142,14 +150,25 @@ fn removed_now(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// How the name of a temporary folder of this process begins; a number or letters follow, without a dash.
-pub(crate) fn folder_prefix(of: &str) -> String {
-    format!(".{of}.tmp-{}-", Owner::this_process().suffix())
+/// A new folder under the system's temporary directory, removed when dropped; what a process leaves that is interrupted,
+/// [`clean_folders`] removes.
+pub(crate) fn folder(of: &str) -> io::Result<TempDir> {
+    // A number or letters follow, without a dash.
+    let prefix = format!(".{of}.tmp-{}-", Owner::this_process().suffix());
+    tempfile::Builder::new().prefix(&prefix).tempdir()
 }
 
-/// Whether a file or folder of this name is a temporary of a process on this host that is gone.
-pub(crate) fn is_stale(name: &str) -> bool {
-    Owner::of_temporary(name).is_some_and(|owner| owner.is_gone())
+/// Removes such folders of processes that are gone, as far as the system lets us: they matter to nobody.
+pub(crate) fn clean_folders(of: &str) {
+    let entries = fs::read_dir(std::env::temp_dir());
+    for entry in entries.into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_ours = name.starts_with(&format!(".{of}.tmp-"));
+        if is_ours && Owner::of_temporary(&name).is_some_and(|owner| owner.is_gone()) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
 }
 
 /// The process that a temporary belongs to.

@@ -29,6 +29,15 @@ pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileErro
         path: path.to_owned(),
         source,
     })?;
+    read_open(file, path, schema)
+}
+
+/// The same of an open file, which is named `path` in errors.
+pub fn read_open(
+    file: File,
+    path: &Path,
+    schema: &'static TableSchema,
+) -> Result<Table, FileError> {
     // The Parquet reader panics on some damaged pages. It owns nothing but the file, so nothing is left half done.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {

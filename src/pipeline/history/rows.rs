@@ -13,6 +13,7 @@ use super::HistoryError;
 use super::summary::Summary;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
+use crate::io::store::StoreError;
 use crate::io::table;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;
@@ -58,7 +59,7 @@ pub(super) enum Kind {
 
 /// The folders of robots, in order.
 pub(super) fn robots(lake: &Lake) -> Result<Vec<RobotFolder>, HistoryError> {
-    let folder = lake.root().join("runs");
+    let folder = lake.root().join("runs").named();
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
@@ -114,11 +115,9 @@ fn rows_in(session: &Path) -> Result<Vec<PathBuf>, HistoryError> {
 fn entries(folder: &Path) -> Result<Vec<PathBuf>, HistoryError> {
     let found =
         fs::read_dir(folder).and_then(|found| found.map(|entry| Ok(entry?.path())).collect());
-    let mut found: Vec<PathBuf> = found.map_err(|source| LakeError::Folder {
-        doing: "list",
-        path: folder.to_owned(),
-        source,
-    })?;
+    let mut found: Vec<PathBuf> = found
+        .map_err(StoreError::folder("list", folder))
+        .map_err(LakeError::from)?;
     found.sort();
     Ok(found)
 }
@@ -154,7 +153,7 @@ fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
     let claim = Claim::of(&row).map_err(told)?;
     let expected = lake.path(schema, &claim.key);
     let expected = expected.map_err(|error| error.to_string())?;
-    if expected != *place {
+    if expected.as_path() != Some(place) {
         let reason = format!("it says of itself that it is {}", expected.display());
         return Err(told(reason));
     }

@@ -43,7 +43,8 @@ fn checked(lake: &Lake, fact: &Fact, name: &str, expected: &str) -> Result<Table
     let schema = schema::find(name).map_err(|error| error.to_string())?;
     let path = lake
         .path(schema, &fact.key)
-        .map_err(|error| error.to_string())?;
+        .map_err(|error| error.to_string())?
+        .named();
     let found =
         digest_of(&path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     if found != expected {

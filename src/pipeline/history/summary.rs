@@ -147,5 +147,5 @@ impl Head {
 fn place(lake: &Lake, folder: &Path) -> PathBuf {
     let mut name = folder.file_name().unwrap_or(OsStr::new("robot")).to_owned();
     name.push(".jsonl");
-    lake.root().join(".history").join(name)
+    lake.root().named().join(".history").join(name)
 }

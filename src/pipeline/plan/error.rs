@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::geometry::PlacementError;
+use crate::io::store::StoreError;
 use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
@@ -140,6 +141,9 @@ pub enum PlanError {
     /// The settings cannot be written down.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
+    /// The place of the tables, or of the sessions, cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
 }
 
 fn listed(names: &[String]) -> String {
@@ -155,5 +159,12 @@ fn besides(left_out: &[String]) -> String {
         String::new()
     } else {
         format!("; left out: {}", left_out.join(", "))
+    }
+}
+
+impl PlanError {
+    /// Whether the same may go well another time: nothing is wrong with the pipeline file.
+    pub const fn is_worth_a_retry(&self) -> bool {
+        matches!(self, Self::Store(error) if error.is_worth_a_retry())
     }
 }

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PlanError, checks, folder_of, read_arm, resolved};
+use super::{PlanError, checks, folder_of, placed_at, read_arm, resolved};
+use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
 
@@ -17,8 +18,8 @@ pub struct Files {
     pub robot_file: PathBuf,
     /// The nominal arm.
     pub arm: Arm,
-    /// The folder of published tables.
-    pub lake: PathBuf,
+    /// Where the published tables are.
+    pub lake: Place,
 }
 
 /// Reads the pipeline file at `path`.
@@ -29,7 +30,7 @@ pub fn read(path: &Path) -> Result<Files, PlanError> {
     let arm = read_arm(path, &robot_file)?;
     checks::check(path, &file, arm.joints().len())?;
     Ok(Files {
-        lake: resolved(&base, &file.output.lake),
+        lake: placed_at(&base, &file.output.lake),
         file,
         base,
         robot_file,

@@ -5,10 +5,10 @@
 //! may find a file twice.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::tree::Tree;
 use crate::pipeline::file::{LogNames, SESSION_PLACE};
 
 /// Why one side of a session has no files.
@@ -21,10 +21,10 @@ pub(super) enum Lack {
 }
 
 /// The files of one side, by name; or what the folder lacks.
-pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack> {
+pub(super) fn find(tree: &Tree, folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
-        let files = matching(folder, pattern).map_err(|error| Lack::Wrong(error.to_string()))?;
+        let files = matching(tree, folder, pattern).map_err(|error| Lack::Wrong(error.to_string()))?;
         if files.is_empty() {
             return Err(Lack::Absent(format!("it has no {pattern}")));
         }
@@ -34,8 +34,12 @@ pub(super) fn find(folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack
 }
 
 /// The file that may or may not be there, by name; or why it is not one.
-pub(super) fn at_most_one(folder: &Path, names: &LogNames) -> Result<Option<PathBuf>, Lack> {
-    let found = all(folder, names).map_err(|error| Lack::Wrong(error.to_string()))?;
+pub(super) fn at_most_one(
+    tree: &Tree,
+    folder: &Path,
+    names: &LogNames,
+) -> Result<Option<PathBuf>, Lack> {
+    let found = all(tree, folder, names).map_err(|error| Lack::Wrong(error.to_string()))?;
     match &found[..] {
         [] => Ok(None),
         [one] => Ok(Some(one.clone())),
@@ -48,6 +52,7 @@ pub(super) fn at_most_one(folder: &Path, names: &LogNames) -> Result<Option<Path
 
 /// The files of one side of every session, by the name that `{session}` stands for.
 pub(super) fn find_named(
+    tree: &Tree,
     folder: &Path,
     names: &LogNames,
 ) -> io::Result<BTreeMap<String, Result<Vec<PathBuf>, Lack>>> {
@@ -55,7 +60,7 @@ pub(super) fn find_named(
     let mut patterns: BTreeMap<String, usize> = BTreeMap::new();
     for pattern in names.patterns() {
         let mut by_session: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
-        for (session, path) in named(folder, pattern)? {
+        for (session, path) in named(tree, folder, pattern)? {
             by_session.entry(session).or_default().push(path);
         }
         for (session, files) in by_session {
@@ -78,10 +83,10 @@ pub(super) fn find_named(
 }
 
 /// Every file that fits a pattern without `{session}`, if there is any.
-pub(super) fn all(folder: &Path, names: &LogNames) -> io::Result<Vec<PathBuf>> {
+pub(super) fn all(tree: &Tree, folder: &Path, names: &LogNames) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
-        found.extend(matching(folder, pattern)?);
+        found.extend(matching(tree, folder, pattern)?);
     }
     found.sort();
     found.dedup();
@@ -104,9 +109,9 @@ fn add_once(
     Ok(())
 }
 
-fn matching(folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf>> {
+fn matching(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf>> {
     let whole = folder.join(pattern);
-    if whole.is_file() {
+    if tree.is_file(&whole) {
         return Ok(vec![whole]);
     }
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
@@ -116,7 +121,7 @@ fn matching(folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf>> {
     if !last.contains(&'*') && !last.contains(&'?') {
         return Ok(Vec::new());
     }
-    let found = files(parent)?.into_iter();
+    let found = files(tree, parent)?.into_iter();
     Ok(found
         .filter(|(name, _)| shown(name, &last) && fits(&last, name))
         .map(|(_, path)| path)
@@ -124,7 +129,7 @@ fn matching(folder: &Path, pattern: &str) -> io::Result<Vec<PathBuf>> {
 }
 
 /// Files that fit a pattern with `{session}`, and what it stands for in each.
-fn named(folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
+fn named(tree: &Tree, folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
     let whole = folder.join(pattern);
     let (Some(parent), Some(last)) = (whole.parent(), whole.file_name()) else {
         return Ok(Vec::new());
@@ -132,7 +137,7 @@ fn named(folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
     let last = last.to_string_lossy();
     let (before, after) = last.split_once(SESSION_PLACE).unwrap_or((&last, ""));
     let (before, after) = (letters(before), letters(after));
-    let found = files(parent)?.into_iter();
+    let found = files(tree, parent)?.into_iter();
     Ok(found
         .filter(|(name, _)| shown(name, &before))
         .filter_map(|(name, path)| Some((between(&before, &after, &name)?, path)))
@@ -140,14 +145,12 @@ fn named(folder: &Path, pattern: &str) -> io::Result<Vec<(String, PathBuf)>> {
 }
 
 /// The files of a folder with the letters of their names, by name; none where there is no folder.
-fn files(folder: &Path) -> io::Result<Vec<(Vec<char>, PathBuf)>> {
-    let entries = match fs::read_dir(folder) {
+fn files(tree: &Tree, folder: &Path) -> io::Result<Vec<(Vec<char>, PathBuf)>> {
+    let mut paths = match tree.entries(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries?.collect::<io::Result<Vec<_>>>()?,
+        entries => entries?,
     };
-    let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
-    paths.retain(|path| path.is_file());
-    paths.sort();
+    paths.retain(|path| tree.is_file(path));
     let name = |path: &PathBuf| letters(&path.file_name().unwrap_or_default().to_string_lossy());
     Ok(paths.into_iter().map(|path| (name(&path), path)).collect())
 }
@@ -195,6 +198,8 @@ fn fits(pattern: &[char], name: &[char]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
@@ -219,7 +224,7 @@ mod tests {
         fs::create_dir(folder.path().join("arm_3.mcap")).expect("writable");
         let find = |names: &[&str]| {
             let names = names.iter().map(|&name| name.to_owned()).collect();
-            let found = find(folder.path(), &LogNames::Several(names));
+            let found = find(&Tree::Folder, folder.path(), &LogNames::Several(names));
             let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
             let found = found.map(|found| found.into_iter().map(name).collect::<Vec<_>>());
             found.map_err(|lack| match lack {
@@ -267,16 +272,16 @@ mod tests {
         }
         let names =
             |names: &[&str]| LogNames::Several(names.iter().map(|&name| name.to_owned()).collect());
-        let found = find_named(folder.path(), &names(&["{session}_a.mcap"])).unwrap();
+        let found = find_named(&Tree::Folder, folder.path(), &names(&["{session}_a.mcap"])).unwrap();
         assert_eq!(found.keys().collect::<Vec<_>>(), ["mon", "tue"]);
         let both = names(&["{session}_a.mcap", "{session}_a.log"]);
-        let found = find_named(folder.path(), &both).unwrap();
+        let found = find_named(&Tree::Folder, folder.path(), &both).unwrap();
         assert_eq!(found["mon"].as_ref().unwrap().len(), 2);
         assert!(
             matches!(&found["tue"], Err(Lack::Absent(reason)) if reason.contains("not all of"))
         );
         let twice = names(&["{session}_a.mcap", "{session}_?.mcap"]);
-        let found = find_named(folder.path(), &twice).unwrap();
+        let found = find_named(&Tree::Folder, folder.path(), &twice).unwrap();
         assert!(
             matches!(&found["mon"], Err(Lack::Wrong(reason)) if reason.contains("named twice"))
         );

@@ -11,6 +11,7 @@ mod growing;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use super::tree::Tree;
 use super::{Overrides, PlanError, logs};
 use crate::io::log::{Limits, SessionLogs};
 use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
@@ -94,9 +95,10 @@ pub(super) struct Listed {
     pub left_out: Vec<LeftOut>,
 }
 
-/// Lists the work: `folder` is `[input] folder`, resolved.
+/// Lists the work: `folder` is `[input] folder`, resolved, in `tree`.
 pub(super) fn list(
     path: &Path,
+    tree: &Tree,
     folder: &Path,
     input: &InputSection,
     limits: Limits,
@@ -108,7 +110,7 @@ pub(super) fn list(
     ] {
         name_sessions(path, key, names, input.sessions_by)?;
     }
-    let found = Found::look(folder, input, limits).map_err(|source| PlanError::Folder {
+    let found = Found::look(tree, folder, input, limits).map_err(|source| PlanError::Folder {
         path: path.to_owned(),
         folder: folder.to_owned(),
         source,

@@ -13,6 +13,7 @@ use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema::{self, SchemaError};
+use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
@@ -37,16 +38,22 @@ pub enum KnownError {
     },
     /// The lake has no run of that session.
     #[error(
-        "[plan.known] session = {session:?}: the lake {} has no run of it for robot {robot:?}; run it first, or give \
-         calibrations", lake.display()
+        "[plan.known] session = {session:?}: the lake {lake} has no run of it for robot {robot:?}; run it first, or give \
+         calibrations"
     )]
     NoRun {
         /// The lake.
-        lake: PathBuf,
+        lake: Place,
         /// The robot.
         robot: String,
         /// The session.
         session: String,
+    },
+    /// The table is not on this machine.
+    #[error("[plan.known]: {table} is on object storage; copy it here and name it under calibrations")]
+    Remote {
+        /// Where it is.
+        table: Place,
     },
     /// The table cannot be read.
     #[error("[plan.known]: {0}")]
@@ -138,7 +145,7 @@ pub(super) fn table(
     path: &Path,
     base: &Path,
     known: &KnownSection,
-    lakes: [&PathBuf; 2],
+    lakes: [&Place; 2],
     robot: &str,
 ) -> Result<PathBuf, KnownError> {
     let named = |found| KnownError::Named {
@@ -156,16 +163,18 @@ pub(super) fn table(
     }
 }
 
-fn current(folder: &Path, robot: &str, session: &str) -> Result<PathBuf, KnownError> {
-    let lake = Lake::new(folder);
+fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownError> {
+    let lake = Lake::at(place)?;
     let run = lake.current(&RunKey::new(robot, session, ""))?;
     let run = run.ok_or_else(|| KnownError::NoRun {
-        lake: folder.to_owned(),
+        lake: place.clone(),
         robot: robot.to_owned(),
         session: session.to_owned(),
     })?;
     let key = RunKey::new(robot, session, &run);
-    Ok(lake.path(schema::find("calibrations")?, &key)?)
+    let table = lake.path(schema::find("calibrations")?, &key)?;
+    let path = table.as_path().map(Path::to_owned);
+    path.ok_or(KnownError::Remote { table })
 }
 
 /// The arm that the table at `path` knows, in the session that is planned.

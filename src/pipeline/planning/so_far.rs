@@ -87,10 +87,10 @@ impl Planning {
         progress: &dyn Progress,
     ) -> Result<SoFar, PlanningError> {
         let key = RunKey::new(&self.work.robot, SESSION, &self.work.key().run);
-        let lake = Lake::new(&self.lake);
+        let lake = Lake::at(&self.lake)?;
         if !lake.exists(&key)? {
             return Err(Box::new(SoFarError::NotPlanned {
-                lake: self.lake.display().to_string(),
+                lake: self.lake.to_string(),
                 run: key.run,
             })
             .into());
@@ -153,7 +153,7 @@ impl Planning {
         let overrides = Overrides {
             sessions: vec![session.to_owned()],
             test: Vec::new(),
-            lake: Some(self.lake.clone()),
+            lake: Some(self.lake.named()),
         };
         let plan = Plan::load(path, &overrides)?;
         let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();

@@ -1,20 +1,17 @@
 //! A run computed again into a temporary lake, and every file of it held against the published one.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tempfile::TempDir;
 
-use super::altered::{PAGES, file_name, path};
+use super::altered::file_name;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
 use super::{Recomputed, Verified};
-use crate::io::lake::{Lake, LakeError, temporary};
-use crate::io::schema;
+use crate::io::lake::{Lake, LakeError, PAGES, temporary};
+use crate::io::table::Table;
 use crate::io::table::compare::{Comparison, compare};
-use crate::io::table::{self, Table};
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::planning;
 use crate::progress::Progress;
@@ -73,48 +70,18 @@ pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, Strin
     let told = |error: &dyn std::fmt::Display| {
         format!("no temporary lake: {error}; TMPDIR names the folder that it is made in")
     };
-    let made = tempfile::Builder::new()
-        .prefix(&temporary::folder_prefix(TEMPORARY))
-        .tempdir();
-    let made = made.map_err(|error| told(&error))?;
+    let made = temporary::folder(TEMPORARY).map_err(|error| told(&error))?;
     if key.session != planning::SESSION {
-        copy_plans(lake, &Lake::new(made.path()), key).map_err(|error| told(&error))?;
+        let plans = key.of_session(planning::SESSION);
+        let copied = lake.copy_session(&["sampling_plan", "runs"], &plans, made.path());
+        copied.map_err(|error| told(&error))?;
     }
     Ok(made)
 }
 
-/// Removes temporary lakes of processes that are gone, as far as the system lets us: they matter to nobody.
+/// Removes temporary lakes of processes that are gone.
 pub fn clean() {
-    let entries = fs::read_dir(std::env::temp_dir());
-    for entry in entries.into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let name = name.to_string_lossy();
-        if name.starts_with(&format!(".{TEMPORARY}.tmp-")) && temporary::is_stale(&name) {
-            let _ = fs::remove_dir_all(entry.path());
-        }
-    }
-}
-
-fn copy_plans(from: &Lake, to: &Lake, key: &RunKey) -> Result<(), Box<dyn std::error::Error>> {
-    let plans = key.of_session(planning::SESSION);
-    for table in ["sampling_plan", "runs"] {
-        let folder = |lake: &Lake| -> Result<PathBuf, LakeError> {
-            let file = lake.path(schema::find(table)?, &plans)?;
-            let folder = file.parent().expect("a lake's files stand in folders");
-            Ok(folder.to_owned())
-        };
-        let entries = match fs::read_dir(folder(from)?) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-            entries => entries?,
-        };
-        let to = folder(to)?;
-        fs::create_dir_all(&to)?;
-        for entry in entries {
-            let entry = entry?;
-            fs::copy(entry.path(), to.join(entry.file_name()))?;
-        }
-    }
-    Ok(())
+    temporary::clean_folders(TEMPORARY);
 }
 
 /// Computes the run again and compares.
@@ -197,14 +164,13 @@ impl Sides<'_> {
             Some(found) if *found == again.digest => return Ok(None),
             Some(_) => {}
         }
-        let own = path(self.lake, &self.verified.claim.key, published)?;
-        let other = path(self.computed, self.key, again)?;
+        let own_key = self.verified.claim.key.of_session(&published.session);
+        let other_key = self.key.of_session(&again.session);
         if published.table == PAGES {
-            return Ok(Some(self.page(&own, &other, computed)));
+            return Ok(Some(self.page(&own_key, &other_key, computed)));
         }
-        let schema = schema::find(&published.table)?;
-        let other = table::read(&other, schema)?;
-        Ok(Some(match table::read(&own, schema) {
+        let other = self.computed.read(&again.table, &other_key)?;
+        Ok(Some(match self.lake.read(&published.table, &own_key) {
             Ok(own) => FileOutcome::Values(self.values(&own, &other, &[])),
             Err(error) => FileOutcome::Unreadable(error.to_string()),
         }))
@@ -231,12 +197,13 @@ impl Sides<'_> {
     }
 
     /// A page names the digests of its tables: where these are other bytes, so is the page.
-    fn page(&self, own: &Path, other: &Path, computed: &Claim) -> FileOutcome {
+    fn page(&self, own: &RunKey, other: &RunKey, computed: &Claim) -> FileOutcome {
         let claim = &self.verified.claim;
         if claim.is_other_version() || claim.is_other_machine() {
             return FileOutcome::PageFromElsewhere;
         }
-        let (Ok(own), Ok(mut other)) = (fs::read_to_string(own), fs::read_to_string(other)) else {
+        let pages = (self.lake.read_page(own), self.computed.read_page(other));
+        let (Ok(own), Ok(mut other)) = pages else {
             return FileOutcome::Page;
         };
         for again in &computed.files {

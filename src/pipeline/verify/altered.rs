@@ -2,15 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::path::PathBuf;
 
 use super::claim::Claim;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::schema;
 use crate::manifest::{Input, RunKey, Written, digest};
-
-/// The folder of the pages, which the row of `runs` names like a table.
-pub(super) const PAGES: &str = "report";
 
 /// A file that a run wrote, and what is there today.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,22 +41,17 @@ pub(super) fn file_name(file: &Written) -> String {
     format!("{}/{}", file.table, file.session)
 }
 
-/// Where a file of a run stands, or would.
-pub(super) fn path(lake: &Lake, key: &RunKey, file: &Written) -> Result<PathBuf, LakeError> {
-    let key = key.of_session(&file.session);
-    match file.table.as_str() {
-        PAGES => lake.page(&key),
-        table => lake.path(schema::find(table)?, &key),
-    }
+/// A file of a run, open for reading.
+pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, LakeError> {
+    lake.open(&file.table, &key.of_session(&file.session))
 }
 
 /// Every file that the row names, digested.
 pub(super) fn outputs(claim: &Claim, lake: &Lake) -> Vec<Output> {
     let found = |file: &Written| -> Result<String, String> {
-        let path = path(lake, &claim.key, file).map_err(|error| error.to_string())?;
-        let digested = File::open(&path).and_then(digest);
-        let told = |error| format!("{}: {error}", path.display());
-        digested.map(|(digest, _)| digest).map_err(told)
+        let opened = open(lake, &claim.key, file).map_err(|error| error.to_string())?;
+        let digested = digest(opened).map_err(|error| error.to_string())?;
+        Ok(digested.0)
     };
     let output = |file: &Written| Output {
         name: file_name(file),

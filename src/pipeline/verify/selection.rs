@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use super::VerifyError;
 use super::claim::Claim;
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, RunRow};
+use crate::io::store::Place;
 use crate::pipeline::plan::files;
 
 /// Which runs are asked for.
@@ -25,7 +26,7 @@ pub struct Selection {
 #[derive(Debug, Clone)]
 pub struct PastRun {
     /// Where its row in `runs` stands.
-    pub place: PathBuf,
+    pub place: Place,
     /// What the row says, or why it cannot be read.
     pub claim: Result<Claim, String>,
     /// The pipeline file that it is by, where one of that name was given.
@@ -74,7 +75,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
     }
     if selected.runs.is_empty() {
         return Err(VerifyError::NoneByPipeline {
-            lake: lake.root().to_owned(),
+            lake: lake.root(),
             asked: pipelines.into_keys().collect(),
             found: selected.by_others.into_keys().collect(),
         });
@@ -107,18 +108,18 @@ fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError
 
 fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRun>, VerifyError> {
     let no_lake = |reason| VerifyError::NoLake {
-        lake: lake.root().to_owned(),
+        lake: lake.root(),
         reason,
     };
-    if !lake.root().is_dir() {
+    if lake.folder().is_some_and(|folder| !folder.is_dir()) {
         return Err(no_lake("there is no such folder"));
     }
     let rows = lake.runs()?;
     if rows.is_empty() {
         return Err(no_lake("it has no row in runs, so no run"));
     }
-    let run = |(place, row): (PathBuf, Result<_, _>)| {
-        let row = row.map_err(|error: crate::io::table::FileError| error.to_string());
+    let run = |(place, row): RunRow| {
+        let row = row.map_err(|error| error.to_string());
         let claim: Result<Claim, String> = row.and_then(|row| {
             let told = |reason| format!("{}: {reason}", place.display());
             Claim::of(&row).map_err(told)
@@ -145,7 +146,7 @@ fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyEr
         None => Ok(()),
         Some(name) => Err(VerifyError::NoSuchRun {
             name: name.clone(),
-            lake: lake.root().to_owned(),
+            lake: lake.root(),
             sessions: claims()
                 .map(|claim| claim.key.session.clone())
                 .collect::<BTreeSet<_>>()
@@ -159,7 +160,7 @@ fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyEr
 /// chooses, and anybody can draw the same again.
 fn drawn(runs: Vec<PastRun>, count: usize, seed: u64) -> Vec<PastRun> {
     let lot = |run: &PastRun| {
-        let name = run.place.file_stem().unwrap_or_default().to_string_lossy();
+        let name = run.place.stem();
         *blake3::hash(format!("{seed}/{name}").as_bytes()).as_bytes()
     };
     let mut lots: Vec<_> = runs.into_iter().map(|run| (lot(&run), run)).collect();
@@ -176,7 +177,7 @@ mod tests {
 
     fn runs(names: &[&str]) -> Vec<PastRun> {
         let run = |name: &&str| PastRun {
-            place: PathBuf::from(format!("lake/runs/r/s/{name}.parquet")),
+            place: Place::of(format!("lake/runs/r/s/{name}.parquet")),
             claim: Err("not looked at".to_owned()),
             pipeline: None,
         };
@@ -186,7 +187,7 @@ mod tests {
     #[test]
     fn a_sample_follows_from_the_seed_alone() {
         let all = ["a", "b", "c", "d", "e", "f"];
-        let draw = |names: &[&str], seed| -> Vec<PathBuf> {
+        let draw = |names: &[&str], seed| -> Vec<Place> {
             let drawn = drawn(runs(names), 2, seed);
             drawn.into_iter().map(|run| run.place).collect()
         };

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::claim::Claim;
 use crate::manifest::{RunKey, Work};
-use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, WorkPiece};
+use crate::pipeline::fetch::Fetched;
+use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, Tree, WorkPiece};
 use crate::pipeline::planning::{self, Planning};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
@@ -13,8 +14,8 @@ use crate::progress::Progress;
 /// A run's work, found again.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// Sessions and what is made of them.
-    Sessions(Box<Plan>, WorkPiece),
+    /// Sessions, their logs at hand, and what is made of them.
+    Sessions(Box<Plan>, Fetched),
     /// A plan before measuring.
     Planning(Box<Planning>),
 }
@@ -68,19 +69,26 @@ impl Source {
             training: named(&claim.sessions)?,
             test: named(&claim.test_sessions)?,
         };
-        Ok(Self::Sessions(Box::new(plan), piece))
+        let fetched = Fetched::of(&plan.tree, &piece).map_err(other)?;
+        // Whatever stood elsewhere stands here now.
+        let plan = Plan {
+            tree: Tree::Folder,
+            ..plan
+        };
+        Ok(Self::Sessions(Box::new(plan), fetched))
     }
 
     /// The work as it is today, with its inputs digested. The robot's name is the row's, so that no log is read for it.
     pub(super) fn work(&self, claim: &Claim) -> Result<Work, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.work.clone()),
-            Self::Sessions(plan, piece) => {
+            Self::Sessions(plan, fetched) => {
                 let named = Plan {
                     robot: Some(claim.key.robot.clone()),
                     ..(**plan).clone()
                 };
-                work(&named, piece).map_err(other)
+                let work = work(&named, fetched.piece());
+                work.map_err(|error| other(fetched.told(&error.to_string())))
             }
         }
     }
@@ -89,8 +97,9 @@ impl Source {
     pub(super) fn run(&self, claim: &Claim, progress: &dyn Progress) -> Result<RunKey, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
-            Self::Sessions(plan, piece) => {
-                let done = run_piece(plan, piece, progress).map_err(other)?;
+            Self::Sessions(plan, fetched) => {
+                let done = run_piece(plan, fetched.piece(), progress);
+                let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
                 Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
             }
         }

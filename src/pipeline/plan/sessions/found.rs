@@ -1,13 +1,12 @@
 //! What stands in the sessions' folder: a sub-folder for each session, or files that name theirs.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::growing::growing;
-use super::{LeftOut, POOLED, Why, logs};
+use super::{LeftOut, POOLED, Tree, Why, logs};
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
 use logs::Lack;
@@ -29,6 +28,7 @@ type Side = Result<Vec<PathBuf>, Lack>;
 /// Everything that the sessions' folder holds.
 #[derive(Debug)]
 pub struct Found<'a> {
+    tree: &'a Tree,
     folder: &'a Path,
     input: &'a InputSection,
     limits: Limits,
@@ -40,8 +40,14 @@ pub struct Found<'a> {
 
 impl<'a> Found<'a> {
     /// Looks into the folder.
-    pub fn look(folder: &'a Path, input: &'a InputSection, limits: Limits) -> io::Result<Self> {
+    pub fn look(
+        tree: &'a Tree,
+        folder: &'a Path,
+        input: &'a InputSection,
+        limits: Limits,
+    ) -> io::Result<Self> {
         let mut found = Self {
+            tree,
             folder,
             input,
             limits,
@@ -80,14 +86,15 @@ impl<'a> Found<'a> {
     }
 
     fn by_folder(&mut self) -> io::Result<()> {
-        for path in entries(self.folder)? {
+        let (tree, input) = (self.tree, self.input);
+        for path in tree.entries(self.folder)? {
             let name = name_of(&path);
-            if path.is_dir() {
-                let controller = logs::find(&path, &self.input.controller);
-                let tracker = logs::find(&path, &self.input.tracker);
-                let corrected = logs::at_most_one(&path, &self.input.corrected_targets);
+            if tree.is_dir(&path) {
+                let controller = logs::find(tree, &path, &input.controller);
+                let tracker = logs::find(tree, &path, &input.tracker);
+                let corrected = logs::at_most_one(tree, &path, &input.corrected_targets);
                 self.add(name, [controller, tracker], corrected);
-            } else if !path.exists() {
+            } else if !tree.is_file(&path) {
                 self.leave_out(name, "it is a link that leads nowhere".to_owned());
             }
         }
@@ -95,8 +102,8 @@ impl<'a> Found<'a> {
     }
 
     fn by_file_name(&mut self) -> io::Result<()> {
-        let mut controllers = logs::find_named(self.folder, &self.input.controller)?;
-        let mut trackers = logs::find_named(self.folder, &self.input.tracker)?;
+        let mut controllers = logs::find_named(self.tree, self.folder, &self.input.controller)?;
+        let mut trackers = logs::find_named(self.tree, self.folder, &self.input.tracker)?;
         let names: BTreeSet<String> = controllers.keys().chain(trackers.keys()).cloned().collect();
         for name in names {
             let absent =
@@ -113,8 +120,13 @@ impl<'a> Found<'a> {
     }
 
     fn by_metadata(&mut self) -> io::Result<()> {
-        let controllers = logs::all(self.folder, &self.input.controller)?;
-        let trackers = logs::all(self.folder, &self.input.tracker)?;
+        if !matches!(self.tree, Tree::Folder) {
+            return Err(io::Error::other(
+                "sessions_by = \"metadata\" opens every file, and these are on object storage: use \"folder\" or \"file_name\"",
+            ));
+        }
+        let controllers = logs::all(self.tree, self.folder, &self.input.controller)?;
+        let trackers = logs::all(self.tree, self.folder, &self.input.tracker)?;
         let files: BTreeSet<&PathBuf> = controllers.iter().chain(&trackers).collect();
         let mut sides: BTreeMap<String, [Vec<PathBuf>; 2]> = BTreeMap::new();
         for path in files {
@@ -141,7 +153,7 @@ impl<'a> Found<'a> {
     fn corrected_of(&self, session: &str) -> Result<Option<PathBuf>, Lack> {
         let names = &self.input.corrected_targets;
         if names.patterns().iter().all(|pattern| pattern.contains(SESSION_PLACE)) {
-            logs::at_most_one(self.folder, &names.of(session))
+            logs::at_most_one(self.tree, self.folder, &names.of(session))
         } else {
             Ok(None)
         }
@@ -248,12 +260,4 @@ fn only_one(files: Vec<PathBuf>, side: &str, names: &LogNames) -> Side {
 fn name_of(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default();
     name.to_string_lossy().into_owned()
-}
-
-/// What a folder holds, by name.
-fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder)?.collect::<io::Result<Vec<_>>>()?;
-    let mut paths: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
-    paths.sort();
-    Ok(paths)
 }

@@ -1,0 +1,362 @@
+//! A prefix of a bucket on S3-compatible storage as a store.
+//!
+//! 1. The environment says how to reach it, and nothing else does (`environment`).
+//! 2. What is to stand under a key is written to a local temporary, whole, and then uploaded: in one request, or from
+//!    [`PART_BYTES`] on in parts; storage shows it when all of it is there.
+//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one.
+//! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
+//!
+//! Calls wait: the one worker of a runtime that all buckets of the process share does what is asynchronous. Requests are
+//! tried [`RETRIES`] times more, for at most [`PATIENCE`] together with the last one's own time limit.
+
+mod environment;
+mod trouble;
+
+use std::fmt;
+use std::fs::File;
+use std::future::Future;
+use std::io::{self, Read as _, Seek as _, Write as _};
+use std::ops::RangeInclusive;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+use futures_util::{StreamExt as _, TryStreamExt as _, future, stream};
+use object_store::aws::AmazonS3;
+use object_store::path::Path as Key;
+use object_store::{
+    Error, GetOptions, GetRange, MultipartUpload, ObjectMeta, ObjectStore as _,
+    ObjectStoreExt as _, PutMode, PutPayload, PutResult,
+};
+use tempfile::TempDir;
+use tokio::runtime::{Builder, Runtime};
+
+use super::{Listed, Place, Store, StoreError, Tag, by_parts};
+use crate::io::lake::temporary::{self, Temporary};
+use trouble::Secrets;
+
+/// Bytes of a part of an upload, and of a block of a download: S3 wants at least 5 MiB, and each has to pass within a
+/// request's time limit (30 s unless `AWS_TIMEOUT` says otherwise) on a slow line.
+const PART_BYTES: u64 = 8 << 20;
+/// S3 takes no more parts.
+const MOST_PARTS: u64 = 10_000;
+/// Parts or blocks under way at once; all of them are in memory.
+const PARTS_AT_ONCE: usize = 4;
+/// Files fetched at once.
+const FILES_AT_ONCE: usize = 16;
+/// How often a request that failed on the way, or that the storage could not serve, is tried again.
+const RETRIES: usize = 3;
+/// After this long nothing is tried again.
+const PATIENCE: Duration = Duration::from_mins(1);
+/// What folders of local temporaries are named by.
+const SCRATCH: &str = "posegrid-upload";
+
+/// A prefix of a bucket.
+pub struct Bucket {
+    place: Place,
+    prefix: String,
+    client: AmazonS3,
+    secrets: Secrets,
+    runtime: &'static Runtime,
+    scratch: OnceLock<TempDir>,
+}
+
+impl fmt::Debug for Bucket {
+    /// The client holds credentials.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Bucket").field(&self.place).finish()
+    }
+}
+
+impl Bucket {
+    /// The prefix at an address, reached as the environment says. Nothing is sent yet.
+    pub fn from_environment(place: &Place) -> Result<Self, StoreError> {
+        let (client, secrets) = environment::client(place)?;
+        let (_, prefix) = place.bucket().expect("an address, as a client was made");
+        let system =
+            StoreError::folder("start a runtime for", std::path::Path::new("AWS requests"));
+        Ok(Self {
+            place: place.clone(),
+            prefix: prefix.to_owned(),
+            client,
+            secrets,
+            runtime: runtime().map_err(system)?,
+            scratch: OnceLock::new(),
+        })
+    }
+
+    fn object(&self, key: &str) -> Result<Key, StoreError> {
+        let parts = [self.prefix.as_str(), key];
+        let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        Key::parse(parts.join("/")).map_err(|_| StoreError::Address {
+            place: self.place(key),
+            problem: "its parts may neither be empty nor `.` or `..`, nor hold control characters",
+        })
+    }
+
+    /// Waits for what storage answers.
+    fn wait<T>(
+        &self,
+        doing: &'static str,
+        key: &str,
+        answer: impl Future<Output = Result<T, Error>>,
+    ) -> Result<T, StoreError> {
+        let answer = self.runtime.block_on(answer);
+        answer.map_err(|error| self.told(doing, key, &error))
+    }
+
+    fn told(&self, doing: &'static str, key: &str, error: &Error) -> StoreError {
+        trouble::told(doing, self.place(key), error, &self.secrets)
+    }
+
+    /// What is known of an object; `None` where there is none.
+    fn head(&self, key: &str) -> Result<Option<Listed>, StoreError> {
+        let object = self.object(key)?;
+        match self.runtime.block_on(self.client.head(&object)) {
+            Ok(found) => Ok(Some(Listed {
+                key: key.to_owned(),
+                tag: found.e_tag,
+                bytes: found.size,
+            })),
+            Err(Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(self.told("look for", key, &error)),
+        }
+    }
+
+    /// An object as a key of this store; `None` if it stands at another depth, or is hidden.
+    fn listed(
+        &self,
+        found: ObjectMeta,
+        below: &str,
+        levels: &RangeInclusive<usize>,
+    ) -> Option<Listed> {
+        let whole = found.location.as_ref();
+        let key = match self.prefix.as_str() {
+            "" => whole,
+            prefix => whole.strip_prefix(prefix)?.strip_prefix('/')?,
+        };
+        let rest = match below {
+            "" => key,
+            below => key.strip_prefix(below)?.strip_prefix('/')?,
+        };
+        let name = rest.rsplit('/').next().unwrap_or(rest);
+        let is_wanted = levels.contains(&rest.matches('/').count()) && !name.starts_with('.');
+        is_wanted.then(|| Listed {
+            key: key.to_owned(),
+            tag: found.e_tag,
+            bytes: found.size,
+        })
+    }
+
+    /// Fetches an object as it was listed into a file without a name.
+    async fn fetch(&self, listed: &Listed) -> Result<File, StoreError> {
+        let local = std::env::temp_dir();
+        let local_error = StoreError::folder("write a temporary in", &local);
+        let mut file = tempfile::tempfile().map_err(&local_error)?;
+        self.fetch_into(listed, &mut file).await?;
+        file.rewind().map_err(&local_error)?;
+        Ok(file)
+    }
+
+    /// Fetches an object as it was listed, a few blocks at once.
+    async fn fetch_into(&self, listed: &Listed, file: &mut File) -> Result<(), StoreError> {
+        let object = self.object(&listed.key)?;
+        let local = std::env::temp_dir();
+        let local_error = StoreError::folder("write a temporary in", &local);
+        let starts = (0..listed.bytes).step_by(usize_of(PART_BYTES));
+        let block = |start: u64| {
+            let options = GetOptions {
+                if_match: listed.tag.clone(),
+                range: Some(GetRange::Bounded(
+                    start..(start + PART_BYTES).min(listed.bytes),
+                )),
+                ..GetOptions::default()
+            };
+            async { self.client.get_opts(&object, options).await?.bytes().await }
+        };
+        let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
+        let mut fetched = 0;
+        while let Some(block) = blocks.next().await {
+            let block = block.map_err(|error| self.told("read", &listed.key, &error))?;
+            file.write_all(&block).map_err(&local_error)?;
+            fetched += block.len() as u64;
+        }
+        // Storage that has no tags, or does not heed them.
+        if fetched != listed.bytes {
+            return Err(trouble::changed("read", self.place(&listed.key)));
+        }
+        Ok(())
+    }
+
+    /// The folder of this store's temporaries.
+    fn scratch(&self) -> io::Result<&TempDir> {
+        if let Some(scratch) = self.scratch.get() {
+            return Ok(scratch);
+        }
+        temporary::clean_folders(SCRATCH);
+        let made = temporary::folder(SCRATCH)?;
+        Ok(self.scratch.get_or_init(|| made))
+    }
+
+    /// Uploads in parts, a few at once.
+    async fn upload(&self, object: &Key, mut file: File, bytes: u64) -> Result<PutResult, Error> {
+        let mut upload = self.client.put_multipart(object).await?;
+        let parts = parts(&mut upload, &mut file, bytes).await;
+        let done = match parts {
+            Ok(()) => upload.complete().await,
+            Err(error) => Err(error),
+        };
+        if done.is_err() {
+            // Parts that stay are seen by nobody; storage can be told to remove them after a time.
+            let _ = upload.abort().await;
+        }
+        done
+    }
+}
+
+impl Store for Bucket {
+    fn place(&self, key: &str) -> Place {
+        self.place.join(key)
+    }
+
+    fn check(&self) -> Result<(), StoreError> {
+        let prefix = self.object("")?;
+        let listed = self.client.list_with_delimiter(Some(&prefix));
+        self.wait("list", "", listed).map(drop)
+    }
+
+    fn exists(&self, key: &str) -> Result<bool, StoreError> {
+        Ok(self.head(key)?.is_some())
+    }
+
+    fn open(&self, key: &str) -> Result<File, StoreError> {
+        let missing = || trouble::missing("read", self.place(key));
+        let found = self.head(key)?.ok_or_else(missing)?;
+        self.open_listed(&found)
+    }
+
+    fn open_listed(&self, listed: &Listed) -> Result<File, StoreError> {
+        self.runtime.block_on(self.fetch(listed))
+    }
+
+    fn copy_to(&self, listed: &Listed, mut to: File) -> Result<(), StoreError> {
+        self.runtime.block_on(self.fetch_into(listed, &mut to))
+    }
+
+    fn open_all(&self, listed: &[Listed]) -> Vec<Result<File, StoreError>> {
+        let files = stream::iter(listed.iter().map(|listed| self.fetch(listed)));
+        let files = files.buffered(FILES_AT_ONCE).collect();
+        self.runtime.block_on(files)
+    }
+
+    fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError> {
+        let prefix = self.object(folder)?;
+        let found: Vec<ObjectMeta> = self.wait(
+            "list",
+            folder,
+            self.client.list(Some(&prefix)).try_collect(),
+        )?;
+        let listed = found
+            .into_iter()
+            .filter_map(|found| self.listed(found, folder, &levels));
+        let mut listed: Vec<Listed> = listed.collect();
+        listed.sort_by(by_parts);
+        Ok(listed)
+    }
+
+    fn temporary(&self, _key: &str) -> Result<Temporary, StoreError> {
+        let local = std::env::temp_dir();
+        let made = self
+            .scratch()
+            .and_then(|scratch| Temporary::beside(&scratch.path().join("upload")));
+        made.map_err(StoreError::folder("write a temporary in", &local))
+    }
+
+    fn put(&self, key: &str, written: Temporary) -> Result<Tag, StoreError> {
+        let object = self.object(key)?;
+        let (file, bytes) = opened(&written)?;
+        let put = if bytes > PART_BYTES {
+            self.wait("write", key, self.upload(&object, file, bytes))?
+        } else {
+            let payload = payload(&written)?;
+            self.wait("write", key, self.client.put(&object, payload))?
+        };
+        Ok(put.e_tag)
+    }
+
+    fn create(&self, key: &str, written: Temporary) -> Result<bool, StoreError> {
+        let object = self.object(key)?;
+        let payload = payload(&written)?;
+        let put = self
+            .client
+            .put_opts(&object, payload, PutMode::Create.into());
+        match self.runtime.block_on(put) {
+            Ok(_) => Ok(true),
+            // Storage also says so of a conflict that another's attempt was, if that did not end well.
+            Err(Error::AlreadyExists { .. }) if self.exists(key)? => Ok(false),
+            Err(error) => Err(self.told("create", key, &error)),
+        }
+    }
+
+    fn tag(&self, key: &str) -> Result<Tag, StoreError> {
+        Ok(self.head(key)?.and_then(|found| found.tag))
+    }
+}
+
+/// Reads a file part by part and uploads a few at once.
+async fn parts(
+    upload: &mut Box<dyn MultipartUpload>,
+    file: &mut File,
+    bytes: u64,
+) -> Result<(), Error> {
+    let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
+    let mut left = bytes;
+    while left > 0 {
+        let mut under_way = Vec::new();
+        while left > 0 && under_way.len() < PARTS_AT_ONCE {
+            let count = part_bytes.min(left);
+            let mut part = vec![0; usize_of(count)];
+            file.read_exact(&mut part).map_err(|error| Error::Generic {
+                store: "temporary",
+                source: Box::new(error),
+            })?;
+            under_way.push(upload.put_part(PutPayload::from(part)));
+            left -= count;
+        }
+        future::try_join_all(under_way).await?;
+    }
+    Ok(())
+}
+
+/// What was written, for reading, and its size.
+fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
+    let opened = || {
+        let file = File::open(written.path())?;
+        let bytes = file.metadata()?.len();
+        Ok((file, bytes))
+    };
+    opened().map_err(StoreError::folder("read the temporary", written.path()))
+}
+
+fn payload(written: &Temporary) -> Result<PutPayload, StoreError> {
+    let bytes = std::fs::read(written.path());
+    let bytes = bytes.map_err(StoreError::folder("read the temporary", written.path()))?;
+    Ok(PutPayload::from(bytes))
+}
+
+fn usize_of(bytes: u64) -> usize {
+    usize::try_from(bytes).expect("parts fit into memory")
+}
+
+/// The runtime of this process.
+fn runtime() -> io::Result<&'static Runtime> {
+    static RUNTIME: OnceLock<Runtime> = OnceLock::new();
+    if let Some(runtime) = RUNTIME.get() {
+        return Ok(runtime);
+    }
+    let made = Builder::new_multi_thread()
+        .worker_threads(1)
+        .thread_name("object-storage")
+        .enable_all()
+        .build()?;
+    Ok(RUNTIME.get_or_init(|| made))
+}

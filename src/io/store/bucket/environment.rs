@@ -1,0 +1,114 @@
+//! The environment → a client of a bucket.
+//!
+//! Credentials come from `AWS_…` variables and from nowhere else: no file, and no machine's metadata service unless a variable
+//! names it. What is missing is told before anything is sent.
+
+use std::env;
+
+use object_store::RetryConfig;
+use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, S3ConditionalPut};
+use object_store::client::ClientConfigKey;
+
+use super::trouble::{self, Secrets};
+use super::{PATIENCE, Place, RETRIES, StoreError};
+
+/// Who we are; a variable of these names says where else credentials come from, so that the two of a key are not needed.
+const OTHER_CREDENTIALS: [&str; 5] = [
+    "AWS_WEB_IDENTITY_TOKEN_FILE",
+    "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
+    "AWS_CONTAINER_CREDENTIALS_FULL_URI",
+    "AWS_METADATA_ENDPOINT",
+    "AWS_SKIP_SIGNATURE",
+];
+/// Where the storage is, if it is not Amazon's own.
+const ENDPOINTS: [&str; 3] = ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"];
+
+/// The client of the bucket at an address, and what it must never tell.
+pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
+    let bucket = bucket(place)?;
+    let builder = AmazonS3Builder::from_env();
+    check(place, &builder)?;
+    let retry = RetryConfig {
+        max_retries: RETRIES,
+        retry_timeout: PATIENCE,
+        ..RetryConfig::default()
+    };
+    let secrets = Secrets::of(&builder);
+    let client = builder
+        .with_bucket_name(bucket)
+        .with_conditional_put(S3ConditionalPut::ETagMatch)
+        .with_retry(retry)
+        .build()
+        .map_err(|error| trouble::told("reach", place.clone(), &error, &secrets))?;
+    Ok((client, secrets))
+}
+
+/// The bucket of an address.
+fn bucket(place: &Place) -> Result<&str, StoreError> {
+    let (bucket, prefix) = place.bucket().expect("an address");
+    let problem = if bucket.is_empty() {
+        "it names no bucket"
+    } else if !bucket
+        .bytes()
+        .all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte))
+    {
+        "a bucket's name holds letters, digits, `-` and `.` only"
+    } else if prefix
+        .split('/')
+        .any(|part| part.is_empty() && !prefix.is_empty())
+    {
+        "two slashes follow one another"
+    } else {
+        return Ok(bucket);
+    };
+    Err(StoreError::Address {
+        place: place.clone(),
+        problem,
+    })
+}
+
+/// What can be known of the environment before anything is sent.
+fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
+    let wrong = |variable, problem| {
+        Err(StoreError::Environment {
+            place: place.clone(),
+            variable,
+            problem,
+        })
+    };
+    let is_set = |name: &&str| env::var_os(name).is_some_and(|value| !value.is_empty());
+    if !OTHER_CREDENTIALS.iter().any(|name| is_set(&name)) {
+        let key = ["AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"];
+        if let Some(missing) = key.into_iter().find(|name| !is_set(name)) {
+            return wrong(
+                missing,
+                "is not set: credentials come from the environment; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+            );
+        }
+    }
+    let Some(variable) = ENDPOINTS.into_iter().find(is_set) else {
+        return Ok(());
+    };
+    let endpoint = env::var(variable).unwrap_or_default();
+    let Some((scheme, rest)) = endpoint.split_once("://") else {
+        return wrong(variable, "is no address: write https://HOST:PORT");
+    };
+    if rest
+        .split('/')
+        .next()
+        .is_some_and(|host| host.contains('@'))
+    {
+        return wrong(
+            variable,
+            "holds a name and password, which belong into AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+        );
+    }
+    let may_http = AmazonS3ConfigKey::Client(ClientConfigKey::AllowHttp);
+    if scheme == "http" && builder.get_config_value(&may_http).as_deref() != Some("true") {
+        return wrong(
+            variable,
+            "begins with http://, by which anybody on the way can read along: where that network is your own set AWS_ALLOW_HTTP=true",
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,216 @@
+//! What storage answered → an error that says what to try, without anything secret.
+//!
+//! An answer may quote the request, headers and session token included: of its text only status, code and message are
+//! told, and whatever is secret is struck from those too.
+
+use object_store::Error;
+use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
+use object_store::client::HttpError;
+
+use super::{Place, StoreError};
+use crate::io::store::BucketTrouble;
+
+/// What is told of an object that is not what it was.
+const CHANGED: &str = "it changed meanwhile";
+/// The longest message told.
+const LONGEST: usize = 300;
+
+/// What must never be told.
+#[derive(Default)]
+pub(super) struct Secrets(Vec<String>);
+
+impl Secrets {
+    /// The secrets that a client is made with.
+    pub(super) fn of(builder: &AmazonS3Builder) -> Self {
+        let keys = [
+            AmazonS3ConfigKey::SecretAccessKey,
+            AmazonS3ConfigKey::Token,
+            AmazonS3ConfigKey::AccessKeyId,
+        ];
+        let values = keys.iter().filter_map(|key| builder.get_config_value(key));
+        Self(values.filter(|value| !value.is_empty()).collect())
+    }
+
+    fn struck_from(&self, text: &str) -> String {
+        let struck = |text: String, secret: &String| text.replace(secret, "…");
+        self.0.iter().fold(text.to_owned(), struck)
+    }
+}
+
+/// The error of doing something, of what storage answered.
+pub(super) fn told(
+    doing: &'static str,
+    place: Place,
+    error: &Error,
+    secrets: &Secrets,
+) -> StoreError {
+    let (reason, trouble) = read(error);
+    let reason: String = secrets
+        .struck_from(&reason)
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .take(LONGEST)
+        .collect();
+    StoreError::Bucket {
+        doing,
+        place,
+        reason,
+        trouble,
+    }
+}
+
+/// The error of an object that is not there.
+pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
+    StoreError::Bucket {
+        doing,
+        place,
+        reason: "there is no such object".to_owned(),
+        trouble: BucketTrouble::NoObject,
+    }
+}
+
+/// The error of an object that is not what was listed.
+pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
+    StoreError::Bucket {
+        doing,
+        place,
+        reason: CHANGED.to_owned(),
+        trouble: BucketTrouble::Changed,
+    }
+}
+
+fn read(error: &Error) -> (String, BucketTrouble) {
+    if let Some(root) = on_the_way(error) {
+        return (format!("no answer: {root}"), BucketTrouble::NoAnswer);
+    }
+    let text = error.to_string();
+    let code = between(&text, "<Code>", "</Code>");
+    let message = between(&text, "<Message>", "</Message>");
+    let status = between(&text, "status code: ", ":");
+    let said: Vec<&str> = [status, code, message].into_iter().flatten().collect();
+    let trouble = match error {
+        _ if code == Some("NoSuchBucket") => BucketTrouble::NoBucket,
+        _ if status.is_some() => by_status(status.unwrap_or_default(), code),
+        Error::NotFound { .. } => BucketTrouble::NoObject,
+        Error::Precondition { .. } | Error::NotModified { .. } => BucketTrouble::Changed,
+        _ => BucketTrouble::Other,
+    };
+    let reason = match error {
+        _ if trouble == BucketTrouble::Changed => CHANGED.to_owned(),
+        Error::InvalidPath { source } => {
+            format!("an object there has a name that cannot be used: {source}")
+        }
+        _ if said.is_empty() => without_quotes(&text),
+        _ => said.join(", "),
+    };
+    (reason, trouble)
+}
+
+fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
+    let refused = [
+        "AuthorizationHeaderMalformed",
+        "InvalidToken",
+        "ExpiredToken",
+    ];
+    match status.get(..3).unwrap_or_default() {
+        "401" | "403" => BucketTrouble::Refused,
+        "404" => BucketTrouble::NoObject,
+        "304" | "412" => BucketTrouble::Changed,
+        "408" | "429" => BucketTrouble::NoAnswer,
+        "501" => BucketTrouble::Other,
+        number if number.starts_with('5') => BucketTrouble::NoAnswer,
+        _ if code.is_some_and(|code| refused.contains(&code)) => BucketTrouble::Refused,
+        _ => BucketTrouble::Other,
+    }
+}
+
+/// What went wrong on the way, where nothing was answered: the deepest cause, as the others only say that there is one.
+fn on_the_way(error: &Error) -> Option<String> {
+    let mut cause: &dyn std::error::Error = error;
+    let mut is_http = false;
+    while let Some(next) = cause.source() {
+        cause = next;
+        is_http |= cause.is::<HttpError>();
+    }
+    is_http.then(|| cause.to_string())
+}
+
+/// A text that is no answer of ours to read: up to where it begins to quote.
+fn without_quotes(text: &str) -> String {
+    text.split('<').next().unwrap_or_default().trim().to_owned()
+}
+
+fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
+    let rest = text.split_once(before)?.1;
+    Some(rest.split_once(after)?.0.trim())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(body: &str) -> String {
+        answered("403 Forbidden", body)
+    }
+
+    /// As listing tells of any answer.
+    fn answered(status: &str, body: &str) -> String {
+        let error = Error::Generic {
+            store: "S3",
+            source: format!("Server returned non-2xx status code: {status}: {body}").into(),
+        };
+        let secrets = Secrets(vec!["hush-hush".to_owned()]);
+        told("read", Place::of("s3://b/a"), &error, &secrets).to_string()
+    }
+
+    #[test]
+    fn an_answer_that_quotes_the_request_is_told_without_it() {
+        // As Amazon answers a wrong signature: the canonical request holds the session token.
+        let text = refused(
+            "<Error><Code>SignatureDoesNotMatch</Code><Message>The signature of\nhush-hush</Message>\
+             <CanonicalRequest>x-amz-security-token:hush-hush</CanonicalRequest></Error>",
+        );
+        assert!(
+            text.starts_with(
+                "cannot read s3://b/a: 403 Forbidden, SignatureDoesNotMatch, The signature of …; check AWS_ACCESS_KEY_ID"
+            ),
+            "{text}"
+        );
+        assert!(!text.contains("hush") && !text.contains("x-amz"), "{text}");
+    }
+
+    #[test]
+    fn an_answer_of_another_form_is_cut_where_it_quotes() {
+        let text = refused("<html>hush-hush</html>");
+        assert!(
+            text.contains("403 Forbidden") && !text.contains("html"),
+            "{text}"
+        );
+        assert!(refused(&"x".repeat(5000)).len() < 600);
+    }
+
+    #[test]
+    fn each_kind_of_trouble_has_its_advice() {
+        let no_bucket = "<Error><Code>NoSuchBucket</Code></Error>";
+        for (status, body, advice) in [
+            ("404 Not Found", no_bucket, "make the bucket"),
+            ("404 Not Found", "", "check the name"),
+            ("503 Service Unavailable", "", "run again"),
+            (
+                "412 Precondition Failed",
+                "",
+                "wait until nobody writes there",
+            ),
+            ("501 Not Implemented", "", "conditional put"),
+            (
+                "400 Bad Request",
+                "<Code>ExpiredToken</Code>",
+                "check AWS_ACCESS_KEY_ID",
+            ),
+            ("400 Bad Request", "", "conditional put"),
+        ] {
+            let text = answered(status, body);
+            assert!(text.contains(advice), "{status}: {text}");
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Where something stands: a path of this machine, or the address of an object.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// How the address of an object begins.
+const SCHEME: &str = "s3://";
+
+/// A path, or an address `s3://BUCKET/KEY`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Place {
+    /// On this machine's file system.
+    Path(PathBuf),
+    /// On S3-compatible storage.
+    Url(String),
+}
+
+impl Place {
+    /// What a person wrote: an address if it begins with `s3://`, and a path otherwise.
+    pub fn of(written: impl Into<PathBuf>) -> Self {
+        let path = written.into();
+        match path.to_str().and_then(|text| text.strip_prefix(SCHEME)) {
+            Some(rest) => Self::Url(format!("{SCHEME}{}", rest.trim_end_matches('/'))),
+            None => Self::Path(path),
+        }
+    }
+
+    /// The path, where it is one.
+    pub fn as_path(&self) -> Option<&Path> {
+        match self {
+            Self::Path(path) => Some(path),
+            Self::Url(_) => None,
+        }
+    }
+
+    /// The place as it is shown, in the form of a path: that of an address names it and leads nowhere.
+    pub fn named(&self) -> PathBuf {
+        match self {
+            Self::Path(path) => path.clone(),
+            Self::Url(url) => PathBuf::from(url),
+        }
+    }
+
+    /// The last name in it, without its ending.
+    pub fn stem(&self) -> String {
+        let named = self.named();
+        let stem = named.file_stem().unwrap_or_default();
+        stem.to_string_lossy().into_owned()
+    }
+
+    /// The place of a key below this one.
+    #[must_use]
+    pub fn join(&self, key: &str) -> Self {
+        match self {
+            _ if key.is_empty() => self.clone(),
+            Self::Path(path) => Self::Path(path.join(key)),
+            Self::Url(url) => Self::Url(format!("{url}/{key}")),
+        }
+    }
+
+    /// Bucket and prefix of an address: `s3://BUCKET/PREFIX`.
+    pub fn bucket(&self) -> Option<(&str, &str)> {
+        let Self::Url(url) = self else {
+            return None;
+        };
+        let rest = url.strip_prefix(SCHEME)?;
+        Some(rest.split_once('/').unwrap_or((rest, "")))
+    }
+
+    /// As it is shown to a person.
+    pub const fn display(&self) -> &Self {
+        self
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Path(path) => path.display().fmt(f),
+            Self::Url(url) => url.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_shows_as_it_was_written_and_keys_stand_below_it() {
+        let path = Place::of("lake");
+        assert_eq!(path.join("runs/a").to_string(), "lake/runs/a");
+        assert_eq!(path.bucket(), None);
+        let url = Place::of("s3://bucket/some/lake/");
+        assert_eq!(
+            url.join("runs/a.parquet").to_string(),
+            "s3://bucket/some/lake/runs/a.parquet"
+        );
+        assert_eq!(url.join("runs/a.parquet").stem(), "a");
+        assert_eq!(url.bucket(), Some(("bucket", "some/lake")));
+        assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));
+        assert_eq!(Place::of("s3://").bucket(), Some(("", "")));
+        assert_eq!(url.as_path(), None);
+        // A folder of that name is one: only the scheme as a whole makes an address.
+        assert!(Place::of("s3:/x").as_path().is_some());
+    }
+}

@@ -1,0 +1,138 @@
+//! Logs on object storage → local copies to read, under names of our own.
+//!
+//! Input: a piece of work as it was listed. Output: [`Fetched`], the same piece with paths that can be read; its copies go with
+//! it. Nothing of an object's name becomes part of a path. A log that is not what was listed any more is an error.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use thiserror::Error;
+
+use super::plan::{SessionFiles, Tree, WorkPiece};
+use crate::io::lake::temporary;
+use crate::io::store::StoreError;
+use crate::io::targets;
+
+/// What folders of copies are named by.
+const COPIES: &str = "posegrid-logs";
+
+/// A piece of work whose logs can be read.
+#[derive(Debug)]
+pub struct Fetched {
+    piece: WorkPiece,
+    /// Copies, by the address of what they are of.
+    copies: BTreeMap<PathBuf, PathBuf>,
+    /// Their folder; `None` where the logs are read where they stand.
+    _folder: Option<TempDir>,
+}
+
+/// Why logs cannot be fetched.
+#[derive(Debug, Error)]
+pub enum FetchError {
+    /// The storage did not give one.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The copy cannot be written.
+    #[error("cannot write a copy of {} in {}: {source}; TMPDIR names the folder that copies are made in", of.display(), folder.display())]
+    Copy {
+        /// What was copied.
+        of: PathBuf,
+        /// The folder of temporaries.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+impl Fetched {
+    /// Fetches the logs of a piece of work, where they do not stand on this machine.
+    pub fn of(tree: &Tree, piece: &WorkPiece) -> Result<Self, FetchError> {
+        let (mut piece, mut copies) = (piece.clone(), BTreeMap::new());
+        if matches!(tree, Tree::Folder) {
+            return Ok(Self {
+                piece,
+                copies,
+                _folder: None,
+            });
+        }
+        temporary::clean_folders(COPIES);
+        let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
+        for path in logs_of(&mut piece) {
+            let own = folder.path().join(format!("{}.{}", copies.len() + 1, ending(path)));
+            let copy = match copies.get(path) {
+                Some(copy) => PathBuf::clone(copy),
+                None => fetch(tree, path, &own)?,
+            };
+            let address = std::mem::replace(path, copy.clone());
+            copies.insert(address, copy);
+        }
+        Ok(Self {
+            piece,
+            copies,
+            _folder: Some(folder),
+        })
+    }
+
+    /// The piece of work, with paths that can be read.
+    pub const fn piece(&self) -> &WorkPiece {
+        &self.piece
+    }
+
+    /// A message in which copies go by the addresses of what they are of.
+    pub fn told(&self, message: &str) -> String {
+        let told = |text: String, (address, copy): (&PathBuf, &PathBuf)| {
+            text.replace(&copy.display().to_string(), &address.display().to_string())
+        };
+        self.copies.iter().fold(message.to_owned(), told)
+    }
+
+    /// Whether anything was copied.
+    pub fn is_copied(&self) -> bool {
+        !self.copies.is_empty()
+    }
+}
+
+/// Every path to a file of a piece of work.
+fn logs_of(piece: &mut WorkPiece) -> impl Iterator<Item = &mut PathBuf> {
+    let sessions = piece.training.iter_mut().chain(&mut piece.test);
+    sessions.flat_map(|session| {
+        let SessionFiles {
+            logs, corrected, ..
+        } = session;
+        logs.controller
+            .iter_mut()
+            .chain(&mut logs.tracker)
+            .chain(corrected)
+    })
+}
+
+/// The ending of a copy, which says how it is read.
+fn ending(path: &Path) -> &'static str {
+    match targets::Form::of(path) {
+        Ok(targets::Form::Csv) => "csv",
+        Ok(targets::Form::Parquet) => "parquet",
+        _ => "mcap",
+    }
+}
+
+/// Copies what stands at an address.
+fn fetch(tree: &Tree, address: &Path, copy: &Path) -> Result<PathBuf, FetchError> {
+    let Tree::Listed { store, files } = tree else {
+        return Ok(address.to_owned());
+    };
+    let listed = files.get(address).expect("a log that was listed");
+    let file = File::options().write(true).create_new(true).open(copy);
+    store.copy_to(listed, file.map_err(wrong(address))?)?;
+    Ok(copy.to_owned())
+}
+
+fn wrong(of: &Path) -> impl Fn(io::Error) -> FetchError + use<'_> {
+    move |source| FetchError::Copy {
+        of: of.to_owned(),
+        folder: std::env::temp_dir(),
+        source,
+    }
+}

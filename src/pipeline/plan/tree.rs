@@ -1,0 +1,126 @@
+//! Where sessions are looked for: a folder, or a prefix on object storage as it was listed once.
+//!
+//! What stands on object storage is looked up by its address in the form of a path, which leads nowhere: such a file is
+//! fetched under a name of our own before it is read ([`crate::pipeline::fetch`]).
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::ops::{Bound, RangeInclusive};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::io::store::{self, Listed, Place, Store, StoreError};
+
+/// A log stands in its session's folder, or a few folders below it.
+const LEVELS: RangeInclusive<usize> = 1..=8;
+
+/// Files and folders.
+#[derive(Debug, Clone)]
+pub enum Tree {
+    /// Those of this machine's file system.
+    Folder,
+    /// Those on object storage.
+    Listed {
+        /// The storage.
+        store: Arc<dyn Store>,
+        /// Every file below the prefix, by its address in the form of a path.
+        files: BTreeMap<PathBuf, Listed>,
+    },
+}
+
+impl Tree {
+    /// The tree to look into for what is at a place.
+    pub fn at(place: &Place) -> Result<Self, StoreError> {
+        if place.as_path().is_some() {
+            return Ok(Self::Folder);
+        }
+        let store = store::at(place)?;
+        let listed = store.list("", LEVELS)?.into_iter();
+        let files = listed.map(|listed| (store.place(&listed.key).named(), listed));
+        Ok(Self::Listed {
+            files: files.collect(),
+            store,
+        })
+    }
+
+    /// Whether there is such a folder.
+    pub fn is_dir(&self, path: &Path) -> bool {
+        match self {
+            Self::Folder => path.is_dir(),
+            Self::Listed { files, .. } => below(files, path).next().is_some(),
+        }
+    }
+
+    /// Whether there is such a file.
+    pub fn is_file(&self, path: &Path) -> bool {
+        match self {
+            Self::Folder => path.is_file(),
+            Self::Listed { files, .. } => files.contains_key(path),
+        }
+    }
+
+    /// What is in a folder, by name.
+    pub fn entries(&self, folder: &Path) -> io::Result<Vec<PathBuf>> {
+        let mut paths: Vec<PathBuf> = match self {
+            Self::Folder => fs::read_dir(folder)?
+                .map(|entry| Ok(entry?.path()))
+                .collect::<io::Result<_>>()?,
+            Self::Listed { files, .. } => below(files, folder)
+                .filter_map(|path| {
+                    let rest = path.strip_prefix(folder).ok()?;
+                    Some(folder.join(rest.components().next()?))
+                })
+                .collect(),
+        };
+        paths.sort();
+        paths.dedup();
+        Ok(paths)
+    }
+}
+
+/// The files below a folder: paths are in the order of their parts, so these follow the folder itself.
+fn below<'a>(
+    files: &'a BTreeMap<PathBuf, Listed>,
+    folder: &'a Path,
+) -> impl Iterator<Item = &'a Path> {
+    let from = files.range::<Path, _>((Bound::Included(folder), Bound::Unbounded));
+    let from = from.map(|(path, _)| &**path);
+    from.skip_while(move |path| *path == folder)
+        .take_while(move |path| path.starts_with(folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::store::Folder;
+
+    #[test]
+    fn what_was_listed_is_a_tree_of_its_own() {
+        let root = "s3://bucket/cell";
+        let keys = ["mon/a.mcap", "mon/bags/b.mcap", "mon-2/a.mcap", "tue"];
+        let listed = |key: &str| Listed {
+            key: key.to_owned(),
+            tag: None,
+            bytes: 1,
+        };
+        let tree = Tree::Listed {
+            store: Arc::new(Folder::new("nowhere")),
+            files: keys
+                .iter()
+                .map(|key| (PathBuf::from(format!("{root}/{key}")), listed(key)))
+                .collect(),
+        };
+        let at = |key: &str| Path::new(root).join(key);
+        assert_eq!(
+            tree.entries(Path::new(root)).unwrap(),
+            [at("mon"), at("mon-2"), at("tue")]
+        );
+        assert!(
+            tree.is_dir(&at("mon")) && tree.is_dir(&at("mon/bags")) && !tree.is_dir(&at("tue"))
+        );
+        assert!(tree.is_file(&at("tue")) && tree.is_file(&at("mon/bags/b.mcap")));
+        assert!(!tree.is_file(&at("mon")) && !tree.is_file(&at("mon/../mon/a.mcap")));
+        assert!(tree.entries(&at("wed")).unwrap().is_empty());
+    }
+}
