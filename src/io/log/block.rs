@@ -219,7 +219,7 @@ impl<P> Block<P> {
                         }
                         match known {
                             Some((_, decoder)) => {
-                                visitor.message(decoder, &message, &mut self.part)
+                                visitor.message(decoder, &message, &mut self.part);
                             }
                             None => unknown.add(&message),
                         }

@@ -23,8 +23,11 @@ pub struct Encoder {
     /// such a column is the same bytes again in every row group of as many.
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
     /// The array of each such column that came last: where it comes again it need not be looked at.
-    latest: Mutex<Vec<Option<(ArrayRef, Arc<EncodedColumn>)>>>,
+    latest: Mutex<Vec<Option<Known>>>,
 }
+
+/// An array and what it became.
+type Known = (ArrayRef, Arc<EncodedColumn>);
 
 /// A column that says the same in all rows.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
