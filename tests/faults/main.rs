@@ -6,7 +6,7 @@
 //! 2. the exit code says what happened;
 //! 3. the next run gives the lake of an undisturbed one, byte for byte, with nothing left over.
 //!
-//! A sample is among the tests; all of it is `cargo test --release --test faults -- --ignored --nocapture`.
+//! A sample is among the tests; all of it is `cargo test --test faults -- --ignored --nocapture`.
 
 #[expect(dead_code, reason = "this binary needs a part of it")]
 #[path = "../run/cell.rs"]
@@ -26,8 +26,7 @@ use cell::{Cell, published};
 /// What a run of the cell exits with when nothing is wrong: so few stations cannot show 95 %.
 const UNDISTURBED: i32 = 3;
 
-/// A cell with a small session, and one more that is the same; decoded samples are published too, as they are written in
-/// parts.
+/// A cell with a small session; decoded samples are published too, as they are written in parts.
 fn small() -> &'static Cell {
     static CELL: OnceLock<Cell> = OnceLock::new();
     CELL.get_or_init(|| {
