@@ -93,7 +93,7 @@ fn decoded_samples_go_up_in_parts() {
     let Some(remote) = Remote::new(&[]) else {
         return;
     };
-    let flags = ["--random", "60", "--joint-rate-hz", "1000"];
+    let flags = ["--random", "60", "--joint-rate-hz", "2500"];
     let local = crate::cell::Cell::new().with_simulated("long", &flags);
     let local = local.with("lake = \"lake\"", "logs = true\nlake = \"lake\"");
     local.run(&[]).no_defect();

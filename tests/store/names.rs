@@ -58,7 +58,7 @@ fn a_log_that_changes_between_listing_and_fetching_is_an_error() {
     let Some(remote) = Remote::new(&["mon", "tue"]) else {
         return;
     };
-    let child = remote
+    let mut child = remote
         .run_command()
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -66,7 +66,7 @@ fn a_log_that_changes_between_listing_and_fetching_is_an_error() {
         .expect("started");
     // When the copies of the first session are there, all have been listed, and the second is not fetched yet.
     let temporaries = || std::fs::read_dir(remote.cell.path("tmp")).expect("readable");
-    while temporaries().next().is_none() {
+    while temporaries().next().is_none() && child.try_wait().expect("our own child").is_none() {
         sleep(Duration::from_millis(1));
     }
     let log = remote.key("sessions/tue/tracker.mcap");

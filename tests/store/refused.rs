@@ -37,9 +37,10 @@ fn what_the_environment_lacks_is_told_before_anything_is_sent() {
 
 #[test]
 fn a_wrong_key_and_a_wrong_secret_are_told() {
-    let Some(remote) = Remote::new(&["mon"]) else {
+    let Some(remote) = Remote::strict(&["mon"]) else {
         return;
     };
+    remote.run(&["--dry-run"]).expect(0, &["mon"]);
     let wrong = [("AWS_ACCESS_KEY_ID", Some("AKIANOBODY"))];
     run_with(&remote, &wrong).expect(2, &["InvalidAccessKeyId", "check AWS_ACCESS_KEY_ID"]);
     let wrong = [("AWS_SECRET_ACCESS_KEY", Some("another-secret"))];

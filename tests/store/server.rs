@@ -33,10 +33,24 @@ pub struct Server {
     _until_closed: ChildStdin,
 }
 
-/// The server of this process, or `None`, said loudly, where there is no Python that has it; on a CI machine that is a failure.
-pub fn server() -> Option<&'static Server> {
+/// The server of this process that lets everybody in.
+fn open() -> Option<&'static Server> {
     static SERVER: OnceLock<Option<Server>> = OnceLock::new();
-    let server = SERVER.get_or_init(Server::start).as_ref();
+    told(SERVER.get_or_init(|| Server::start(&["serve"])).as_ref())
+}
+
+/// The one that lets in its own key only.
+fn strict() -> Option<&'static Server> {
+    static SERVER: OnceLock<Option<Server>> = OnceLock::new();
+    told(
+        SERVER
+            .get_or_init(|| Server::start(&["serve", "strict"]))
+            .as_ref(),
+    )
+}
+
+/// Says loudly where there is no Python that has the server; on a CI machine that is a failure.
+fn told(server: Option<&'static Server>) -> Option<&'static Server> {
     if server.is_none() {
         let what = "no moto (`pip install 'moto[server]' boto3 pyarrow`) in POSEGRID_PYTHON or target/ci-venv";
         assert!(std::env::var_os("CI").is_none(), "{what}: CI must have it");
@@ -57,8 +71,8 @@ fn script(arguments: &[&str]) -> Command {
 }
 
 impl Server {
-    fn start() -> Option<Self> {
-        let mut process = script(&["serve"])
+    fn start(arguments: &[&str]) -> Option<Self> {
+        let mut process = script(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -175,9 +189,17 @@ pub struct Remote {
 impl Remote {
     /// A new one with the quickstart's logs as sessions of these names; `None` where there is no server.
     pub fn new(sessions: &[&str]) -> Option<Self> {
+        Some(Self::on(open()?, sessions))
+    }
+
+    /// The same on the server that is strict about keys.
+    pub fn strict(sessions: &[&str]) -> Option<Self> {
+        Some(Self::on(strict()?, sessions))
+    }
+
+    fn on(server: &'static Server, sessions: &[&str]) -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
-        let server = server()?;
-        let prefix = format!("cell {}", NEXT.fetch_add(1, Ordering::Relaxed));
+        let prefix = format!("cell-{}", NEXT.fetch_add(1, Ordering::Relaxed));
         let cell = Cell::new()
             .with(
                 "\"sessions\"",
@@ -193,7 +215,7 @@ impl Remote {
         for session in sessions {
             remote.put_session(session);
         }
-        Some(remote)
+        remote
     }
 
     /// The same with a text of its pipeline file replaced.
