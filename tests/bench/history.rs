@@ -1,6 +1,6 @@
 //! How long a history takes: `cargo bench --bench history`. A lake of 10,000 sessions of one robot (asked: 1 s on two cores), once
 //! from nothing and then from what was kept; beside it the floor, reading and digesting every row of `runs`. The sessions carry
-//! a geometric model of 36 unknowns; whole models take some 0.1 s each the first time, and the same time from what was kept.
+//! a geometric model of 36 unknowns; whole models take some 70 ms each the first time, and the same time from what was kept.
 
 use std::fs;
 use std::path::Path;
@@ -19,11 +19,9 @@ use posegrid::simulate::{Poses, SimulateSettings, simulate};
 use rayon::prelude::*;
 
 fn main() {
-    let sessions = if std::env::args().any(|arg| arg == "--bench") {
-        10_000
-    } else {
-        20
-    };
+    let asked = std::env::args().find_map(|arg| arg.parse().ok());
+    let is_bench = std::env::args().any(|arg| arg == "--bench");
+    let sessions: usize = asked.unwrap_or(if is_bench { 10_000 } else { 20 });
     let folder = tempfile::tempdir().expect("a temporary folder");
     let lake = Lake::new(folder.path());
     let model = model();
@@ -32,23 +30,37 @@ fn main() {
         .for_each(|number| put(&lake, number, &model));
     println!("{sessions} sessions");
     for name in ["from nothing", "from what was kept", "again", "again"] {
-        let begin = Instant::now();
-        let robots = history(&lake, &Asked::default(), &Quiet).expect("a history");
-        let seconds = begin.elapsed().as_secs_f64();
-        let found = &robots[0];
+        let found = measured(name, || {
+            history(&lake, &Asked::default(), &Quiet).expect("a history")
+        });
+        let found = &found[0];
         assert_eq!((found.sessions.len(), found.left_out.len()), (sessions, 0));
-        println!(
-            "{name:<20} {seconds:>8.2} s, {} of them kept",
-            found.from_summary
-        );
+        println!("  {} of them kept", found.from_summary);
     }
-    let begin = Instant::now();
-    let bytes: usize = files(&folder.path().join("runs"));
-    println!(
-        "reading and digesting every row of runs alone: {:.2} s, {:.1} MB",
-        begin.elapsed().as_secs_f64(),
-        bytes as f64 / 1e6
-    );
+    let bytes = measured("rows of runs read and digested", || {
+        files(&folder.path().join("runs"))
+    });
+    println!("  {:.1} MB", bytes as f64 / 1e6);
+}
+
+fn measured<T>(name: &str, work: impl FnOnce() -> T) -> T {
+    let (begin, before) = (Instant::now(), cpu_seconds());
+    let done = work();
+    let (wall, cpu) = (begin.elapsed().as_secs_f64(), cpu_seconds() - before);
+    println!("{name:<32} {wall:>8.2} s, {cpu:>8.2} s of processor");
+    done
+}
+
+/// User and system time of this process, s.
+fn cpu_seconds() -> f64 {
+    let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // Fields 14 and 15, counted behind the command's closing parenthesis, in hundredths of a second.
+    let fields = stat.rsplit(')').next().unwrap_or("").split_whitespace();
+    let ticks = fields
+        .skip(11)
+        .take(2)
+        .map(|ticks| ticks.parse().unwrap_or(f64::NAN));
+    ticks.sum::<f64>() / 100.0
 }
 
 fn files(folder: &Path) -> usize {

@@ -218,9 +218,14 @@ fn changes() -> [(&'static str, Vec<(Column, f64)>, Suspect); 4] {
 #[test]
 fn known_changes_are_named() {
     let of = geometric(&arm());
-    for (name, truth, part) in changes() {
+    // Of 40: how often alone, at least. One session of 80 stations against one other: 50 µrad are some four standard
+    // deviations, which tells that joint 3 is among those that may have moved, seldom that it is it.
+    let alone_at_least = [38, 38, 0, 24];
+    for ((name, truth, part), least) in changes().into_iter().zip(alone_at_least) {
         let [among, alone, wrong] = named(&of, &truth, part, 40);
-        eprintln!("{name}: among those named {among}, alone {alone}, another alone {wrong}, of 40");
+        let told =
+            format!("{name}: among those named {among}, alone {alone}, another alone {wrong}");
+        assert!(among >= 38 && alone >= least && wrong <= 1, "{told}");
     }
 }
 
@@ -285,6 +290,58 @@ fn the_whole_model_finds_what_moved_from_measured_stations() {
         }
     });
     told(&judged);
+    for (session, own) in judged.iter().enumerate() {
+        let expected = match session {
+            3 => vec![Suspect::Base],
+            6 => vec![Suspect::Target],
+            _ => Vec::new(),
+        };
+        assert_eq!(own.finding.parts(), expected, "session {session}");
+        let settles = matches!(session, 4 | 7).then_some(true);
+        assert_eq!(own.settles, settles, "session {session}");
+    }
+    let moved = &judged[3].moved;
+    let along_x = moved
+        .iter()
+        .find(|shift| shift.column == base(Axis::X))
+        .expect("of the base");
+    assert!(
+        (along_x.value - 0.2).abs() < 4.0 * along_x.sd,
+        "{along_x:?}"
+    );
+}
+
+#[test]
+fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segment() {
+    let mut drawing = Drawing::new(&geometric(&arm()), 3);
+    let mut course = Course::default();
+    let moved = [(base(Axis::X), 0.5)];
+    for session in 0..5 {
+        let truth: &[_] = if session == 2 { &moved } else { &[] };
+        let judged = course.next(&figures(drawing.next(truth)));
+        assert_eq!(
+            judged.finding != Finding::Nothing,
+            session == 2,
+            "session {session}"
+        );
+        assert_eq!(
+            judged.settles,
+            (session == 3).then_some(false),
+            "session {session}"
+        );
+        // The session that moved is left out of the pool again.
+        assert_eq!(
+            judged.against,
+            [0, 1, 2, 2, 3][session],
+            "session {session}"
+        );
+    }
+    let mut other = figures(drawing.next(&moved));
+    other.basis.settings = "others".to_owned();
+    let judged = course.next(&other);
+    assert_eq!((judged.segment, judged.against), (2, 0));
+    assert_eq!(judged.began, ["settings"]);
+    assert_eq!(judged.finding, Finding::Nothing);
 }
 
 #[test]
@@ -296,17 +353,17 @@ fn rates_over_many_sessions() {
         ("full", full(&arm, &observations(&arm, 1, |_, _| ()))),
     ];
     for (name, of) in &of {
-        let rounds = 3000;
+        let rounds = 1000;
         let (omnibus, any) = below_a_tenth(of, rounds);
         println!("{name}, no change: {omnibus} and {any} of {rounds} below 0.1");
         for (change, truth, part) in changes() {
-            let [among, alone, wrong] = named(of, &truth, part, 300);
+            let [among, alone, wrong] = named(of, &truth, part, 60);
             println!(
-                "{name}, {change}: among {among}, alone {alone}, another alone {wrong}, of 300"
+                "{name}, {change}: among {among}, alone {alone}, another alone {wrong}, of 60"
             );
         }
     }
-    let judged = measured(0..120, |_, _, _| ());
+    let judged = measured(0..40, |_, _, _| ());
     let alarms = judged
         .iter()
         .filter(|judged| judged.finding != Finding::Nothing)
@@ -315,7 +372,7 @@ fn rates_over_many_sessions() {
         .iter()
         .filter(|judged| judged.out_of_control().next().is_some())
         .count();
-    println!("120 measured sessions without a change: {alarms} alarms, {out} out of control");
+    println!("40 measured sessions without a change: {alarms} alarms, {out} out of control");
     let mut ratio: Vec<f64> = judged
         .iter()
         .filter_map(|judged| {
