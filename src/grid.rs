@@ -99,8 +99,12 @@ pub struct Judged {
     pub held_out: HeldOut,
     /// Figures of what is left; `None` without any station.
     pub figures: Option<Figures>,
-    /// Distribution-free upper tolerance bound; `None` with too few stations.
+    /// Distribution-free upper tolerance bound of commands of another day: each joint comes to them from a side of its own,
+    /// and the base has drifted as it does in a session. Where nothing is known of that, that of the session; `None` with
+    /// too few stations.
     pub bound: Option<f64>,
+    /// The same of the session's own stations as they were measured.
+    pub bound_of_session: Option<f64>,
     /// The verdict; for local cells it informs and decides nothing.
     pub verdict: Verdict,
     /// Whether this row's table was chosen.

@@ -224,6 +224,7 @@ mod tests {
             refused_cells: BTreeMap::new(),
             figures: Figures::of(&norms),
             bound,
+            bound_of_session: bound,
             verdict: tolerance.verdict(bound, n, 0.0),
             held_out: HeldOut {
                 uncorrected: vec![uncorrected_mm; n],

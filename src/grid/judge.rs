@@ -20,6 +20,9 @@ use crate::fit::ErrorModel;
 pub struct HeldOut {
     /// Norm of measured minus interpolated error, in station order, mm.
     pub norms: Vec<f64>,
+    /// The same of the errors that those stations may have on another day, as many for each; empty where nothing is known
+    /// of that.
+    pub another_day: Vec<f64>,
     /// Norm of the same stations' errors with nothing subtracted, mm.
     pub uncorrected: Vec<f64>,
     /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
@@ -39,6 +42,7 @@ pub struct HeldOut {
 /// What one station's error is left at: by the grid, by nothing, and by the model without a grid.
 struct Left {
     norm: f64,
+    another_day: Vec<f64>,
     uncorrected: f64,
     direct: f64,
     fold: usize,
@@ -48,6 +52,7 @@ impl Left {
     fn new(station: &GridStation, interpolated: &Vector3<f64>, model: &dyn ErrorModel) -> Self {
         Self {
             norm: (station.error - interpolated).norm(),
+            another_day: station.left_another_day(interpolated).collect(),
             uncorrected: station.error.norm(),
             direct: (station.error - model.error(&station.joints)).norm(),
             fold: station.fold,
@@ -58,6 +63,7 @@ impl Left {
 impl HeldOut {
     fn add(&mut self, left: &Left) {
         self.norms.push(left.norm);
+        self.another_day.extend(&left.another_day);
         self.uncorrected.push(left.uncorrected);
         self.direct.push(left.direct);
         self.blocks.insert(left.fold);

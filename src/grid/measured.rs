@@ -215,6 +215,8 @@ impl Decimated {
             .map(|(vertex, w)| vertex.error * w)
             .sum();
         held_out.norms.push((station.error - interpolated).norm());
+        let another_day = station.left_another_day(&interpolated);
+        held_out.another_day.extend(another_day);
         held_out.uncorrected.push(station.error.norm());
         held_out.blocks.insert(station.fold);
         true

@@ -29,6 +29,9 @@ pub struct GridStation {
     pub error: Vector3<f64>,
     /// The fold that holds it out.
     pub fold: usize,
+    /// By how much its error may have been another on another day, mm: several, each as likely as the others; none where
+    /// nothing is known of that.
+    pub another_day: Vec<Vector3<f64>>,
 }
 
 impl GridStation {
@@ -51,7 +54,16 @@ impl GridStation {
             joints: station.joints.clone(),
             error: gauge.tool_error(station, &position)?,
             fold,
+            another_day: Vec::new(),
         })
+    }
+
+    /// What `interpolated` would leave of its errors of another day: their norms, mm.
+    pub fn left_another_day(&self, interpolated: &Vector3<f64>) -> impl Iterator<Item = f64> {
+        let left = self.error - interpolated;
+        self.another_day
+            .iter()
+            .map(move |moved| (left + moved).norm())
     }
 }
 

@@ -155,6 +155,7 @@ impl Row {
             held_out: HeldOut::default(),
             figures: None,
             bound: None,
+            bound_of_session: None,
             verdict: Verdict::NotShown(String::new()),
             chosen: false,
         }
@@ -167,8 +168,15 @@ impl Row {
         tolerance: &Tolerance,
         guard_mm: f64,
     ) -> Judged {
-        let bound =
-            upper_tolerance_bound_of(&held_out.norms, held_out.stations, tolerance.coverage());
+        let of = |norms: &[f64]| {
+            upper_tolerance_bound_of(norms, held_out.stations, tolerance.coverage())
+        };
+        let bound_of_session = of(&held_out.norms);
+        // Never less than what was seen.
+        let bound = match of(&held_out.another_day) {
+            Some(another_day) => bound_of_session.map(|bound| bound.max(another_day)),
+            None => bound_of_session,
+        };
         Judged {
             nodes: counts.nodes,
             refused_nodes: counts.refused_nodes,
@@ -176,6 +184,7 @@ impl Row {
             refused_cells: counts.refused_cells,
             figures: Figures::of(&held_out.norms),
             bound,
+            bound_of_session,
             verdict: tolerance.verdict(bound, held_out.stations, guard_mm),
             held_out,
             ..self.empty()

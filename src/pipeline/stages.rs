@@ -1,6 +1,7 @@
 //! The stages after the join, in order: fit, residuals, similarity, grid, accuracy. Pure: what is read comes in, what is
 //! published goes out.
 
+mod another_day;
 mod gridded;
 mod judged;
 mod observed;
@@ -20,6 +21,7 @@ use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Residual, ResidualSet, Split, Subject, accuracy,
 };
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
+use another_day::add_other_days;
 use gridded::{grid_stations, grids};
 use judged::{Judged, raw_command, train_folds};
 use observed::Observed;
@@ -114,7 +116,8 @@ pub fn run<'a>(
     );
     residuals.extend(raw_command(&training[last], &gauge, settings.raw_command));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
-    let stations = grid_stations(&training[last], &gauge, &observed.folds_of(last));
+    let mut stations = grid_stations(&training[last], &gauge, &observed.folds_of(last));
+    add_other_days(&mut stations, &training[last], last, &models, &gauge);
     let grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
     let accuracy = figures(
         &residuals,

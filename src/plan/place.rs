@@ -60,6 +60,7 @@ impl<'a> Placer<'a> {
             joints,
             error: Vector3::zeros(),
             fold: 0,
+            another_day: Vec::new(),
         });
     }
 

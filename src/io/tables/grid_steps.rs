@@ -121,6 +121,10 @@ fn figures(columns: Columns, judged: &[Judged]) -> Columns {
         .column("mean_plus_3sd_mm", figure(Figures::mean_plus_3_sd))
         .column("bound_mm", judged.iter().map(|row| row.bound))
         .column(
+            "bound_of_session_mm",
+            judged.iter().map(|row| row.bound_of_session),
+        )
+        .column(
             "excess_mm",
             judged.iter().map(|row| Some(row.held_out.excess()?.0)),
         )

@@ -279,6 +279,7 @@ fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> 
         configuration: reach.configuration(&attained[place].joints),
         error: errors[place].error,
         fold: folds[place],
+        another_day: Vec::new(),
     };
     let stations: Vec<GridStation> = (0..attained.len()).map(station).collect();
     let model = Identified { gauge, calibration };

@@ -1,0 +1,194 @@
+//! What a station's error may have been on another day: how the joints came to it, and where the base stood.
+//!
+//! Held-out stations of one session were measured on the way that the session took: along a line of a grid two joints may
+//! always come from opposite sides, and the base drifts as it did that day. A target of another day is come to from
+//! elsewhere. The whole model says what both did to each station (its blend, its drift), so that:
+//! 1. what the station's own shortfalls and its own drift moved it by is taken out;
+//! 2. shortfalls are put in that each joint had at some station of its own, joint by joint, and a drift as large as the
+//!    model finds it at a random time.
+//!
+//! Nothing is drawn: places and sizes are those of a sequence that fills the unit cube evenly (Roberts 2018, the
+//! generalised golden ratio), so that the same stations give the same bytes.
+
+use nalgebra::Vector3;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use crate::fit::commanded::Shortfall;
+use crate::fit::full::{FullModel, Known, Query};
+use crate::fit::{Gauge, Models};
+use crate::grid::GridStation;
+use crate::pipeline::outcome::JoinedSession;
+
+/// Other days for each station.
+const DAYS: usize = 8;
+
+/// Gives the stations of `session` (`place` in the models) what they may have been on other days; as they are where
+/// there is no whole model.
+pub(super) fn add_other_days(
+    stations: &mut [GridStation],
+    session: &JoinedSession,
+    place: usize,
+    models: &Models,
+    gauge: &Gauge<'_>,
+) {
+    let Some(model) = &models.full else { return };
+    let other = OtherDays {
+        model,
+        place,
+        gauge,
+        shortfalls: sent(session),
+        day_mm: model.any_time_variance().sqrt(),
+    };
+    if other.day_mm <= 0.0 && other.shortfalls.is_empty() {
+        return;
+    }
+    for (number, station) in stations.iter_mut().enumerate() {
+        station.another_day = other.of(number, station);
+    }
+}
+
+/// What the session's commands were sent with and fell short of, by station number.
+fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
+    let stations = session.joined.stations.iter();
+    stations
+        .zip(&session.commanded.shortfalls)
+        .filter_map(|(station, shortfall)| Some((station.number, shortfall.as_ref()?.sent()?)))
+        .collect()
+}
+
+struct OtherDays<'o> {
+    model: &'o FullModel,
+    place: usize,
+    gauge: &'o Gauge<'o>,
+    shortfalls: Vec<(usize, &'o [f64])>,
+    /// Standard deviation per axis of where the base stands some day.
+    day_mm: f64,
+}
+
+impl OtherDays<'_> {
+    fn of(&self, place: usize, station: &GridStation) -> Vec<Vector3<f64>> {
+        let reported = self.gauge.arm().axes(&station.joints);
+        let own = self
+            .shortfalls
+            .iter()
+            .find(|(number, _)| *number == station.number);
+        let own = own.map(|(_, shortfall)| *shortfall);
+        let measured = self.stands(&reported, own, Some(station.number));
+        (0..DAYS)
+            .map(|day| {
+                let mut even = Even::at(place * DAYS + day);
+                let drift = Vector3::from_fn(|_, _| self.day_mm * even.normal());
+                let there = own.map_or_else(
+                    || self.stands(&reported, None, None),
+                    |own| {
+                        let other: Vec<f64> = (0..own.len())
+                            .map(|joint| self.some(joint, even.next()))
+                            .collect();
+                        // The command is the same: what is reported differs.
+                        let commanded = reported.iter().zip(own).map(|(axis, short)| axis + short);
+                        let reported: Vec<f64> = commanded
+                            .zip(&other)
+                            .map(|(axis, short)| axis - short)
+                            .collect();
+                        self.stands(&reported, Some(&other), None)
+                    },
+                );
+                there - measured + drift
+            })
+            .collect()
+    }
+
+    /// What a joint fell short by at the station whose place among all is `share`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a place among the stations"
+    )]
+    fn some(&self, joint: usize, share: f64) -> f64 {
+        let place = (share * self.shortfalls.len() as f64) as usize;
+        self.shortfalls[place.min(self.shortfalls.len() - 1)].1[joint]
+    }
+
+    /// Where the model has the tool point, in the base frame, mm.
+    fn stands(
+        &self,
+        reported: &[f64],
+        shortfall: Option<&[f64]>,
+        station: Option<usize>,
+    ) -> Vector3<f64> {
+        let shortfall = shortfall.map(|axes| Shortfall::Sent(axes.to_vec()));
+        let known = shortfall.as_ref().map_or(Known::Reported, Known::Both);
+        let point = self.model.position(&Query {
+            axes: reported,
+            known,
+            lever: self.gauge.lever(),
+            session: self.place,
+            own: true,
+            station,
+        });
+        let base = self.gauge.frames().tracker_from_base.isometry();
+        base.inverse_transform_point(&point).coords
+    }
+}
+
+/// One point of a sequence that fills the unit cube evenly, coordinate by coordinate.
+struct Even {
+    number: f64,
+    step: f64,
+}
+
+/// The root of `x^(d+1) = x + 1` for d = 9: three axes of drift and six joints. For arms of more joints it still fills, less
+/// evenly.
+const RATIO: f64 = 1.075_766_066_086_837_1;
+
+impl Even {
+    const fn at(number: usize) -> Self {
+        Self {
+            number: (number + 1) as f64,
+            step: 1.0,
+        }
+    }
+
+    /// The next coordinate, in 0 ≤ u < 1.
+    fn next(&mut self) -> f64 {
+        self.step /= RATIO;
+        (0.5 + self.number * self.step).fract()
+    }
+
+    /// The next coordinate as a normal number.
+    fn normal(&mut self) -> f64 {
+        let standard = Normal::standard();
+        standard.inverse_cdf(self.next().clamp(1e-9, 1.0 - 1e-9))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sequence_is_even_and_its_normal_numbers_have_variance_one() {
+        // x^10 = x + 1.
+        assert!((RATIO.powi(10) - RATIO - 1.0).abs() < 1e-9);
+        let coordinate = |skip: usize| -> Vec<f64> {
+            let at = |number| {
+                let mut even = Even::at(number);
+                (0..skip).for_each(|_| {
+                    even.next();
+                });
+                even.normal()
+            };
+            (0..2000).map(at).collect()
+        };
+        for skip in 0..9 {
+            let drawn = coordinate(skip);
+            let mean = drawn.iter().sum::<f64>() / 2000.0;
+            let variance = drawn.iter().map(|x| x * x).sum::<f64>() / 2000.0;
+            // Random numbers would be within 0.07 and 0.1; even ones are nearer.
+            assert!(
+                mean.abs() < 0.02 && (variance - 1.0).abs() < 0.03,
+                "{skip}: {mean} {variance}"
+            );
+        }
+    }
+}
