@@ -45,7 +45,7 @@ pub struct PlanArgs {
     /// Write the poses as CSV too, joint angles in degrees: a new file
     #[arg(long, value_name = "FILE")]
     pub csv: Option<PathBuf>,
-    /// A session of the pipeline file's [input] while it is being measured: whether its stations so far are enough, or
+    /// A session, by its folder's name, while it is being measured: whether its stations so far are enough, or
     /// which planned poses to measure next
     #[arg(long, value_name = "SESSION", conflicts_with = "csv")]
     pub measured: Option<String>,
