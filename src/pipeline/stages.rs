@@ -7,7 +7,9 @@ mod gridded;
 mod judged;
 mod observed;
 
-use nalgebra::{Isometry3, UnitVector3};
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
 use super::outcome::{JoinedSession, Outcome};
@@ -236,10 +238,23 @@ fn figures(
 ) -> Vec<Accuracy> {
     let chosen = &grids.judged[grids.choice.row];
     let guard_mm = grids.guard_mm;
-    let mut figures: Vec<Accuracy> = residuals
+    let moved: BTreeMap<usize, &[Vector3<f64>]> = stations
         .iter()
-        .map(|set| accuracy::accuracy(set, &settings.tolerance, guard_mm))
+        .map(|station| (station.number, &*station.another_day))
         .collect();
+    let of = |set: &ResidualSet| {
+        let own = accuracy::accuracy(set, &settings.tolerance, guard_mm);
+        let subject = &set.subject;
+        let foretells =
+            (subject.model, subject.angles, subject.split) == (Model::Full, Angles::Commanded, Split::Blocks);
+        if foretells && subject.of_session == session {
+            let moved = |station| moved.get(&station).copied().unwrap_or_default();
+            accuracy::of_another_day(own, set, moved, &settings.tolerance)
+        } else {
+            own
+        }
+    };
+    let mut figures: Vec<Accuracy> = residuals.iter().map(of).collect();
     let mut folds: Vec<usize> = stations.iter().map(|station| station.fold).collect();
     folds.sort_unstable();
     folds.dedup();

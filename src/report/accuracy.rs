@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use nalgebra::Vector3;
+
 use super::evaluate::mahalanobis_squared;
 use super::{Accuracy, Calibrated, Model, Moment, ResidualSet, Split};
-use crate::figures::{Figures, upper_tolerance_bound};
+use crate::figures::{Figures, upper_tolerance_bound, upper_tolerance_bound_of};
 use crate::grid::{Tolerance, Verdict};
 
 /// The 95 % quantile of chi squared with three degrees of freedom.
@@ -46,6 +48,29 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,
         verdict,
+    }
+}
+
+/// The same figures with the bound of commands of another day: `moved` is by how much a station's error may have been another
+/// on another day, mm, several for each station (METHOD.md 7 wants what a table will do, not what one session did). Never less than
+/// the session's own bound.
+pub fn of_another_day<'m>(
+    own: Accuracy,
+    set: &ResidualSet,
+    moved: impl Fn(usize) -> &'m [Vector3<f64>],
+    tolerance: &Tolerance,
+) -> Accuracy {
+    let judged = || set.residuals.iter().filter(|r| !r.used_for_refit);
+    let norms: Vec<f64> = judged()
+        .flat_map(|r| moved(r.station).iter().map(|moved| (r.residual + moved).norm()))
+        .collect();
+    let stations = judged().count();
+    let another_day = upper_tolerance_bound_of(&norms, stations, tolerance.coverage());
+    let bound = own.bound.map(|bound| another_day.map_or(bound, |other| bound.max(other)));
+    Accuracy {
+        verdict: tolerance.verdict(bound, stations, own.expanded_uncertainty_mm),
+        bound,
+        ..own
     }
 }
 

@@ -6,8 +6,8 @@
 //!    corrections;
 //! 2. each way of applying a table predicts the corrections from the errors: −r as meant, +r with the wrong sign, −2r
 //!    twice, −R r in a frame that is turned by R (Kabsch's closed form);
-//! 3. the way that leaves least is the one, if it explains half of the corrections; if none does, they have nothing to do
-//!    with this arm's errors.
+//! 3. the way that leaves least is the one, if it leaves about what the table states to be left, or explains most of the
+//!    corrections; if none does, they have nothing to do with this arm's errors.
 
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Vector3, Vector6};
 
@@ -44,13 +44,13 @@ pub enum Application {
 const LEAST_STATIONS: usize = 12;
 /// Corrections smaller than this share of those stated were not made.
 const NOT_MADE: f64 = 0.2;
-/// A way of applying a table has to explain this share of the corrections.
-const EXPLAINS: f64 = 0.5;
+/// A way of applying a table is believed if it leaves no more than this many times what the table states to be left …
+const OF_STATED: f64 = 2.0;
+/// … or explains this share of the corrections: an arm that has changed since leaves more.
+const EXPLAINS: f64 = 0.8;
 /// A turn counts from here, degrees, and only where it leaves less than this share of what the next way leaves.
 const TURN_DEG: f64 = 15.0;
 const TURN_LEAVES: f64 = 0.5;
-/// Twice what is stated to be left, as a mean squared Mahalanobis distance of three expected.
-const WITHIN_STATED: f64 = 6.0;
 
 /// How the corrections of these stations were applied.
 pub fn application(stations: &[DrivenStation]) -> Application {
@@ -59,49 +59,81 @@ pub fn application(stations: &[DrivenStation]) -> Application {
             stations: stations.len(),
         };
     }
-    let positions: Vec<Point3<f64>> = stations.iter().map(|s| s.command).collect();
     let made: Vec<Vector3<f64>> = stations.iter().map(|s| s.command - s.target).collect();
-    if rms(&made) < NOT_MADE * rms(&stations.iter().map(|s| s.stated).collect::<Vec<_>>()) {
+    let stated: Vec<Vector3<f64>> = stations.iter().map(|s| s.stated).collect();
+    if rms(&made) < NOT_MADE * rms(&stated) {
         return Application::Not;
     }
-    let errors: Vec<Vector3<f64>> = stations.iter().map(|s| s.attained - s.command).collect();
-    let (errors, made) = (settled(&positions, &errors), settled(&positions, &made));
-    let all = sum_of_squares(&made);
-    let explained = |predict: &dyn Fn(&Vector3<f64>) -> Vector3<f64>| {
-        let left = made
-            .iter()
-            .zip(&errors)
-            .map(|(made, error)| made - predict(error));
-        1.0 - sum_of_squares(&settled(&positions, &left.collect::<Vec<_>>())) / all
-    };
-    let turn = turn(&errors, &made);
-    let angle_deg = turn.angle().to_degrees();
-    let straight = [
-        Application::AsMeant(explained(&|error| -error)),
-        Application::WrongSign(explained(&|error| *error)),
-        Application::Twice(explained(&|error| -2.0 * error)),
-    ];
-    let best = straight
-        .into_iter()
-        .max_by(|a, b| a.explained().total_cmp(&b.explained()))
-        .expect("three ways");
-    if best != straight[0] && within_stated(stations, &positions) {
-        return straight[0];
-    }
-    let turned = explained(&|error| -(turn * error));
-    let turned_leaves_less = 1.0 - turned < TURN_LEAVES * (1.0 - best.explained());
-    let found = if angle_deg >= TURN_DEG && turned_leaves_less {
-        Application::Turned {
-            angle_deg,
-            explained: turned,
+    Ways::of(stations, &made).best()
+}
+
+/// Corrections and errors, without how far the base moved, and what the table states to be left.
+struct Ways {
+    positions: Vec<Point3<f64>>,
+    made: Vec<Vector3<f64>>,
+    errors: Vec<Vector3<f64>>,
+    /// Sum of squares that the table states to be left, mm².
+    stated: f64,
+}
+
+/// One way of applying a table.
+struct Way {
+    application: Application,
+    /// Sum of squares that it leaves of the corrections, mm².
+    left: f64,
+    /// The same over what the table states to be left, as often as errors are counted.
+    of_stated: f64,
+}
+
+impl Ways {
+    fn of(stations: &[DrivenStation], made: &[Vector3<f64>]) -> Self {
+        let positions: Vec<Point3<f64>> = stations.iter().map(|s| s.command).collect();
+        let errors: Vec<Vector3<f64>> = stations.iter().map(|s| s.attained - s.command).collect();
+        Self {
+            made: settled(&positions, made),
+            errors: settled(&positions, &errors),
+            stated: stations.iter().map(|s| s.covariance.trace()).sum(),
+            positions,
         }
-    } else {
-        best
-    };
-    if found.explained() >= EXPLAINS || within_stated(stations, &positions) {
-        found
-    } else {
-        Application::Unrelated(found.explained())
+    }
+
+    /// The way on which the error was counted `times` after `turn`.
+    fn way(&self, times: f64, turn: &Rotation3<f64>, name: impl Fn(f64) -> Application) -> Way {
+        let predicted = self.made.iter().zip(&self.errors);
+        let left: Vec<_> = predicted.map(|(made, error)| made - turn * error * times).collect();
+        let left = sum_of_squares(&settled(&self.positions, &left));
+        Way {
+            application: name(1.0 - left / sum_of_squares(&self.made)),
+            left,
+            of_stated: left / (self.stated * times * times),
+        }
+    }
+
+    fn best(&self) -> Application {
+        let straight = Rotation3::identity();
+        let as_meant = self.way(-1.0, &straight, Application::AsMeant);
+        if as_meant.of_stated <= OF_STATED {
+            return as_meant.application;
+        }
+        let others = [
+            self.way(1.0, &straight, Application::WrongSign),
+            self.way(-2.0, &straight, Application::Twice),
+        ];
+        let mut best = others
+            .into_iter()
+            .fold(as_meant, |best, way| if way.left < best.left { way } else { best });
+        let turn = turn(&self.errors, &self.made);
+        let angle_deg = turn.angle().to_degrees();
+        let turned = self.way(-1.0, &turn, |explained| Application::Turned { angle_deg, explained });
+        if angle_deg >= TURN_DEG && turned.left < TURN_LEAVES * best.left {
+            best = turned;
+        }
+        let explained = best.application.explained();
+        if best.of_stated <= OF_STATED || explained >= EXPLAINS {
+            best.application
+        } else {
+            Application::Unrelated(explained)
+        }
     }
 }
 
@@ -155,21 +187,6 @@ impl Application {
             ),
         }
     }
-}
-
-/// Whether what is left is no more than what the corrections were stated to leave.
-fn within_stated(stations: &[DrivenStation], positions: &[Point3<f64>]) -> bool {
-    let left: Vec<Vector3<f64>> = stations.iter().map(|s| s.attained - s.target).collect();
-    let left = settled(positions, &left);
-    let distances: Option<Vec<f64>> = stations
-        .iter()
-        .zip(&left)
-        .map(|(station, left)| {
-            let factor = station.covariance.cholesky()?;
-            Some(left.dot(&factor.solve(left)))
-        })
-        .collect();
-    distances.is_some_and(|all| all.iter().sum::<f64>() / (all.len() as f64) < WITHIN_STATED)
 }
 
 /// The rotation that brings `−errors` nearest to `made`.

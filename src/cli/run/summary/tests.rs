@@ -1,4 +1,5 @@
 use super::*;
+use crate::io::store::Place;
 
 fn done(verdict: Verdict) -> Done {
     Done {
@@ -8,8 +9,8 @@ fn done(verdict: Verdict) -> Done {
         verdict,
         rejected: Vec::new(),
         words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
-        tables: PathBuf::from("lake"),
-        page: Some(PathBuf::from("lake/report/r/a/00ff.html")),
+        tables: Place::of("lake"),
+        page: Some(Place::of("lake/report/r/a/00ff.html")),
     }
 }
 
