@@ -7,8 +7,7 @@
 
 use std::path::{Path, PathBuf};
 
-use arrow::array::{Array as _, AsArray as _};
-use arrow::datatypes::Float64Type;
+use arrow::array::Array as _;
 use thiserror::Error;
 
 use super::common::{Common, CommonError};
@@ -119,7 +118,7 @@ fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsT
             Wanted::Best => file.best(&base)?,
             Wanted::Geometry => file.geometric(&base)?,
         },
-        measured: file.measured(arm.joints().len())?,
+        measured: said.joint_ranges(arm.joints().len())?,
         validity: said.validity()?,
         arm,
     };
@@ -233,29 +232,5 @@ impl CalibrationsFile<'_> {
             kind,
             what,
         })
-    }
-
-    /// Lowest and highest angle of each joint, rad.
-    fn measured(&self, joints: usize) -> Result<Vec<[f64; 2]>, CalibrationsTableError> {
-        let list = |column: &str| -> Result<Vec<f64>, CalibrationsTableError> {
-            let lists = self.table.list(column);
-            let row = |row| {
-                Some(
-                    lists
-                        .value(row)
-                        .as_primitive::<Float64Type>()
-                        .values()
-                        .to_vec(),
-                )
-            };
-            let angles = self.said().one(column, row)?.unwrap_or_default();
-            if angles.len() == joints {
-                return Ok(angles);
-            }
-            let problem = format!("{} angles for an arm of {joints} joints", angles.len());
-            Err(self.said().value_error(column, problem).into())
-        };
-        let (lower, upper) = (list("joint_lower_rad")?, list("joint_upper_rad")?);
-        Ok(lower.into_iter().zip(upper).map(<[f64; 2]>::from).collect())
     }
 }

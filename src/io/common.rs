@@ -3,7 +3,8 @@
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
-use arrow::array::Array as _;
+use arrow::array::{Array as _, AsArray as _};
+use arrow::datatypes::Float64Type;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
@@ -100,6 +101,25 @@ impl Common<'_> {
             return Err(self.value_error(&columns[3], problem));
         }
         Ok(UnitQuaternion::from_quaternion(quaternion))
+    }
+
+    /// Lowest and highest reported angle of each of so many joints over the stations used, rad.
+    pub fn joint_ranges(self, joints: usize) -> Result<Vec<[f64; 2]>, CommonError> {
+        let list = |column: &str| -> Result<Vec<f64>, CommonError> {
+            let lists = self.table.list(column);
+            let row = |row| {
+                let list = lists.value(row);
+                Some(list.as_primitive::<Float64Type>().values().to_vec())
+            };
+            let angles = self.one(column, row)?.unwrap_or_default();
+            if angles.len() == joints {
+                return Ok(angles);
+            }
+            let problem = format!("{} angles for an arm of {joints} joints", angles.len());
+            Err(self.value_error(column, problem))
+        };
+        let (lower, upper) = (list("joint_lower_rad")?, list("joint_upper_rad")?);
+        Ok(lower.into_iter().zip(upper).map(<[f64; 2]>::from).collect())
     }
 
     /// A number above zero.

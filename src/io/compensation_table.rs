@@ -11,12 +11,15 @@ mod terms;
 
 use std::path::{Path, PathBuf};
 
+use arrow::array::Array as _;
+use nalgebra::Point3;
 use thiserror::Error;
 
 use super::common::{Common, CommonError};
 use super::schema::{self, SchemaError};
 use super::table::{self, FileError, Table};
 use crate::compensation::{CompensationTable, Misfit};
+use crate::geometry::{Flange, Position};
 use crate::manifest::RunKey;
 
 /// A compensation table as a run published it.
@@ -28,6 +31,10 @@ pub struct PublishedTable {
     pub verdict: TableVerdict,
     /// The table.
     pub table: CompensationTable,
+    /// Lowest and highest angle of each joint over the stations used, rad.
+    pub measured: Vec<[f64; 2]>,
+    /// Where the measured target sat at the flange.
+    pub flange_from_target: Position<Flange>,
 }
 
 /// Whether the step of a table meets the tolerance of its pipeline.
@@ -96,6 +103,10 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     Ok(PublishedTable {
         key: file.said().key()?,
         verdict: file.verdict()?,
+        measured: file
+            .said()
+            .joint_ranges(file.table.list("joint_names").value(0).len())?,
+        flange_from_target: file.target()?,
         table: table.map_err(|source| CompensationTableError::Misfit {
             path: path.to_owned(),
             source,
@@ -115,6 +126,12 @@ impl TableFile<'_> {
             path: self.path,
             table: &self.table,
         }
+    }
+
+    fn target(&self) -> Result<Position<Flange>, CommonError> {
+        let [x, y, z] = ["x", "y", "z"]
+            .map(|axis| self.said().number(&format!("flange_from_target_{axis}_mm")));
+        Ok(Position::claim(Point3::new(x?, y?, z?)))
     }
 
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {

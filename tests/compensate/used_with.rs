@@ -45,6 +45,11 @@ fn what_is_within_outside_or_not_checked_is_told() {
         said.contains("as the table does not state it: mounting, base, controller model, absolute-accuracy option\n"),
         "{said}"
     );
+    assert!(
+        said.contains("nodes in arm configuration \"shoulder+ elbow- wrist+\"; measured with joints -28.6° to 14.3°, ")
+            && said.contains("the reflector at (25.00, -40.00, 100.00) mm on the flange"),
+        "{said}"
+    );
     assert_eq!(
         (done.exit_code(), field(&csv, "A", "allowed")),
         (0, String::new())
@@ -105,7 +110,7 @@ fn what_was_allowed_stands_at_each_target() {
         "{said}"
     );
     assert!(
-        said.contains("2 targets were corrected by the exception temperature allowed"),
+        said.contains("2 targets were corrected by an exception, temperature allowed"),
         "{said}"
     );
     // Allowed, but not needed.

@@ -109,29 +109,27 @@ impl Source {
 
     /// Where it was measured: joint ranges, arm configuration, the reflector.
     pub(super) fn measured(&self) -> String {
-        match self {
+        let (joints, target, configuration) = match self {
             Self::Table(own) => {
-                let terms = own.table.terms();
-                let configuration = terms.configuration.as_deref().unwrap_or("none named");
-                let known = own.table.nodes().iter().flatten();
-                format!(
-                    "nodes in arm configuration {configuration}, joints {}; where the reflector sat is in table calibrations of the \
-                     same run",
-                    ranges(&spans(known.map(|known| known.joints.as_slice())))
-                )
+                let configuration = own.table.terms().configuration.as_deref();
+                let target = own.flange_from_target.coords();
+                (&own.measured, target, configuration)
             }
             Self::Arm(own) => {
-                let frames = &own.arm.frames;
-                let target = frames.flange_from_target.origin().coords();
-                format!(
-                    "measured with joints {}, and the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
-                    ranges(&own.arm.measured),
-                    target.x,
-                    target.y,
-                    target.z
-                )
+                let target = own.arm.frames.flange_from_target.origin();
+                (&own.arm.measured, target.coords(), None)
             }
-        }
+        };
+        let nodes = configuration.map_or_else(String::new, |own| {
+            format!("nodes in arm configuration {own:?}; ")
+        });
+        format!(
+            "{nodes}measured with joints {}, the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
+            ranges(joints),
+            target.x,
+            target.y,
+            target.z
+        )
     }
 
     /// What every row of the result says.
@@ -219,17 +217,6 @@ impl Source {
 }
 
 /// Lowest and highest angle of each joint.
-fn spans<'j>(all: impl Iterator<Item = &'j [f64]>) -> Vec<[f64; 2]> {
-    let mut spans: Vec<[f64; 2]> = Vec::new();
-    for joints in all {
-        spans.resize(joints.len(), [f64::INFINITY, f64::NEG_INFINITY]);
-        for ([low, high], &q) in spans.iter_mut().zip(joints) {
-            (*low, *high) = (low.min(q), high.max(q));
-        }
-    }
-    spans
-}
-
 fn ranges(spans: &[[f64; 2]]) -> String {
     let range =
         |&[low, high]: &[f64; 2]| format!("{:.1}° to {:.1}°", low.to_degrees(), high.to_degrees());

@@ -61,7 +61,7 @@ impl Compensated {
         for (name, count) in allowed {
             writeln!(
                 f,
-                "{count} targets were corrected by the exception {name} allowed, see column allowed"
+                "{count} targets were corrected by an exception, {name} allowed: see column allowed"
             )?;
         }
         if !self.targets.unused.is_empty() {

@@ -26,7 +26,7 @@ pub fn compensation(
     let table = places(table, chosen, context.command_from_base.isometry());
     let table = errors(table, chosen, context.command_from_base.isometry());
     let table = support(table, outcome, context);
-    let table = reading(table, outcome, context);
+    let table = measured(reading(table, outcome, context), outcome, context);
     Ok(validity::columns(table, &context.validity, outcome).finish()?)
 }
 
@@ -178,6 +178,20 @@ fn nearest_rad(joints: &[f64], stations: &[&Station]) -> Option<f64> {
         differences.fold(0.0, f64::max)
     };
     stations.iter().map(apart).min_by(f64::total_cmp)
+}
+
+/// How far the joints went, and where the target sat.
+fn measured(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
+    let ranges = joint_ranges(outcome, context.arm.joints().len());
+    let (lower, upper): (Vec<f64>, Vec<f64>) = ranges.into_iter().unzip();
+    let target = outcome.gauge.frames().flange_from_target.origin();
+    let [x, y, z]: [f64; 3] = target.coords().into();
+    columns
+        .same("joint_lower_rad", lower)
+        .same("joint_upper_rad", upper)
+        .same("flange_from_target_x_mm", x)
+        .same("flange_from_target_y_mm", y)
+        .same("flange_from_target_z_mm", z)
 }
 
 /// How the table has to be read.

@@ -334,6 +334,21 @@ fn compensation_is_stated_in_the_frame_of_commands() {
     assert!((found - Vector3::new(-error.y, error.x, error.z)).norm() < 1e-12);
     assert!((table.f64("error_cov_xx_mm2").value(node) - covariance[(1, 1)]).abs() < 1e-15);
     assert!((table.f64("error_sd_mm").value(node) - covariance.trace().sqrt()).abs() < 1e-12);
+    // As the stations used have it: where the joints were, and the target of base and target alone.
+    let lists =
+        ["joint_lower_rad", "joint_upper_rad"].map(|column| table.list(column).value(node).len());
+    assert_eq!(lists, [context().arm.joints().len(); 2]);
+    let target = numbers(
+        &table,
+        [
+            "flange_from_target_x_mm",
+            "flange_from_target_y_mm",
+            "flange_from_target_z_mm",
+        ],
+        node,
+    );
+    let frames = OUTCOME.gauge.frames();
+    assert_eq!(target, frames.flange_from_target.origin().coords());
     // The base frame stated in the table brings the node back to its lattice.
     let origin = ["x", "y", "z"].map(|axis| {
         table

@@ -12,6 +12,7 @@
 
 mod aggregate;
 mod lines;
+mod notes;
 mod problem;
 mod statement;
 pub mod status;
@@ -56,6 +57,8 @@ struct Point {
     status: Option<Status>,
     /// Whether an external axis stands away from 0.
     external: bool,
+    /// The line's number, where its type is FRAME.
+    frame_in: Option<u64>,
 }
 
 /// External axes.
@@ -65,42 +68,6 @@ impl DataList {
     /// The S of each target, in their order.
     pub fn statuses(&self) -> impl Iterator<Item = Option<Status>> + '_ {
         self.points.iter().map(|point| point.status)
-    }
-
-    /// What a person should know of a data list.
-    pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
-        match &self.frames {
-            Some(frames) => notes.push(format!(
-                "the positions are those of TOOL_NO {}, BASE_NO {}: see to it that these are the table's tool and frame of commands",
-                frames.tool, frames.base
-            )),
-            None => notes.push(
-                "no FDAT says for which tool and base the positions are: see to it that these are the table's".to_owned(),
-            ),
-        }
-        let taught = self.statuses().flatten();
-        let taught = taught.filter(|status| status.taught_absolutely_accurate());
-        let taught = taught.count();
-        if taught > 0 {
-            notes.push(format!(
-                "{taught} positions were taught with the controller's absolute-accuracy option on (bit 4 of S)"
-            ));
-        }
-        let external = self.points.iter().filter(|point| point.external);
-        let external = external.count();
-        if external > 0 {
-            notes.push(format!(
-                "{external} positions have external axes away from 0: where these move the arm or the part, the table's frame of \
-                 commands moves with them, and the corrections do not hold"
-            ));
-        }
-        if !self.others.is_empty() {
-            let others = self.others.iter();
-            let others: Vec<String> = others.map(|(kind, n)| format!("{n} {kind}")).collect();
-            notes.push(format!("left as they are: {}", others.join(", ")));
-        }
-        notes
     }
 }
 
@@ -214,7 +181,7 @@ impl Reading<'_> {
         let places = aggregate.has(&["X", "Y", "Z"]);
         match known.as_deref() {
             Some(kind) if places > 0 && POSITIONS.contains(&kind) => {
-                self.target(line, name.shown, &aggregate)
+                self.target(line, kind, name.shown, &aggregate)
             }
             None if places == 3 => Err(KrlProblem::NoKind { name: name.shown }.into()),
             other => {
@@ -228,7 +195,13 @@ impl Reading<'_> {
         }
     }
 
-    fn target(&mut self, line: &Line, name: String, at: &Aggregate) -> Result<(), RowProblem> {
+    fn target(
+        &mut self,
+        line: &Line,
+        kind: &str,
+        name: String,
+        at: &Aggregate,
+    ) -> Result<(), RowProblem> {
         let number = |component: &str| at.number(self.text, component);
         let position = [number("X")?, number("Y")?, number("Z")?];
         let ranges = ["X", "Y", "Z"].map(|component| at.range(component));
@@ -241,6 +214,7 @@ impl Reading<'_> {
         }
         self.points.push(Point {
             external,
+            frame_in: (kind == "FRAME").then_some(line.number),
             line: line.whole.clone(),
             xyz: [x, y, z],
             status: at.status(self.text)?,

@@ -85,6 +85,10 @@ fn positions_are_found_and_everything_else_is_counted() {
     assert!(notes.contains("TOOL_NO 3, BASE_NO 1"), "{notes}");
     assert!(notes.contains("1 positions were taught with"), "{notes}");
     assert!(
+        notes.contains("1 values of type FRAME are taken for positions (line 14)"),
+        "{notes}"
+    );
+    assert!(
         notes.contains("1 positions have external axes away from 0"),
         "{notes}"
     );
