@@ -31,7 +31,7 @@ fn published(
     let mut run = lake.start(&key()).expect("a lake").expect("a new run");
     write(&mut run).map_err(|error| error.to_string())?;
     let path = lake.path(schema::find("logs").expect("a table"), &key());
-    let bytes = fs::read(path.expect("short names")).expect("published");
+    let bytes = fs::read(path.expect("short names").named()).expect("published");
     Ok((bytes, run.written()[0].rows))
 }
 
@@ -120,7 +120,8 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     let files = || {
         let path = lake.path(schema::find("logs").expect("a table"), &key());
         let path = path.expect("short names");
-        let folder = path.parent().expect("it stands in a folder");
+        let folder = path.named();
+        let folder = folder.parent().expect("it stands in a folder");
         fs::read_dir(folder).map_or(0, Iterator::count)
     };
     assert_eq!(files(), 1, "under a temporary name");
