@@ -27,7 +27,9 @@ const PERIOD: u64 = 1000;
 const MOVE: u64 = 400;
 
 const FLOOR: &str = "zstd decompression alone";
-const STEPS: [(&str, fn(&Path, &Path) -> u64); 6] = [
+/// Its name, and what it does with a log and a folder: how many messages or rows it went through.
+type Step = (&'static str, fn(&Path, &Path) -> u64);
+const STEPS: [Step; 6] = [
     (FLOOR, |log, _| decompress(log)),
     ("decode to columns", |log, _| columns(log)),
     ("streaming into dwells and readings", |log, _| dwells(log)),
