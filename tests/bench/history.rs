@@ -142,8 +142,9 @@ fn put(lake: &Lake, number: usize, model: &str) {
         settings: format!("{{\"settings\":\"{}\"}}", "x".repeat(2600)),
     };
     let key = work.key();
+    let stamp = i64::try_from(number).expect("few sessions");
     let clocks = filled("clocks", 1, &key, |columns| {
-        (columns.same("origin_ns", number as i64), vec!["origin_ns"])
+        (columns.same("origin_ns", stamp), vec!["origin_ns"])
     });
     let own = model.replace("SESSION", &session);
     let calibrations = filled("calibrations", 1, &key, |columns| {
