@@ -191,7 +191,7 @@ fn a_plan_says_what_to_measure_and_what_it_promises() {
         plan.promise
     );
     let page = planned.page.as_ref().expect("a page beside the tables");
-    let page = std::fs::read_to_string(page).expect("the page");
+    let page = std::fs::read_to_string(page.named()).expect("the page");
     let promised = plan.promise.mean_bound_mm.expect("a promise");
     assert!(page.contains(&format!("<data value=\"{promised}\">")));
     let means = plan.steps.iter().map(|row| &row.outcomes);
