@@ -77,7 +77,7 @@ fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
         })
     };
     let is_set = |name: &&str| env::var_os(name).is_some_and(|value| !value.is_empty());
-    if !OTHER_CREDENTIALS.iter().any(|name| is_set(&name)) {
+    if !OTHER_CREDENTIALS.iter().any(is_set) {
         let key = ["AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"];
         if let Some(missing) = key.into_iter().find(|name| !is_set(name)) {
             return wrong(
