@@ -5,8 +5,8 @@
 
 pub mod check;
 pub mod compensate;
-pub mod history;
 pub mod export;
+pub mod history;
 pub mod inspect;
 pub mod messages;
 pub mod plan;

@@ -61,7 +61,9 @@ impl Fetched {
         temporary::clean_folders(COPIES);
         let folder = temporary::folder(COPIES).map_err(wrong(Path::new("logs")))?;
         for path in logs_of(&mut piece) {
-            let own = folder.path().join(format!("{}.{}", copies.len() + 1, ending(path)));
+            let own = folder
+                .path()
+                .join(format!("{}.{}", copies.len() + 1, ending(path)));
             let copy = match copies.get(path) {
                 Some(copy) => PathBuf::clone(copy),
                 None => fetch(tree, path, &own)?,

@@ -125,7 +125,9 @@ pub enum HistoryError {
     #[error("there is no lake in {}: it has no row in runs; name the folder that `posegrid run` told as its tables", .0)]
     NoLake(Place),
     /// Thousands of files are read, which object storage gives one by one.
-    #[error("{0} is on object storage, and history reads a folder: copy the tables runs, calibrations and accuracy here")]
+    #[error(
+        "{0} is on object storage, and history reads a folder: copy the tables runs, calibrations and accuracy here"
+    )]
     OnStorage(Place),
     /// No such robot.
     #[error("{} has no robot {robot:?}; its robots: {}", lake, robots.join(", "))]

@@ -245,8 +245,8 @@ fn figures(
     let of = |set: &ResidualSet| {
         let own = accuracy::accuracy(set, &settings.tolerance, guard_mm);
         let subject = &set.subject;
-        let foretells =
-            (subject.model, subject.angles, subject.split) == (Model::Full, Angles::Commanded, Split::Blocks);
+        let foretells = (subject.model, subject.angles, subject.split)
+            == (Model::Full, Angles::Commanded, Split::Blocks);
         if foretells && subject.of_session == session {
             let moved = |station| moved.get(&station).copied().unwrap_or_default();
             accuracy::of_another_day(own, set, moved, &settings.tolerance)

@@ -62,11 +62,17 @@ pub fn of_another_day<'m>(
 ) -> Accuracy {
     let judged = || set.residuals.iter().filter(|r| !r.used_for_refit);
     let norms: Vec<f64> = judged()
-        .flat_map(|r| moved(r.station).iter().map(|moved| (r.residual + moved).norm()))
+        .flat_map(|r| {
+            moved(r.station)
+                .iter()
+                .map(|moved| (r.residual + moved).norm())
+        })
         .collect();
     let stations = judged().count();
     let another_day = upper_tolerance_bound_of(&norms, stations, tolerance.coverage());
-    let bound = own.bound.map(|bound| another_day.map_or(bound, |other| bound.max(other)));
+    let bound = own
+        .bound
+        .map(|bound| another_day.map_or(bound, |other| bound.max(other)));
     Accuracy {
         verdict: tolerance.verdict(bound, stations, own.expanded_uncertainty_mm),
         bound,

@@ -24,7 +24,8 @@ pub(super) enum Lack {
 pub(super) fn find(tree: &Tree, folder: &Path, names: &LogNames) -> Result<Vec<PathBuf>, Lack> {
     let mut found = Vec::new();
     for pattern in names.patterns() {
-        let files = matching(tree, folder, pattern).map_err(|error| Lack::Wrong(error.to_string()))?;
+        let files =
+            matching(tree, folder, pattern).map_err(|error| Lack::Wrong(error.to_string()))?;
         if files.is_empty() {
             return Err(Lack::Absent(format!("it has no {pattern}")));
         }
@@ -272,7 +273,8 @@ mod tests {
         }
         let names =
             |names: &[&str]| LogNames::Several(names.iter().map(|&name| name.to_owned()).collect());
-        let found = find_named(&Tree::Folder, folder.path(), &names(&["{session}_a.mcap"])).unwrap();
+        let found =
+            find_named(&Tree::Folder, folder.path(), &names(&["{session}_a.mcap"])).unwrap();
         assert_eq!(found.keys().collect::<Vec<_>>(), ["mon", "tue"]);
         let both = names(&["{session}_a.mcap", "{session}_a.log"]);
         let found = find_named(&Tree::Folder, folder.path(), &both).unwrap();

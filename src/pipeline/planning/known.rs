@@ -50,7 +50,9 @@ pub enum KnownError {
         session: String,
     },
     /// The table is not on this machine.
-    #[error("[plan.known]: {table} is on object storage; copy it here and name it under calibrations")]
+    #[error(
+        "[plan.known]: {table} is on object storage; copy it here and name it under calibrations"
+    )]
     Remote {
         /// Where it is.
         table: Place,

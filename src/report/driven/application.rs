@@ -100,7 +100,9 @@ impl Ways {
     /// The way on which the error was counted `times` after `turn`.
     fn way(&self, times: f64, turn: &Rotation3<f64>, name: impl Fn(f64) -> Application) -> Way {
         let predicted = self.made.iter().zip(&self.errors);
-        let left: Vec<_> = predicted.map(|(made, error)| made - turn * error * times).collect();
+        let left: Vec<_> = predicted
+            .map(|(made, error)| made - turn * error * times)
+            .collect();
         let left = sum_of_squares(&settled(&self.positions, &left));
         Way {
             application: name(1.0 - left / sum_of_squares(&self.made)),
@@ -119,12 +121,17 @@ impl Ways {
             self.way(1.0, &straight, Application::WrongSign),
             self.way(-2.0, &straight, Application::Twice),
         ];
-        let mut best = others
-            .into_iter()
-            .fold(as_meant, |best, way| if way.left < best.left { way } else { best });
+        let mut best =
+            others.into_iter().fold(
+                as_meant,
+                |best, way| if way.left < best.left { way } else { best },
+            );
         let turn = turn(&self.errors, &self.made);
         let angle_deg = turn.angle().to_degrees();
-        let turned = self.way(-1.0, &turn, |explained| Application::Turned { angle_deg, explained });
+        let turned = self.way(-1.0, &turn, |explained| Application::Turned {
+            angle_deg,
+            explained,
+        });
         if angle_deg >= TURN_DEG && turned.left < TURN_LEAVES * best.left {
             best = turned;
         }

@@ -152,7 +152,11 @@ impl<'a> Found<'a> {
     /// The corrected targets of a session whose files stand beside those of others: their name has to say whose they are.
     fn corrected_of(&self, session: &str) -> Result<Option<PathBuf>, Lack> {
         let names = &self.input.corrected_targets;
-        if names.patterns().iter().all(|pattern| pattern.contains(SESSION_PLACE)) {
+        if names
+            .patterns()
+            .iter()
+            .all(|pattern| pattern.contains(SESSION_PLACE))
+        {
             logs::at_most_one(self.tree, self.folder, &names.of(session))
         } else {
             Ok(None)
