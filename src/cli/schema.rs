@@ -117,7 +117,7 @@ mod tests {
         let text = shown(None, Format::Text).unwrap();
         assert_eq!(text.lines().count(), schema::all().len());
         assert!(
-            text.starts_with("stations        v1  one row per dwell of the arm\n"),
+            text.starts_with("stations        v2  one row per dwell of the arm\n"),
             "{text}"
         );
     }

@@ -1,6 +1,6 @@
 """Executes the notebooks of this folder from the first cell to the last; any cell that fails, fails the whole.
 
-    python tests/notebooks/execute.py LAKE [--keep FOLDER] [NAME...]
+    python tests/notebooks/execute.py LAKE [--keep FOLDER] [--only NAME]
 
 LAKE is what the notebooks read (`POSEGRID_LAKE`). With --keep the executed notebooks, outputs and all, are left in FOLDER.
 """
@@ -31,11 +31,11 @@ def execute(path, keep):
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("lake", type=pathlib.Path)
-    arguments.add_argument("names", nargs="*", help="all notebooks where none is named")
+    arguments.add_argument("--only", metavar="NAME", action="append", default=[], help="this notebook; all where none is named")
     arguments.add_argument("--keep", type=pathlib.Path)
     given = arguments.parse_args()
     os.environ["POSEGRID_LAKE"] = str(given.lake.resolve())
-    paths = [FOLDER / f"{name}.ipynb" for name in given.names] or sorted(FOLDER.glob("*.ipynb"))
+    paths = [FOLDER / f"{name}.ipynb" for name in given.only] or sorted(FOLDER.glob("*.ipynb"))
     for path in paths:
         execute(path, given.keep)
 
