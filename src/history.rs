@@ -3,7 +3,7 @@
 //! Input is one [`SessionFigures`] after another: what the session identified ([`Estimate`]) and its accuracy figures.
 //! Output is a [`Judged`] for each. Steps of [`Course::next`]:
 //! 1. Another nominal arm, pipeline file, setting, version or model begins a new segment ([`Basis`]): nothing is compared across.
-//! 2. The session is held against all sessions before it, pooled, with the covariances of both ([`Comparison`]). What one of
+//! 2. The session is held against all sessions before it, pooled, with the covariances of both (`compare`). What one of
 //!    them cannot determine takes no part, so priors and choices of datum cannot show as a change.
 //! 3. Each part that may have moved is asked what its change alone explains ([`suspects`]). The smallest p-value times the
 //!    number of suspects, held against [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts

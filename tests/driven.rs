@@ -347,11 +347,11 @@ fn targets_of(corrected: &[Corrected]) -> Vec<Target> {
 #[test]
 #[ignore = "a long proof: cargo test --release --test driven -- --ignored --nocapture"]
 fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
-    const ARMS: u64 = 100;
+    const ARMS: usize = 100;
     let (mut broken, mut means, mut largest) = (0, Vec::new(), Vec::new());
     let mut named = BTreeMap::<&str, usize>::new();
     let mut last: Option<Identified> = None;
-    for number in 1_000..1_000 + ARMS {
+    for number in (2_000..).take(ARMS) {
         let (own, played) = played(number, 30);
         broken += usize::from(played.broken);
         means.push(played.after.mean);
@@ -389,7 +389,7 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
         }
         last = Some(own);
     }
-    let interval = share_interval(ARMS as usize - broken, ARMS as usize, 0.95);
+    let interval = share_interval(ARMS - broken, ARMS, 0.95);
     let mean_of = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     println!(
         "{ARMS} arms: mean after {:.3} mm, largest of all {:.3} mm, {} beyond 0.3 mm; promise not contradicted for {} ({:.3} to {:.3}); \
@@ -397,7 +397,7 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
         mean_of(&means),
         largest.iter().copied().fold(0.0, f64::max),
         largest.iter().filter(|&&mm| mm > 0.3).count(),
-        ARMS as usize - broken,
+        ARMS - broken,
         interval.0,
         interval.1
     );

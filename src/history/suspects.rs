@@ -2,7 +2,7 @@
 //!
 //! 1. Suspects are the base, the target, each joint's offset, each joint's offset and curve together, each link, and everything.
 //!    The last link moves the target and the first link's offset the base, whatever the poses, so these are not asked again.
-//!    The alarm is the smallest p-value times their number (Bonferroni) against [`FALSE_ALARM`](super::FALSE_ALARM).
+//!    The alarm is the smallest p-value times their number (Bonferroni) against `FALSE_ALARM`.
 //! 2. A suspect suffices if no other (nor everything) explains significantly more together with it than it does alone. Of
 //!    those that suffice the likeliest is a candidate, and each that is less likely by a factor of twenty at most, the chi-square
 //!    that noise would add by degrees of freedom taken off. Of candidates within each other the smallest stays. Several

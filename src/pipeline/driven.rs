@@ -3,6 +3,8 @@
 //! The corrected targets stand in the session's folder (`[input] corrected_targets`), as `posegrid compensate` wrote them. What the
 //! table promised, and for which tool and temperatures, stands in the lake under its run.
 
+use std::fmt::Write as _;
+
 use super::file::Validity;
 use super::outcome::{Driven, DrivenBy, JoinedSession, Outcome};
 use super::plan::SessionFiles;
@@ -94,7 +96,7 @@ fn went(driven: &Driven, session: &JoinedSession) -> String {
         (by.file.refused, "targets had been refused"),
     ];
     for (count, what) in others.into_iter().filter(|(count, _)| *count > 0) {
-        words += &format!("; {count} {what}");
+        write!(words, "; {count} {what}").expect("a string");
     }
     words
 }

@@ -109,7 +109,7 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
     let stations = cell.table("stations", "tue");
     assert_eq!(stations.text("table_id").value(0), mon);
     assert!(stations.text("target").value(0).starts_with("hole "));
-    let page = fs::read_to_string(&page(&cell)).expect("a page");
+    let page = fs::read_to_string(page(&cell)).expect("a page");
     assert!(
         page.contains("This session was driven by a table"),
         "the page opens with both errors"

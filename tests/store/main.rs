@@ -1,7 +1,7 @@
 //! `posegrid` with sessions and lake on object storage, against an S3-compatible server on loopback: the same bytes as in
 //! folders, one commit of several, nothing half done, nothing secret told.
 //!
-//! The server is moto, from PyPI (`server.py` beside this file). Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`, which
+//! The server is moto, from `PyPI` (`server.py` beside this file). Python is `POSEGRID_PYTHON`, or that of `target/ci-venv`, which
 //! `.ci/run` makes.
 
 mod bytes;
