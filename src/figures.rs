@@ -67,6 +67,14 @@ impl Figures {
     }
 }
 
+/// The least and the largest of some values; `None` of none.
+pub fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.fold(None, |range, value| {
+        let (low, high) = range.unwrap_or((value, value));
+        Some((value.min(low), value.max(high)))
+    })
+}
+
 /// The median of `values`; `None` of an empty set.
 pub fn median(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| percentile(&ascending(values), 0.5))

@@ -3,6 +3,7 @@
 #[path = "run/cell.rs"]
 #[allow(dead_code, reason = "this binary uses its own part")]
 mod cell;
+mod common;
 #[path = "history/simulated.rs"]
 mod simulated;
 

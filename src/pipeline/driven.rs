@@ -4,11 +4,15 @@
 //! table promised, and for which tool and temperatures, stands in the lake under its run.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use super::file::Validity;
 use super::outcome::{Driven, DrivenBy, JoinedSession, Outcome};
 use super::plan::SessionFiles;
 use super::run::RunError;
+use crate::compensation::UsedWith;
+use crate::figures::extremes;
+use crate::io::common::{Common, CommonError};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Table;
 use crate::io::targets::driving;
@@ -53,7 +57,10 @@ pub(super) fn words(
         let figures = lake.read("accuracy", &driven.key)?;
         words.extend(against_promise(driven, &figures));
         let table = lake.read(&driven.table, &driven.key)?;
-        words.extend(outside(&table, session, stated));
+        words.extend(match outside(&table, driven, session, stated) {
+            Ok(outside) => outside,
+            Err(error) => vec![format!("what the table is for cannot be told: {error}")],
+        });
     } else {
         words.push(
             "the lake does not have that table's run, so no promise is held against the session"
@@ -153,37 +160,40 @@ fn promise(table: &str, figures: &Table) -> Option<TablePromise> {
     })
 }
 
-/// What the table is not valid for: temperatures that were met, another tool.
-fn outside(table: &Table, session: &JoinedSession, stated: &Validity) -> Vec<String> {
-    let first = |column: &str| table.f64(column).iter().next().flatten();
-    let met = session.joined.stations.iter();
-    let met: Vec<f64> = met
-        .filter_map(|s| s.attained.as_ref()?.temperature_c)
-        .collect();
-    let (low, high) = (
-        met.iter().copied().fold(f64::INFINITY, f64::min),
-        met.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-    );
-    let temperatures = first("temperature_min_c").zip(first("temperature_max_c"));
-    let colder = temperatures.filter(|(from, to)| !met.is_empty() && (low < *from || high > *to));
-    let mut words: Vec<String> = colder
-        .map(|(from, to)| {
-            format!("the session was at {low:.1} to {high:.1} °C, the table is for {from:.1} to {to:.1} °C")
-        })
+/// What the table is not valid for of what the session was run with, as `compensate` holds it; at the lowest and the highest
+/// temperature that was met.
+fn outside(
+    table: &Table,
+    driven: &Driven,
+    session: &JoinedSession,
+    stated: &Validity,
+) -> Result<Vec<String>, CommonError> {
+    let said = Common {
+        path: Path::new(&driven.key.run),
+        table,
+    };
+    let valid_for = said.validity()?;
+    let stations = session.joined.stations.iter();
+    let met = stations.filter_map(|station| station.attained.as_ref()?.temperature_c);
+    let (low, high) = extremes(met).unzip();
+    let outside = |temperature_c| {
+        let used = UsedWith {
+            tool: stated.tool.clone(),
+            payload_kg: stated.payload_kg,
+            mounting: stated.mounting.clone(),
+            base: stated.base.clone(),
+            controller_model: stated.controller_model.clone(),
+            absolute_accuracy_option: stated.absolute_accuracy_option,
+            temperature_c,
+        };
+        valid_for.hold(&used).outside
+    };
+    let mut words: Vec<String> = [low, high]
         .into_iter()
+        .flat_map(outside)
+        .map(|outside| format!("the session was not run with what the table is for: {outside}"))
         .collect();
-    let tool = table
-        .text("tool")
-        .iter()
-        .next()
-        .flatten()
-        .map(str::to_owned);
-    if let (Some(own), Some(now)) = (tool, &stated.tool)
-        && own != *now
-    {
-        words.push(format!(
-            "the session is of tool {now:?}, the table is for {own:?}"
-        ));
-    }
-    words
+    words.sort();
+    words.dedup();
+    Ok(words)
 }

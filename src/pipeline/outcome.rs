@@ -55,6 +55,14 @@ pub struct Driven {
     pub measured: Option<Measured>,
 }
 
+impl Driven {
+    /// The errors before and after, where they could be given.
+    pub fn sets(&self) -> impl Iterator<Item = &ResidualSet> {
+        let measured = self.measured.iter();
+        measured.flat_map(|measured| [&measured.before, &measured.after])
+    }
+}
+
 /// Everything one piece of work found.
 #[derive(Debug)]
 pub struct Outcome<'a> {

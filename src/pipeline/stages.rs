@@ -132,17 +132,9 @@ pub fn run<'a>(
         &training[last].name,
         settings,
     );
-    if let Some((driven, measured)) = driven
-        .as_ref()
-        .and_then(|d| Some((d, d.measured.as_ref()?)))
-    {
-        accuracy.extend(driven::figures(
-            driven,
-            measured,
-            &settings.tolerance,
-            grids.guard_mm,
-        ));
-        residuals.extend([measured.before.clone(), measured.after.clone()]);
+    if let Some(driven) = &driven {
+        accuracy.extend(driven::figures(driven, &settings.tolerance, grids.guard_mm));
+        residuals.extend(driven.sets().cloned());
     }
     let Models {
         base_target,

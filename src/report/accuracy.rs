@@ -28,7 +28,12 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         Split::None => Verdict::NotShown("the stations took part in the fit".to_owned()),
         Split::Blocks | Split::Session => tolerance.verdict(bound, norms.len(), guard_mm),
     };
-    let before = matches!(set.subject.model, Model::RawCommand | Model::BaseTarget);
+    let moment = match set.subject.model {
+        Model::RawCommand | Model::BaseTarget => Moment::Before,
+        Model::Geometric | Model::Full => Moment::After,
+        // A table has residuals only in a session that it drove.
+        Model::Table => Moment::MeasuredAfter,
+    };
     let blocks: BTreeSet<_> = judged.iter().filter_map(|residual| residual.fold).collect();
     let distances: Vec<f64> = judged
         .iter()
@@ -36,11 +41,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         .collect();
     Accuracy {
         subject: set.subject.clone(),
-        moment: if before {
-            Moment::Before
-        } else {
-            Moment::After
-        },
+        moment,
         driven_by: None,
         figures: Figures::of(&norms),
         bound,

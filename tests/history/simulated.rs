@@ -2,10 +2,10 @@
 //! simulated station by station and identified by the whole model.
 //!
 //! Rates of long runs: `cargo test --release --test history -- --ignored --nocapture`.
-
+use crate::common::NOISE;
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::saved::SavedCalibration;
-use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
+use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::history::compare::Comparison;
 use posegrid::history::estimate::{Column, Estimate};
@@ -59,19 +59,7 @@ fn observations(
         .collect();
     let visits = visits(arm, &settings, &errors, &commanded);
     let stations: Vec<_> = visits.into_iter().map(|visit| visit.station).collect();
-    let noise = Noise {
-        tracker: TrackerUncertainty {
-            range_um: 10.0,
-            range_um_per_m: 0.3,
-            transverse_um: 15.0,
-            transverse_um_per_m: 6.0,
-            divisor: 2.0,
-            orientation_rad: None,
-        },
-        repeatability_mm: 0.03,
-        orientations: false,
-    };
-    fit::observations(0, &stations, arm, &noise)
+    fit::observations(0, &stations, arm, &NOISE)
 }
 
 fn geometric(arm: &Arm) -> Estimate {

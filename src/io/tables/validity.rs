@@ -1,6 +1,7 @@
 //! What a result is valid for: stated in the pipeline file, and the temperatures met while measuring.
 
 use crate::compensation::Validity;
+use crate::figures::extremes;
 use crate::io::table::Columns;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::Outcome;
@@ -34,10 +35,7 @@ pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = 
 /// Lowest and highest temperature of the stations learnt from, °C.
 fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
     let met = learnt_from(outcome).filter_map(|station| station.attained.as_ref()?.temperature_c);
-    met.fold(None, |range, t| {
-        let (low, high) = range.unwrap_or((t, t));
-        Some((t.min(low), t.max(high)))
-    })
+    extremes(met)
 }
 
 /// Lowest and highest reported angle of each joint over the stations learnt from, rad.

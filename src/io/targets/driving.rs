@@ -29,6 +29,9 @@ pub struct DrivingFile {
     pub refused: usize,
 }
 
+/// Tables that correct targets.
+const TABLES: [&str; 2] = ["compensation", "calibrations"];
+
 /// One row; the file has more columns.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 struct DrivingRow {
@@ -68,6 +71,12 @@ pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
     };
     if of.next().is_some() {
         return Err(TargetsError::SeveralTables(path.to_owned()));
+    }
+    if !TABLES.contains(&table.as_str()) {
+        return Err(TargetsError::NotOfATable {
+            path: path.to_owned(),
+            found: table.clone(),
+        });
     }
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
     Ok(DrivingFile {
@@ -188,6 +197,12 @@ mod tests {
         let two = from(&format!("{HEAD}{}{}", row("00ff"), row("00fe"))).unwrap_err();
         assert!(two.contains("several tables"), "{two}");
         assert!(from(HEAD).unwrap_err().contains("holds no target"));
+        let nothing = format!("{HEAD}{}", row("00ff").replace("compensation", "stations"));
+        assert!(
+            from(&nothing)
+                .unwrap_err()
+                .contains("corrected by \"stations\"")
+        );
         let other = from("target,x_mm\nA,1\n").unwrap_err();
         assert!(other.contains("missing field"), "{other}");
     }

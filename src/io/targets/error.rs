@@ -23,6 +23,14 @@ pub enum TargetsError {
     /// A form that does not hold what a session is judged by.
     #[error("{}: a session is judged by corrected targets as .csv or .parquet; of a data list that is the file of corrections beside it", .0.display())]
     NotDriving(PathBuf),
+    /// Corrections of a table that corrects nothing.
+    #[error("{}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\"", path.display())]
+    NotOfATable {
+        /// The file.
+        path: PathBuf,
+        /// What it names.
+        found: String,
+    },
     /// Corrections of more than one table.
     #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]
     SeveralTables(PathBuf),

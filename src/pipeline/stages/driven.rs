@@ -8,8 +8,8 @@ use crate::fit::commanded::CommandedPose;
 use crate::grid::Tolerance;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
-use crate::report::driven::{self, DrivenStation, Measured};
-use crate::report::{Accuracy, Moment, accuracy};
+use crate::report::driven::{self, DrivenStation};
+use crate::report::{Accuracy, ResidualSet, accuracy};
 
 /// What the session says of the table that drove it; `None` where none did.
 pub(super) fn judged(
@@ -62,19 +62,10 @@ fn stations(
 }
 
 /// The figures before and after, of the same stations.
-pub(super) fn figures(
-    driven: &Driven,
-    measured: &Measured,
-    tolerance: &Tolerance,
-    guard_mm: f64,
-) -> [Accuracy; 2] {
-    let of = |set, moment| Accuracy {
-        moment,
+pub(super) fn figures(driven: &Driven, tolerance: &Tolerance, guard_mm: f64) -> Vec<Accuracy> {
+    let of = |set: &ResidualSet| Accuracy {
         driven_by: Some(driven.key.run.clone()),
         ..accuracy::accuracy(set, tolerance, guard_mm)
     };
-    [
-        of(&measured.before, Moment::Before),
-        of(&measured.after, Moment::MeasuredAfter),
-    ]
+    driven.sets().map(of).collect()
 }
