@@ -6,12 +6,12 @@
 
 use super::decoded::{DecodedJoints, Origin, Origins};
 use super::rows::Rows;
-use super::{LogReject, Mapping, RowFault, SpanClock, StreamCounts};
+use super::{AngleUnit, LogReject, Mapping, RowFault, SpanClock, StreamCounts};
 
 /// Joint angles on their way.
 #[derive(Debug)]
 pub struct JointsInOrder {
-    to_rad: f64,
+    unit: AngleUnit,
     /// Samples that are given on together.
     piece: usize,
     topic: String,
@@ -51,7 +51,7 @@ impl JointsInOrder {
     /// Nothing read yet; samples will be given on in pieces of so many, but for the last.
     pub fn new(mapping: &Mapping, piece: usize) -> Self {
         Self {
-            to_rad: mapping.controller.unit.to_rad(),
+            unit: mapping.controller.unit,
             piece,
             topic: mapping.controller.topic.clone(),
             held: Held {
@@ -96,7 +96,7 @@ impl JointsInOrder {
         self.before = Some(last);
         self.stamped |= stamps.iter().any(|&stamp| stamp != 0);
         self.note_file(file, stamps);
-        self.held.take(&rows, block, self.to_rad);
+        self.held.take(&rows, block, self.unit);
         self.rejects.extend(rows.rejects);
         let due = |held: usize| held.saturating_sub(Self::HELD_BACK) / self.piece * self.piece;
         self.give_on(due(self.held.stamps.len()), &mut give_on);
@@ -164,12 +164,15 @@ impl JointsInOrder {
 }
 
 impl Held {
-    fn take(&mut self, rows: &Rows, block: &DecodedJoints, to_rad: f64) {
+    fn take(&mut self, rows: &Rows, block: &DecodedJoints, unit: AngleUnit) {
         let held = self.stamps.len();
         rows.append(&block.stamps, &mut self.stamps);
         for (column, more) in self.angles.iter_mut().zip(&block.angles) {
             rows.append(more, column);
-            column[held..].iter_mut().for_each(|angle| *angle *= to_rad);
+            if unit != AngleUnit::Rad {
+                let to_rad = unit.to_rad();
+                column[held..].iter_mut().for_each(|angle| *angle *= to_rad);
+            }
         }
         let edge = self.stamps.get(held.saturating_sub(1)..=held);
         self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);

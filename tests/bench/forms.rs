@@ -57,7 +57,7 @@ fn write_log(path: &Path, form: Form, joint_states: u64) {
     let file = BufWriter::new(File::create(path).expect("a temporary file"));
     let mut log = options.create(file).expect("a temporary file");
     let joints = channel(&mut log, "/joint_states", "foxglove.JointStates", form);
-    let pose = channel(&mut log, "/pose", "foxglove.Point3InFrame", form);
+    let pose = channel(&mut log, "/point", "foxglove.Point3InFrame", form);
     let mut noise = 1;
     for i in 0..joint_states {
         let ns = 1_600_000_000_000_000_000 + i * 2_000_000;

@@ -56,7 +56,7 @@ impl CdrPlan {
             (Ok(()), Ok(())) if !row.says_same(&other) => Err(MessageFault::WideText),
             (Ok(()), _) => Ok(()),
             (Err(_), Ok(())) => {
-                *row = other;
+                other.instead_of(row);
                 Ok(())
             }
             (Err(fault), Err(_)) => Err(fault),

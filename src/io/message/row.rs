@@ -19,6 +19,8 @@ pub struct Row {
     lists: Vec<List>,
     /// Some list was begun.
     listed: bool,
+    /// How often it was filled anew.
+    filled: u64,
     /// How the message was laid out, where it was in CDR.
     layout: Layout,
 }
@@ -173,6 +175,7 @@ impl Row {
     #[inline]
     pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
         self.layout.forget();
+        self.filled += 1;
         if u32::try_from(message.len()).is_err() {
             return Err(MessageFault::Long);
         }
@@ -189,11 +192,21 @@ impl Row {
     pub(super) fn fill_as_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
         let alike = self.layout.is_of(plan, message);
         if alike {
-            let cells = &mut self.cells;
-            self.layout
-                .numbers_of(message, |slot, cell| cells[slot] = cell);
+            self.layout.numbers_of(message, &mut self.cells);
         }
         alike
+    }
+
+    /// Changes whenever it is filled with anything but single numbers: while it stays, texts and the lengths of arrays do.
+    #[inline]
+    pub const fn filled(&self) -> u64 {
+        self.filled
+    }
+
+    /// Takes the place of another reading of the same message.
+    pub(super) fn instead_of(self, other: &mut Self) {
+        let filled = other.filled + 1;
+        *other = Self { filled, ..self };
     }
 
     /// Lends the layout out, to be written.
@@ -345,46 +358,57 @@ impl Row {
 /// The number in `bytes`, which are as many as `of` needs.
 #[inline]
 pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
-    macro_rules! integer {
-        ($t:ty) => {{
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                <$t>::from_be_bytes(bytes)
-            } else {
-                <$t>::from_le_bytes(bytes)
-            };
-            Cell::Integer(i64::from(stored))
-        }};
-    }
-    macro_rules! float {
-        ($t:ty) => {{
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                <$t>::from_be_bytes(bytes)
-            } else {
-                <$t>::from_le_bytes(bytes)
-            };
-            Cell::Number(stored.into())
-        }};
-    }
-    match of {
-        Primitive::Bool | Primitive::U8 => integer!(u8),
-        Primitive::I8 => integer!(i8),
-        Primitive::I16 => integer!(i16),
-        Primitive::U16 => integer!(u16),
-        Primitive::I32 => integer!(i32),
-        Primitive::U32 => integer!(u32),
-        Primitive::I64 => integer!(i64),
-        Primitive::U64 => {
-            let bytes = bytes.try_into().expect("as many bytes as the type has");
-            let stored = if big_endian {
-                u64::from_be_bytes(bytes)
-            } else {
-                u64::from_le_bytes(bytes)
-            };
-            i64::try_from(stored).map_or(Cell::Number(stored as f64), Cell::Integer)
+    let mut cell = Cell::Absent;
+    cell.take(bytes, of, big_endian);
+    cell
+}
+
+impl Cell {
+    /// Becomes the number in `bytes`, which are as many as `of` needs. Written where it stays: copying a cell that was just
+    /// written waits for its two parts, once for each number of each message.
+    #[inline]
+    pub(super) fn take(&mut self, bytes: &[u8], of: Primitive, big_endian: bool) {
+        macro_rules! integer {
+            ($t:ty) => {{
+                let bytes = bytes.try_into().expect("as many bytes as the type has");
+                let stored = if big_endian {
+                    <$t>::from_be_bytes(bytes)
+                } else {
+                    <$t>::from_le_bytes(bytes)
+                };
+                Self::Integer(i64::from(stored))
+            }};
         }
-        Primitive::F32 => float!(f32),
-        Primitive::F64 => float!(f64),
+        macro_rules! float {
+            ($t:ty) => {{
+                let bytes = bytes.try_into().expect("as many bytes as the type has");
+                let stored = if big_endian {
+                    <$t>::from_be_bytes(bytes)
+                } else {
+                    <$t>::from_le_bytes(bytes)
+                };
+                Self::Number(stored.into())
+            }};
+        }
+        *self = match of {
+            Primitive::Bool | Primitive::U8 => integer!(u8),
+            Primitive::I8 => integer!(i8),
+            Primitive::I16 => integer!(i16),
+            Primitive::U16 => integer!(u16),
+            Primitive::I32 => integer!(i32),
+            Primitive::U32 => integer!(u32),
+            Primitive::I64 => integer!(i64),
+            Primitive::U64 => {
+                let bytes = bytes.try_into().expect("as many bytes as the type has");
+                let stored = if big_endian {
+                    u64::from_be_bytes(bytes)
+                } else {
+                    u64::from_le_bytes(bytes)
+                };
+                i64::try_from(stored).map_or(Self::Number(stored as f64), Self::Integer)
+            }
+            Primitive::F32 => float!(f32),
+            Primitive::F64 => float!(f64),
+        };
     }
 }

@@ -1,6 +1,8 @@
 //! Whole columns by name → a checked table.
 
-use arrow::array::{Array, ArrayRef, new_null_array};
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, Int64Array, new_null_array};
 
 use super::{Cell, Table, TableError, Value, cell, check};
 use crate::io::schema::{ColumnSchema, ColumnType, KEY_COLUMNS, TableSchema};
@@ -74,6 +76,14 @@ impl Columns {
     pub fn column<C: Cell>(self, name: &str, values: impl IntoIterator<Item = C>) -> Self {
         self.put(name, C::Value::KIND, |_| {
             C::Value::array(values.into_iter().map(Cell::value))
+        })
+    }
+
+    /// A column of whole numbers, one for each row.
+    #[must_use]
+    pub fn whole_numbers(self, name: &str, values: Vec<i64>) -> Self {
+        self.put(name, ColumnType::Int64, |_| {
+            Ok(Arc::new(Int64Array::from(values)))
         })
     }
 

@@ -144,8 +144,14 @@ fn columns(
     Ok(Columns::new(schema::find("logs")?, rows.len())
         .key(key)
         .same("source", source)
-        .column("sample", rows)
-        .column("stamp_ns", stamps_ns))
+        .whole_numbers("sample", numbers(&rows))
+        .whole_numbers("stamp_ns", stamps_ns.collect()))
+}
+
+/// Numbers of samples.
+fn numbers(rows: &Rows) -> Vec<i64> {
+    let number = |sample: usize| i64::try_from(sample).expect("samples in memory");
+    (number(rows.start)..number(rows.end)).collect()
 }
 
 fn in_ns<C>(stamps: &[Stamp<C>]) -> impl Iterator<Item = i64> {
@@ -178,8 +184,8 @@ fn more_joint_rows(
     like: &Table,
 ) -> Result<Table, PublishError> {
     let table = Columns::like(like)
-        .column("sample", rows)
-        .column("stamp_ns", stamps_ns)
+        .whole_numbers("sample", numbers(&rows))
+        .whole_numbers("stamp_ns", stamps_ns.collect())
         .across("joints_rad", angles);
     Ok(table.finish()?)
 }

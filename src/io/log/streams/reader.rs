@@ -74,6 +74,8 @@ struct JointOrder {
     places: Vec<usize>,
     /// How many names there are.
     of: usize,
+    /// The filling of the row that had these names.
+    seen_in: Option<u64>,
 }
 
 /// The values of one message.
@@ -266,7 +268,7 @@ impl JointOrder {
     /// Takes the angles where names and form are those of nearly every message: the same ones again, and doubles.
     #[inline]
     fn reads_as_before(
-        &self,
+        &mut self,
         values: Values<'_>,
         first: usize,
         joints: &mut DecodedJoints,
@@ -276,9 +278,11 @@ impl JointOrder {
             return false;
         };
         let known = self.places.len() == joints.angles.len() && angles.len() == self.of;
-        if !known || !row.texts_are(payload, first, &self.names) {
+        let seen = self.seen_in == Some(row.filled());
+        if !known || !(seen || row.texts_are(payload, first, &self.names)) {
             return false;
         }
+        self.seen_in = Some(row.filled());
         for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
             column.push(f64::from_le_bytes(angles[place]));
         }
@@ -287,6 +291,7 @@ impl JointOrder {
 
     fn find(&mut self, names: &Texts<'_>, joints: &[String]) -> Result<(), RowFault> {
         self.places.clear();
+        self.seen_in = None;
         self.of = names.len();
         for (place, joint) in joints.iter().enumerate() {
             let mut found = names

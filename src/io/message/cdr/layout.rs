@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::HEADER;
 use crate::io::message::Primitive;
-use crate::io::message::row::{Cell, number};
+use crate::io::message::row::Cell;
 
 /// More stretches or numbers than this are not worth comparing.
 const MOST: usize = 32;
@@ -95,7 +95,10 @@ impl Layout {
         let mut same = self.same.as_slice();
         let mut is_same = |stretch: &Range<usize>| {
             let known = same.split_off(..stretch.len());
-            known.is_some_and(|known| message.get(stretch.clone()) == Some(known))
+            let found = message.get(stretch.clone());
+            known
+                .zip(found)
+                .is_some_and(|(known, found)| alike(known, found))
         };
         self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan))
             && message.len() == self.length
@@ -103,14 +106,20 @@ impl Layout {
             && self.stretches.iter().all(&mut is_same)
     }
 
-    /// Reads the single numbers of a message laid out alike: slot and value.
+    /// Reads the single numbers of a message laid out alike into their cells.
     #[inline]
-    pub fn numbers_of(&self, message: &[u8], mut set: impl FnMut(usize, Cell)) {
+    pub fn numbers_of(&self, message: &[u8], cells: &mut [Cell]) {
         for &(place, slot, of) in &self.numbers {
-            set(
-                slot,
-                number(&message[place..place + of.size()], of, self.big_endian),
-            );
+            cells[slot].take(&message[place..place + of.size()], of, self.big_endian);
         }
+    }
+}
+
+/// Whether the bytes are the same; many stretches are a single count.
+#[inline]
+fn alike(known: &[u8], found: &[u8]) -> bool {
+    match (known.as_array::<4>(), found.as_array::<4>()) {
+        (Some(known), Some(found)) => known == found,
+        _ => known == found,
     }
 }
