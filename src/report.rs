@@ -8,6 +8,7 @@ pub mod accuracy;
 pub mod chart;
 pub mod driven;
 pub mod evaluate;
+pub mod iso_9283;
 pub mod page;
 pub mod promise;
 pub mod refit;
@@ -129,6 +130,17 @@ pub struct Accuracy {
     pub expanded_uncertainty_mm: f64,
     /// Bound plus uncertainty held against the tolerance.
     pub verdict: Verdict,
+}
+
+/// The point that an error is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Point {
+    /// The target that the tracker saw.
+    Measured,
+    /// The controller's own tool point.
+    Tool,
+    /// The tool tip that the pipeline file states, by lever arm.
+    Tip,
 }
 
 /// Before or after compensation.

@@ -178,7 +178,12 @@ pub fn of_run(
         semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,
         grid_steps::grid_steps(&outcome.grids, context, key)?,
         compensation::compensation(outcome, context, key)?,
-        accuracy::accuracy(&outcome.accuracy, &context.tolerance, key)?,
+        accuracy::accuracy(
+            outcome.accuracy.iter(),
+            &outcome.iso_9283,
+            &context.tolerance,
+            key,
+        )?,
     ])
 }
 

@@ -9,6 +9,7 @@ use crate::io::targets::driving::DrivingFile;
 use crate::join::Joined;
 use crate::manifest::RunKey;
 use crate::report::driven::{Application, DrivenStation, Matched, Measured};
+use crate::report::iso_9283::Iso9283;
 use crate::report::{Accuracy, Model, ResidualSet};
 use crate::similarity::Semivariogram;
 
@@ -86,4 +87,6 @@ pub struct Outcome<'a> {
     pub driven: Option<Driven>,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
+    /// Figures of repeated visits.
+    pub iso_9283: Vec<Iso9283>,
 }

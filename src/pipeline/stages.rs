@@ -4,6 +4,7 @@
 mod another_day;
 mod driven;
 mod gridded;
+mod iso_9283;
 mod judged;
 mod observed;
 
@@ -125,6 +126,17 @@ pub fn run<'a>(
     add_other_days(&mut stations, &training[last], last, &models, &gauge);
     let grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
     let driven = driven::judged(&training[last], &gauge, settings);
+    let sources = iso_9283::Sources {
+        arm,
+        models: &models,
+        training: &training,
+        test: &test,
+        residuals: &residuals,
+        driven: driven.as_ref(),
+        settings,
+        guard_mm: grids.guard_mm,
+    };
+    let iso_9283 = sources.figures();
     let mut accuracy = figures(
         &residuals,
         &grids,
@@ -156,6 +168,7 @@ pub fn run<'a>(
         grids,
         driven,
         accuracy,
+        iso_9283,
     })
 }
 

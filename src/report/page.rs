@@ -13,6 +13,7 @@
 mod accuracy;
 pub mod content;
 pub mod history;
+mod iso_9283;
 mod joints;
 mod logs;
 mod models;
@@ -38,7 +39,7 @@ const SECTIONS: [Maker<Content>; 12] = [
     ("space", "The work space before and after", space::section),
     ("steps", "Error against step", steps::section),
     ("accuracy", "Accuracy before and after", accuracy::section),
-    ("iso-9283", "ISO 9283", accuracy::iso_section),
+    ("iso-9283", "ISO 9283", iso_9283::section),
     ("similarity", "Similarity of errors", similarity::section),
     ("joints", "Joint curves", joints::section),
     ("parameters", "Identified parameters", parameters::section),

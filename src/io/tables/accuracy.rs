@@ -1,47 +1,61 @@
-//! `accuracy`: the figures in long form, one row each.
+//! `accuracy`: the figures in long form, one row each; those of repeated visits in `iso_9283`.
+
+mod iso_9283;
 
 use super::compensation::table_id;
 use super::grid_steps::whole;
 use super::{PublishError, words};
 use crate::figures::least_count;
-use crate::grid::Tolerance;
+use crate::grid::{Tolerance, Verdict};
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::manifest::RunKey;
-use crate::report::{Accuracy, Model, Moment};
+use crate::report::iso_9283::Iso9283;
+use crate::report::{Accuracy, Model, Moment, Point, Subject};
 
 /// Coverage factor of the expanded uncertainties.
 const COVERAGE_FACTOR: f64 = 2.0;
 
-/// One figure of one set of stations.
-struct Figure<'a> {
-    of: &'a Accuracy,
+/// A row of the table.
+struct Row<'a> {
+    subject: &'a Subject,
+    point: Point,
+    moment: Moment,
+    table_id: Option<String>,
+    quantity: &'static str,
     name: &'static str,
+    pose: Option<usize>,
     value: Option<f64>,
+    unit: &'static str,
+    expanded_uncertainty: Option<f64>,
+    n: usize,
+    blocks: Option<usize>,
+    n_needed: Option<i64>,
+    reason: Option<&'a str>,
+    /// Of a bound: what it is held against.
+    verdict: Option<&'a Verdict>,
 }
 
 /// The table of all figures.
-pub fn accuracy(
-    all: &[Accuracy],
+pub fn accuracy<'a>(
+    all: impl Iterator<Item = &'a Accuracy>,
+    iso_9283: &'a [Iso9283],
     tolerance: &Tolerance,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let rows: Vec<Figure<'_>> = all.iter().flat_map(figures).collect();
-    let subjects = || rows.iter().map(|row| &row.of.subject);
-    let table_of = |of: &'_ Accuracy| {
-        let own = (of.subject.model == Model::Table).then(|| table_id(key));
-        of.driven_by.clone().or(own.map(str::to_owned))
-    };
+    let of_sets = all.flat_map(|of| figures(of, tolerance, key));
+    let rows: Vec<Row<'_>> = of_sets.chain(iso_9283::rows(iso_9283)).collect();
+    let all = || rows.iter();
     let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
-    let table = words::subjects(table, subjects)
-        .column("point", subjects().map(|s| point(s.model)))
-        .column("table_id", rows.iter().map(|row| table_of(row.of)))
-        .absent(["pose"]);
+    let table = words::subjects(table, || all().map(|row| row.subject))
+        .column("point", all().map(|row| point(row.point)))
+        .column("table_id", all().map(|row| row.table_id.as_ref()))
+        .column("pose", all().map(|row| row.pose));
     Ok(limits(values(table, &rows), &rows, tolerance).finish()?)
 }
 
 /// The figures of one set, those that are not there left out; the bound always, as it carries the verdict.
-fn figures(of: &Accuracy) -> Vec<Figure<'_>> {
+fn figures<'a>(of: &'a Accuracy, tolerance: &Tolerance, key: &RunKey) -> Vec<Row<'a>> {
     let figures = of.figures.as_ref();
     let named = [
         ("mean", figures.map(|f| f.mean)),
@@ -53,7 +67,7 @@ fn figures(of: &Accuracy) -> Vec<Figure<'_>> {
             "mean_plus_3sd",
             figures.map(crate::figures::Figures::mean_plus_3_sd),
         ),
-        ("bound", of.bound),
+        (BOUND, of.bound),
         ("share_in_ellipsoid", of.coverage.map(|c| c.inside)),
         (
             "mean_mahalanobis_squared",
@@ -61,89 +75,99 @@ fn figures(of: &Accuracy) -> Vec<Figure<'_>> {
         ),
     ];
     let there = |(name, value): &(&'static str, Option<f64>)| value.is_some() || *name == BOUND;
-    let figure = |(name, value)| Figure { of, name, value };
+    let figure = |(name, value)| figure(of, name, value, tolerance, key);
     named.into_iter().filter(there).map(figure).collect()
 }
 
 const BOUND: &str = "bound";
 
-impl Figure<'_> {
-    fn is_bound(&self) -> bool {
-        self.name == BOUND
-    }
-
-    /// Whether it is of residuals against their own covariances: a number without unit.
-    fn is_coverage(&self) -> bool {
-        matches!(self.name, "share_in_ellipsoid" | "mean_mahalanobis_squared")
+fn figure<'a>(
+    of: &'a Accuracy,
+    name: &'static str,
+    value: Option<f64>,
+    tolerance: &Tolerance,
+    key: &RunKey,
+) -> Row<'a> {
+    // Residuals against their own covariances: a number without unit.
+    let is_coverage = matches!(name, "share_in_ellipsoid" | "mean_mahalanobis_squared");
+    let is_bound = name == BOUND;
+    let own = (of.subject.model == Model::Table).then(|| table_id(key).to_owned());
+    Row {
+        subject: &of.subject,
+        point: point_of(of.subject.model),
+        moment: of.moment,
+        table_id: of.driven_by.clone().or(own),
+        quantity: if is_coverage {
+            "coverage"
+        } else {
+            "position_error"
+        },
+        name,
+        pose: None,
+        value,
+        unit: if is_coverage { "1" } else { "mm" },
+        expanded_uncertainty: (!is_coverage).then_some(of.expanded_uncertainty_mm),
+        n: of.figures.map_or(0, |figures| figures.n),
+        blocks: of.blocks,
+        n_needed: is_bound.then(|| whole(least_count(tolerance.coverage()))),
+        reason: words::reason(&of.verdict).filter(|_| is_bound),
+        verdict: is_bound.then_some(&of.verdict),
     }
 }
 
 /// A table and a raw command are of the controller's own tool point, a model of the measured target.
-const fn point(model: Model) -> &'static str {
+const fn point_of(model: Model) -> Point {
     match model {
-        Model::Table => "tool_point",
-        Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => "measured_point",
+        Model::Table => Point::Tool,
+        Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => Point::Measured,
     }
 }
 
-fn values(columns: Columns, rows: &[Figure<'_>]) -> Columns {
-    let moment = |row: &Figure<'_>| match row.of.moment {
+const fn point(point: Point) -> &'static str {
+    match point {
+        Point::Measured => "measured_point",
+        Point::Tool => "tool_point",
+        Point::Tip => "tool_tip",
+    }
+}
+
+fn values(columns: Columns, rows: &[Row<'_>]) -> Columns {
+    let moment = |row: &Row<'_>| match row.moment {
         Moment::Before => ("measured", "before"),
         Moment::After => ("predicted", "after"),
         Moment::MeasuredAfter => ("measured_after", "after"),
     };
-    let quantity = |row: &Figure<'_>| {
-        if row.is_coverage() {
-            "coverage"
-        } else {
-            "position_error"
-        }
-    };
-    let uncertainty =
-        |row: &Figure<'_>| (!row.is_coverage()).then_some(row.of.expanded_uncertainty_mm);
+    let all = || rows.iter();
     columns
-        .column("evidence", rows.iter().map(|row| moment(row).0))
-        .column("moment", rows.iter().map(|row| moment(row).1))
-        .column("quantity", rows.iter().map(quantity))
-        .column("name", rows.iter().map(|row| row.name))
-        .column("value", rows.iter().map(|row| row.value))
+        .column("evidence", all().map(|row| moment(row).0))
+        .column("moment", all().map(|row| moment(row).1))
+        .column("quantity", all().map(|row| row.quantity))
+        .column("name", all().map(|row| row.name))
+        .column("value", all().map(|row| row.value))
+        .column("unit", all().map(|row| row.unit))
         .column(
-            "unit",
-            rows.iter()
-                .map(|row| if row.is_coverage() { "1" } else { "mm" }),
+            "expanded_uncertainty",
+            all().map(|row| row.expanded_uncertainty),
         )
-        .column("expanded_uncertainty", rows.iter().map(uncertainty))
         .column(
             "coverage_factor",
-            rows.iter()
-                .map(|row| uncertainty(row).map(|_| COVERAGE_FACTOR)),
+            all().map(|row| row.expanded_uncertainty.map(|_| COVERAGE_FACTOR)),
         )
-        .column(
-            "n",
-            rows.iter()
-                .map(|row| row.of.figures.map_or(0, |figures| figures.n)),
-        )
-        .column("blocks", rows.iter().map(|row| row.of.blocks))
+        .column("n", all().map(|row| row.n))
+        .column("blocks", all().map(|row| row.blocks))
 }
 
-/// What the bound is held against.
-fn limits(columns: Columns, rows: &[Figure<'_>], tolerance: &Tolerance) -> Columns {
-    let needed = whole(least_count(tolerance.coverage()));
-    let bound = || rows.iter().map(|row| row.is_bound().then_some(row.of));
+/// What figures are held against.
+fn limits(columns: Columns, rows: &[Row<'_>], tolerance: &Tolerance) -> Columns {
+    let of_bounds = |value: f64| rows.iter().map(move |row| row.verdict.map(|_| value));
     columns
-        .column("n_needed", bound().map(|of| of.map(|_| needed)))
-        .column("share", bound().map(|of| of.map(|_| tolerance.share)))
-        .column(
-            "confidence",
-            bound().map(|of| of.map(|_| tolerance.confidence)),
-        )
-        .column("tolerance", bound().map(|of| of.map(|_| tolerance.mm)))
+        .column("n_needed", rows.iter().map(|row| row.n_needed))
+        .column("share", of_bounds(tolerance.share))
+        .column("confidence", of_bounds(tolerance.confidence))
+        .column("tolerance", of_bounds(tolerance.mm))
         .column(
             "verdict",
-            bound().map(|of| of.map(|of| words::verdict(&of.verdict))),
+            rows.iter().map(|row| row.verdict.map(words::verdict)),
         )
-        .column(
-            "reason",
-            bound().map(|of| of.and_then(|of| words::reason(&of.verdict))),
-        )
+        .column("reason", rows.iter().map(|row| row.reason))
 }

@@ -436,7 +436,8 @@ fn semivariograms_have_bins_models_and_a_word() {
 
 #[test]
 fn accuracy_says_what_is_not_shown() {
-    let table = accuracy::accuracy(&OUTCOME.accuracy, &example::TOLERANCE, &key()).unwrap();
+    let table =
+        accuracy::accuracy(OUTCOME.accuracy.iter(), &[], &example::TOLERANCE, &key()).unwrap();
     let bounds = rows(&table, "name", "bound");
     assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
     for &row in &bounds {
@@ -455,4 +456,43 @@ fn accuracy_says_what_is_not_shown() {
         rows(&table, "evidence", "measured").is_empty(),
         "a prediction is never called measured"
     );
+}
+
+#[test]
+fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
+    let table = accuracy::accuracy(
+        OUTCOME.accuracy.iter(),
+        &OUTCOME.iso_9283,
+        &example::TOLERANCE,
+        &key(),
+    )
+    .unwrap();
+    let own = rows(&table, "quantity", "iso_9283");
+    let names: Vec<&str> = own
+        .iter()
+        .map(|&row| table.text("name").value(row))
+        .collect();
+    // The table's order: names, then poses, null first.
+    assert_eq!(names, ["AP_a", "AP_p", "vAP_p"]);
+    let (angle, accuracy, missing) = (own[0], own[1], own[2]);
+    assert_eq!(table.text("unit").value(angle), "rad");
+    assert!(
+        table.f64("expanded_uncertainty").is_null(angle),
+        "of positions alone"
+    );
+    assert_eq!(table.text("unit").value(accuracy), "mm");
+    assert_eq!(table.i64("pose").value(accuracy), 4);
+    assert_eq!(
+        [
+            table.i64("n").value(accuracy),
+            table.i64("n_needed").value(accuracy)
+        ],
+        [2, 30]
+    );
+    assert!(
+        table.text("verdict").is_null(accuracy),
+        "the standard has no limit"
+    );
+    assert!(table.f64("value").is_null(missing) && table.i64("pose").is_null(missing));
+    assert!(table.text("reason").value(missing).contains("no pose"));
 }

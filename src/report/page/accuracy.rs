@@ -1,8 +1,8 @@
-//! Accuracy figures before and after, and those of ISO 9283 where the poses allow any.
+//! Accuracy figures before and after.
 
 use maud::{Markup, html};
 
-use super::content::{Content, Figure, Subject};
+use super::content::{Content, Subject};
 use super::words;
 
 /// The figures of error norms that a row of the table has, mm.
@@ -100,33 +100,4 @@ fn row(content: &Content, subject: &Subject) -> Markup {
             td.word { @if subject.split == "none" { "–" } @else { (words::verdict(bound.and_then(|b| b.verdict.as_deref()).unwrap_or("–"))) } }
         }
     }
-}
-
-pub(super) fn iso_section(content: &Content) -> Option<Markup> {
-    let figures: Vec<&Figure> = content
-        .figures
-        .iter()
-        .filter(|figure| figure.quantity == "iso_9283")
-        .collect();
-    if figures.is_empty() {
-        return None;
-    }
-    let head = html! { th { "Figure" } th { "Pose" } th.word { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
-    let body = html! {
-        @for figure in &figures {
-            tr {
-                th.word scope="row" { (figure.name.replace('_', " ")) }
-                td { @match figure.pose { Some(pose) => (pose), None => "all" } }
-                td.word { (words::subject(&figure.subject)) ", " (words::stations(&figure.subject)) }
-                td { @match figure.value { Some(value) => { (words::number(value, if figure.unit == "rad" { 6 } else { 3 })) " " (figure.unit) }, None => "not shown" } }
-                td { (figure.n) }
-                td { @match figure.n_needed { Some(needed) => (needed), None => "–" } }
-                td.word { (figure.reason.as_deref().unwrap_or("")) }
-            }
-        }
-    };
-    Some(html! {
-        p { "Figures of ISO 9283, from poses that were visited more than once. Where a pose has fewer visits than the standard asks for, the figure is not the standard's." }
-        (super::table(&head, &body))
-    })
 }

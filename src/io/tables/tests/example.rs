@@ -20,8 +20,10 @@ use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Stati
 use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::progress::Quiet;
+use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Residual, ResidualSet, Split, Subject,
+    Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Point, Residual, ResidualSet, Split,
+    Subject,
 };
 use crate::similarity::{ErrorSample, SimilaritySettings, semivariograms};
 use crate::simulate::settings::Cell;
@@ -232,6 +234,7 @@ fn outcome() -> Outcome<'static> {
         residuals: vec![residuals(&session.joined.stations, &gauge)],
         driven: None,
         accuracy: vec![accuracy(true), accuracy(false)],
+        iso_9283: vec![iso_9283()],
         semivariograms: vec![(
             Model::BaseTarget,
             semivariograms(&samples, &SimilaritySettings::default()),
@@ -338,5 +341,29 @@ fn accuracy(there: bool) -> Accuracy {
         }),
         expanded_uncertainty_mm: 0.05,
         verdict: Verdict::NotShown("3 held-out stations; 59 are needed".to_owned()),
+    }
+}
+
+/// A length and an angle of a pose visited twice, and what its visits do not allow.
+fn iso_9283() -> Iso9283 {
+    let figure = |characteristic, pose, value| Figure {
+        characteristic,
+        pose,
+        value,
+        n: 2,
+        n_needed: 30,
+        remark: Some("no pose was visited thirty times".to_owned()),
+    };
+    Iso9283 {
+        subject: subject(Split::None, Model::BaseTarget),
+        point: Point::Tool,
+        moment: Moment::Before,
+        driven_by: None,
+        expanded_uncertainty_mm: 0.05,
+        figures: vec![
+            figure(Characteristic::ApP, Some(4), Some(0.4)),
+            figure(Characteristic::VapP, None, None),
+            figure(Characteristic::ApA, Some(4), Some(-2e-4)),
+        ],
     }
 }

@@ -1,0 +1,284 @@
+//! ISO 9283's figures of every session: of its own stations, and of residuals against what was commanded.
+//!
+//! Commands and attained positions are held in one frame, the base as the subject has it:
+//! - base + target of a training session: its own fit, on all its stations; of another session: found from its first stations,
+//!   which take no part, as for every verdict;
+//! - raw command, and a session that a table drove: as their residuals have it;
+//! - the whole model from commands alone, on stations that took no part: what it would leave, which is predicted. Reported
+//!   angles hold errors against where the controller thinks it is, which is no command.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+
+use super::StageSettings;
+use crate::fit::commanded::{CommandedPose, Trust};
+use crate::fit::{Frames, Gauge, Models};
+use crate::geometry::Transform;
+use crate::join::{Attained, Pairing, Station};
+use crate::kinematics::Arm;
+use crate::pipeline::outcome::{Driven, JoinedSession};
+use crate::report::iso_9283::{self, Dwell, Iso9283, Orientation, Says, Visit, Visited};
+use crate::report::refit::{self, Placed};
+use crate::report::{
+    Angles, BaseRefit, Model, Moment, Point, Residual, ResidualSet, Split, Subject,
+};
+
+/// What the figures are made of.
+pub(super) struct Sources<'s> {
+    pub(super) arm: &'s Arm,
+    pub(super) models: &'s Models,
+    pub(super) training: &'s [JoinedSession],
+    pub(super) test: &'s [JoinedSession],
+    pub(super) residuals: &'s [ResidualSet],
+    pub(super) driven: Option<&'s Driven>,
+    pub(super) settings: &'s StageSettings,
+    pub(super) guard_mm: f64,
+}
+
+impl Sources<'_> {
+    /// The figures of all sessions.
+    pub(super) fn figures(&self) -> Vec<Iso9283> {
+        let mut figures = Vec::new();
+        for (place, session) in self.training.iter().enumerate() {
+            let gauge = self.gauge(self.models.base_target.frames[place]);
+            figures.push(self.base_target(session, &gauge, None));
+        }
+        for session in self.test {
+            figures.extend(self.unseen(session));
+        }
+        for session in self.training.iter().chain(self.test) {
+            let visits = Visits::of(session);
+            let own = self
+                .residuals
+                .iter()
+                .filter(|set| set.subject.of_session == session.name);
+            figures.extend(own.filter_map(|set| self.of_residuals(set, &visits, None)));
+        }
+        if let Some((driven, session)) = self.driven.zip(self.training.last()) {
+            let visits = Visits::of(session);
+            let by = Some(driven.key.run.as_str());
+            figures.extend(
+                driven
+                    .sets()
+                    .filter_map(|set| self.of_residuals(set, &visits, by)),
+            );
+        }
+        figures
+    }
+
+    fn gauge(&self, frames: Frames) -> Gauge<'_> {
+        let settings = self.settings;
+        Gauge::new(
+            self.arm,
+            frames,
+            settings.flange_from_tool,
+            settings.noise.orientations,
+        )
+    }
+
+    /// The commands against the tool point, of all stations or of those after the `first`.
+    fn base_target(
+        &self,
+        session: &JoinedSession,
+        gauge: &Gauge<'_>,
+        first: Option<usize>,
+    ) -> Iso9283 {
+        let visits = Visits::of(session);
+        let skipped = first.unwrap_or(0);
+        let judged = paired(session).skip(skipped);
+        let attained = judged.filter_map(|(station, command, attained)| {
+            let command = command?;
+            let position = gauge.attained_tool(&station.joints, attained);
+            let orientation = gauge.measured_flange(attained).map(|flange| Orientation {
+                commanded: command.orientation.filter(|_| agrees(session)),
+                attained: flange * gauge.flange_from_tool().rotation,
+            });
+            Some((station.number, (command.position, position, orientation)))
+        });
+        let attained: BTreeMap<usize, At> = attained.collect();
+        let visited = visits.visited(&attained);
+        let figures = if visited.is_empty() {
+            iso_9283::none(&visits.why_none())
+        } else {
+            iso_9283::figures(&visited, Says::Everything)
+        };
+        Iso9283 {
+            subject: Subject {
+                split: if first.is_some() {
+                    Split::Session
+                } else {
+                    Split::None
+                },
+                of_session: session.name.clone(),
+                model: Model::BaseTarget,
+                angles: Angles::Commanded,
+                base_refit: if first.is_some() {
+                    BaseRefit::First
+                } else {
+                    BaseRefit::None
+                },
+            },
+            point: Point::Tool,
+            moment: Moment::Before,
+            driven_by: None,
+            expanded_uncertainty_mm: self.guard_mm,
+            figures,
+        }
+    }
+
+    /// A session that took no part in the training: the base, and the target where it has one of its own, from its first
+    /// stations. `None` where they do not span space.
+    fn unseen(&self, session: &JoinedSession) -> Option<Iso9283> {
+        let refit = self.settings.refit;
+        let trained = self.models.base_target.frames[0];
+        let gauge = self.gauge(trained);
+        let first: Vec<(&Station, &Attained)> = paired(session)
+            .take(refit.first)
+            .map(|(station, _, attained)| (station, attained))
+            .collect();
+        let measured: Vec<Point3<f64>> = first.iter().map(|(_, a)| a.position).collect();
+        let placed = first.iter().map(|(station, _)| Placed {
+            position: gauge.nominal_target(&station.joints),
+            flange: self.arm.flange(&station.joints).isometry().rotation,
+        });
+        let placed: Vec<Placed> = placed.collect();
+        let found = refit::refit(&measured, &placed, refit.with_target)?;
+        let mut target = *trained.flange_from_target.isometry();
+        target.translation.vector += found.target_shift;
+        let frames = Frames {
+            tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
+            flange_from_target: Transform::claim(target),
+        };
+        // How a target of its own is turned is not known: its orientations say nothing of the tool's.
+        let oriented = self.settings.noise.orientations && !refit.with_target;
+        let gauge = Gauge::new(self.arm, frames, self.settings.flange_from_tool, oriented);
+        Some(self.base_target(session, &gauge, Some(first.len())))
+    }
+
+    /// The figures of residuals that are held against a command, where they are evidence and poses were repeated.
+    fn of_residuals(
+        &self,
+        set: &ResidualSet,
+        visits: &Visits<'_>,
+        driven_by: Option<&str>,
+    ) -> Option<Iso9283> {
+        let subject = &set.subject;
+        let (says, moment) = match subject.model {
+            Model::RawCommand => (Says::Everything, Moment::Before),
+            Model::Table => (Says::Everything, Moment::MeasuredAfter),
+            Model::BaseTarget | Model::Geometric | Model::Full => (Says::Accuracy, Moment::After),
+        };
+        let is_evidence = says == Says::Everything || subject.split != Split::None;
+        if !is_evidence
+            || subject.angles != Angles::Commanded
+            || subject.base_refit == BaseRefit::All
+        {
+            return None;
+        }
+        let judged = set
+            .residuals
+            .iter()
+            .filter(|residual| !residual.used_for_refit);
+        let at = |r: &Residual| (r.station, (r.predicted, r.predicted + r.residual, None));
+        let visited = visits.visited(&judged.map(at).collect());
+        let figures = iso_9283::figures(&visited, says);
+        (!figures.is_empty()).then(|| Iso9283 {
+            subject: subject.clone(),
+            point: if subject.model == Model::Table {
+                Point::Tool
+            } else {
+                Point::Measured
+            },
+            moment,
+            driven_by: driven_by.map(str::to_owned),
+            expanded_uncertainty_mm: self.guard_mm,
+            figures,
+        })
+    }
+}
+
+/// Commanded and attained position, and orientation.
+type At = (Point3<f64>, Point3<f64>, Option<Orientation>);
+
+/// Stations with a measurement of their own, with their commands.
+fn paired(
+    session: &JoinedSession,
+) -> impl Iterator<Item = (&Station, Option<&CommandedPose>, &Attained)> {
+    let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+    stations.filter_map(|(station, command)| {
+        let attained = station.attained.as_ref();
+        let attained = attained.filter(|_| station.pairing == Pairing::Paired)?;
+        Some((station, command.as_ref(), attained))
+    })
+}
+
+/// Whether commanded orientations are those that were sent.
+const fn agrees(session: &JoinedSession) -> bool {
+    matches!(session.commanded.trust, Trust::Agrees(_))
+}
+
+/// The dwells of a session with the poses they went to.
+struct Visits<'s> {
+    session: &'s JoinedSession,
+    /// For each station the place of the first one at its pose.
+    poses: Vec<Option<usize>>,
+}
+
+impl<'s> Visits<'s> {
+    fn of(session: &'s JoinedSession) -> Self {
+        let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+        let dwells = stations.map(|(station, command)| Dwell {
+            command: *command,
+            joints: &station.joints,
+        });
+        let poses = iso_9283::poses(&dwells.collect::<Vec<_>>());
+        Self { session, poses }
+    }
+
+    /// The poses with two or more of these stations, each by its number.
+    fn visited(&self, attained: &BTreeMap<usize, At>) -> Vec<Visited> {
+        let stations = &self.session.joined.stations;
+        let mut visited: BTreeMap<usize, Vec<Visit>> = BTreeMap::new();
+        for (place, (station, pose)) in stations.iter().zip(&self.poses).enumerate() {
+            let Some((pose, (commanded, position, orientation))) =
+                pose.zip(attained.get(&station.number).copied())
+            else {
+                continue;
+            };
+            let before = place.checked_sub(1).and_then(|before| self.poses[before]);
+            visited.entry(pose).or_default().push(Visit {
+                station: station.number,
+                start: station.start,
+                from: before.map(|before| stations[before].number),
+                commanded,
+                attained: position,
+                orientation,
+            });
+        }
+        visited.retain(|_, visits| visits.len() > 1);
+        let named = visited.into_iter().map(|(pose, visits)| Visited {
+            pose: stations[pose].number,
+            visits,
+        });
+        named.collect()
+    }
+
+    /// Why there is no pose with two visits.
+    fn why_none(&self) -> String {
+        let commanded = self.poses.iter().flatten().count();
+        if commanded == 0 {
+            return "no station has a command, and visits of one pose are told by their command"
+                .to_owned();
+        }
+        let firsts = self.poses.iter().enumerate();
+        let poses = firsts
+            .filter(|(place, pose)| Some(*place) == **pose)
+            .count();
+        if poses == commanded {
+            format!("no pose was commanded twice: {commanded} stations went to as many poses")
+        } else {
+            format!("no pose was measured twice: {commanded} stations went to {poses} poses")
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Figures of ISO 9283: what repeated visits of a pose say of an arm.
+//!
+//! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the standard's
+//! names, lengths mm, angles rad (ISO 9283:1998, clauses 7.2 to 7.4; METHOD.md 7). Steps:
+//! 1. [`poses`] tells which dwells went to one pose;
+//! 2. of each pose: accuracy AP, the barycentre of the attained positions against the command, and repeatability RP,
+//!    `l̄ + 3 S_l` of the distances to the barycentre ([`pose`]);
+//! 3. of a pair of poses visited in turn: distance accuracy AD and repeatability RD ([`distance`]);
+//! 4. of poses come to from several others: multi-directional variation vAP; over time: drift dAP ([`variation`]).
+//!
+//! A figure that the visits do not allow is a row without a value and with the reason. The error of a single visit is no AP.
+//! What the standard asks of load, speed and where the poses lie is not looked at; how often they were visited is.
+
+mod distance;
+mod pose;
+mod poses;
+mod variation;
+
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+
+use super::{Moment, Point, Subject};
+use crate::figures::median;
+use crate::units::{Controller, Stamp};
+
+pub use poses::{Dwell, poses};
+
+/// Visits of a pose that the standard asks for.
+pub const VISITS: usize = 30;
+/// Poses whose figures are given one by one: those that were visited most.
+const ONE_BY_ONE: usize = 200;
+
+/// One visit of a pose; positions in one frame, mm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Visit {
+    /// The station.
+    pub station: usize,
+    /// When it began.
+    pub start: Stamp<Controller>,
+    /// The pose that the arm stood at before, by the station it was first visited as.
+    pub from: Option<usize>,
+    /// Where the point was to be.
+    pub commanded: Point3<f64>,
+    /// Where it was.
+    pub attained: Point3<f64>,
+    /// How it stood, where orientations were measured.
+    pub orientation: Option<Orientation>,
+}
+
+/// How the tool stood at a visit, in the frame of its position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orientation {
+    /// As it was to be, where the log has what was sent.
+    pub commanded: Option<UnitQuaternion<f64>>,
+    /// As it was.
+    pub attained: UnitQuaternion<f64>,
+}
+
+impl Visit {
+    fn error(&self) -> Vector3<f64> {
+        self.attained - self.commanded
+    }
+}
+
+/// A pose with its measured visits, in time order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Visited {
+    /// The station that it was first visited as.
+    pub pose: usize,
+    /// Two or more.
+    pub visits: Vec<Visit>,
+}
+
+/// Figures of the same visits, in the same frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Iso9283 {
+    /// What corrects the errors, and where the base comes from.
+    pub subject: Subject,
+    /// The point that was commanded and attained.
+    pub point: Point,
+    /// Before compensation, or after.
+    pub moment: Moment,
+    /// The run whose table drove the stations, where one did.
+    pub driven_by: Option<String>,
+    /// Expanded uncertainty (k = 2) of one measured position, mm.
+    pub expanded_uncertainty_mm: f64,
+    /// The figures.
+    pub figures: Vec<Figure>,
+}
+
+/// One figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// Which.
+    pub characteristic: Characteristic,
+    /// The pose, by the station it was first visited as; `None` over all poses.
+    pub pose: Option<usize>,
+    /// mm or rad; `None` where the visits do not allow it.
+    pub value: Option<f64>,
+    /// Visits, or for a distance pairs of visits, that it is over.
+    pub n: usize,
+    /// How many the standard asks for.
+    pub n_needed: usize,
+    /// What limits it, in words.
+    pub remark: Option<String>,
+}
+
+/// The characteristics of ISO 9283, by its own symbols.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Characteristic {
+    /// `AP_p`: distance of the barycentre from the command.
+    ApP,
+    /// `AP_x`.
+    ApX,
+    /// `AP_y`.
+    ApY,
+    /// `AP_z`.
+    ApZ,
+    /// `AP_a`: mean minus commanded angle about x.
+    ApA,
+    /// `AP_b`, about y.
+    ApB,
+    /// `AP_c`, about z.
+    ApC,
+    /// `RP_l`: mean distance to the barycentre and three times its standard deviation.
+    RpL,
+    /// `RP_a`: three standard deviations of the angle about x.
+    RpA,
+    /// `RP_b`, about y.
+    RpB,
+    /// `RP_c`, about z.
+    RpC,
+    /// `AD_p`: mean attained minus commanded distance.
+    AdP,
+    /// `AD_x`.
+    AdX,
+    /// `AD_y`.
+    AdY,
+    /// `AD_z`.
+    AdZ,
+    /// `RD`: three standard deviations of the distance.
+    Rd,
+    /// `vAP_p`: largest distance between barycentres by approach.
+    VapP,
+    /// `dAP_p`: change of `AP_p` over time.
+    DapP,
+}
+
+impl Characteristic {
+    /// Whether it is an angle, rad.
+    pub const fn is_angle(self) -> bool {
+        matches!(
+            self,
+            Self::ApA | Self::ApB | Self::ApC | Self::RpA | Self::RpB | Self::RpC
+        )
+    }
+}
+
+/// What may be said of the visits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Says {
+    /// Everything: positions are attained ones.
+    Everything,
+    /// Accuracy alone: positions are what a model would leave, and no model repeats better or worse than its arm.
+    Accuracy,
+}
+
+/// The figures of poses with two visits or more, in the order of the first; nothing without any.
+pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
+    if visited.is_empty() {
+        return Vec::new();
+    }
+    let everything = says == Says::Everything;
+    let of_poses = visited.iter().flat_map(|own| {
+        let repeats = everything.then(|| pose::repeatability(own));
+        let varies = everything.then(|| variation::of_pose(own));
+        let further = repeats.into_iter().chain(varies).flatten();
+        pose::accuracy(own).into_iter().chain(further)
+    });
+    let of_poses: Vec<Figure> = of_poses.collect();
+    let mut figures = over_all(&of_poses, visited.len());
+    if everything {
+        figures.extend(variation::missing(&of_poses));
+    }
+    figures.extend(distance::figures(visited, says));
+    let told = most_visited(visited);
+    let is_told = |figure: &Figure| figure.pose.is_some_and(|pose| told.contains(&pose));
+    figures.extend(of_poses.into_iter().filter(is_told));
+    figures
+}
+
+/// What stands where no pose was visited twice, with the reason.
+pub fn none(remark: &str) -> Vec<Figure> {
+    let figure = |characteristic| Figure {
+        characteristic,
+        pose: None,
+        value: None,
+        n: 0,
+        n_needed: VISITS,
+        remark: Some(remark.to_owned()),
+    };
+    [Characteristic::ApP, Characteristic::RpL]
+        .map(figure)
+        .into()
+}
+
+/// The poses that are told one by one, in order.
+fn most_visited(visited: &[Visited]) -> Vec<usize> {
+    let mut most: Vec<&Visited> = visited.iter().collect();
+    most.sort_by_key(|own| (std::cmp::Reverse(own.visits.len()), own.pose));
+    most.iter().take(ONE_BY_ONE).map(|own| own.pose).collect()
+}
+
+/// The characteristics of which the largest over all poses is told; the others have signs.
+const LARGEST: [Characteristic; 7] = [
+    Characteristic::ApP,
+    Characteristic::RpL,
+    Characteristic::RpA,
+    Characteristic::RpB,
+    Characteristic::RpC,
+    Characteristic::VapP,
+    Characteristic::DapP,
+];
+
+fn over_all(of_poses: &[Figure], poses: usize) -> Vec<Figure> {
+    let largest = |characteristic| {
+        let own = of_poses
+            .iter()
+            .filter(move |figure| figure.characteristic == characteristic);
+        let values: Vec<f64> = own.clone().filter_map(|figure| figure.value).collect();
+        let middle = median(&values)?;
+        // Of equal ones the first stays.
+        let worst = own.reduce(|worst, next| {
+            if next.value > worst.value {
+                next
+            } else {
+                worst
+            }
+        })?;
+        Some(Figure {
+            pose: None,
+            remark: Some(remark_of_largest(worst, values.len(), poses, middle)),
+            ..worst.clone()
+        })
+    };
+    LARGEST.into_iter().filter_map(largest).collect()
+}
+
+fn remark_of_largest(worst: &Figure, of: usize, poses: usize, middle: f64) -> String {
+    let pose = worst.pose.expect("figures of poses have one");
+    let unit = if worst.characteristic.is_angle() {
+        format!("{:.1} µrad", 1e6 * middle)
+    } else {
+        format!("{middle:.4} mm")
+    };
+    let limit = worst.remark.iter().map(|remark| format!("; {remark}"));
+    let limit: String = limit.collect();
+    let more = if of < poses || of <= ONE_BY_ONE {
+        String::new()
+    } else {
+        format!("; the {ONE_BY_ONE} visited most are told one by one")
+    };
+    format!("largest of {of} poses, pose {pose}; their median is {unit}{limit}{more}")
+}
+
+/// What is to be said of too few visits.
+fn too_few(n: usize, needed: usize) -> Option<String> {
+    (n < needed).then(|| format!("{n} visits, the standard asks for {needed}"))
+}
+
+/// The mean of vectors; zero of none.
+fn mean(vectors: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f64> {
+    let n = vectors.len().max(1) as f64;
+    vectors.sum::<Vector3<f64>>() / n
+}
+
+/// The barycentre of attained positions.
+fn barycentre(visits: &[Visit]) -> Point3<f64> {
+    mean(visits.iter().map(|visit| visit.attained.coords)).into()
+}
+
+/// `AP_p` of some visits, mm.
+fn positioning_accuracy(visits: &[Visit]) -> f64 {
+    mean(visits.iter().map(Visit::error)).norm()
+}

@@ -1,0 +1,142 @@
+//! Figures of ISO 9283, over all poses and pose by pose.
+
+use std::collections::BTreeSet;
+
+use maud::{Markup, html};
+
+use super::content::{Content, Figure, Subject};
+use super::words;
+
+/// Poses that are shown one by one: the standard has five, and a page is for people.
+const SHOWN: usize = 30;
+
+/// The figures of a pose that have a column of their own.
+const LENGTHS: [&str; 7] = ["AP_p", "AP_x", "AP_y", "AP_z", "RP_l", "vAP_p", "dAP_p"];
+const ANGLES: [&str; 6] = ["AP_a", "AP_b", "AP_c", "RP_a", "RP_b", "RP_c"];
+
+/// What figures are of: evidence and subject.
+type Of<'c> = (&'c str, &'c Subject);
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let figures: Vec<&Figure> = content
+        .figures
+        .iter()
+        .filter(|figure| figure.quantity == "iso_9283")
+        .collect();
+    if figures.is_empty() {
+        return None;
+    }
+    let (of_poses, over_all): (Vec<&Figure>, Vec<&Figure>) =
+        figures.iter().partition(|figure| figure.pose.is_some());
+    let of: BTreeSet<Of<'_>> = of_poses.iter().map(|figure| of(figure)).collect();
+    Some(html! {
+        p {
+            "Figures of ISO 9283, of poses that were commanded more than once: AP is how far the mean of the visits is from the command, "
+            "RP how far visits are from each other. Where a pose has fewer visits than the standard asks for, the figure is not the "
+            "standard's. Load, speed and where the poses lie are as they were driven, not as the standard asks."
+        }
+        (all_rows(&over_all))
+        @for of in of { (one_by_one(of, &of_poses)) }
+    })
+}
+
+const fn of(figure: &Figure) -> Of<'_> {
+    (figure.evidence.as_str(), &figure.subject)
+}
+
+fn all_rows(figures: &[&Figure]) -> Markup {
+    let head = html! { th { "Figure" } th.word { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
+    let body = html! {
+        @for figure in figures {
+            tr {
+                th.word scope="row" { (name(&figure.name)) }
+                td.word { (whose(of(figure))) }
+                td { @match figure.value { Some(value) => (shown(value, &figure.unit)), None => "not shown" } }
+                td { (figure.n) }
+                td { @match figure.n_needed { Some(needed) => (needed), None => "–" } }
+                td.word { (figure.reason.as_deref().unwrap_or("")) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// A row for each pose, those visited most.
+fn one_by_one(own: Of<'_>, of_poses: &[&Figure]) -> Markup {
+    let figures: Vec<&Figure> = of_poses
+        .iter()
+        .copied()
+        .filter(|figure| of(figure) == own)
+        .collect();
+    let there = |name: &&str| figures.iter().any(|figure| figure.name == *name);
+    let names: Vec<&str> = LENGTHS.into_iter().chain(ANGLES).filter(there).collect();
+    let poses = poses(&figures);
+    let head = html! {
+        th { "Pose" } th { "n" }
+        @for name in &names { th { (self::name(name)) @if ANGLES.contains(name) { ", µrad" } @else { ", mm" } } }
+    };
+    let body = html! { @for (pose, n) in poses.iter().take(SHOWN) { (pose_row(*pose, *n, &names, &figures)) } };
+    html! {
+        details {
+            summary { "Pose by pose: " (whose(own)) }
+            (super::table(&head, &body))
+            @if poses.len() > SHOWN {
+                p.note { "The " (SHOWN) " poses visited most; table accuracy has " (poses.len()) "." }
+            }
+        }
+    }
+}
+
+/// The poses with their visits, those visited most first.
+fn poses(figures: &[&Figure]) -> Vec<(i64, i64)> {
+    let accuracy = figures.iter().filter(|figure| figure.name == "AP_p");
+    let mut poses: Vec<(i64, i64)> = accuracy
+        .filter_map(|figure| Some((figure.pose?, figure.n)))
+        .collect();
+    poses.sort_by_key(|(pose, n)| (std::cmp::Reverse(*n), *pose));
+    poses
+}
+
+fn pose_row(pose: i64, n: i64, names: &[&str], figures: &[&Figure]) -> Markup {
+    let value = |name: &str| {
+        let mut own = figures
+            .iter()
+            .filter(|figure| figure.pose == Some(pose) && figure.name == name);
+        own.next().and_then(|figure| figure.value)
+    };
+    html! {
+        tr {
+            th.word scope="row" { (pose) }
+            td { (n) }
+            @for name in names {
+                td { @match value(name) {
+                    Some(value) if ANGLES.contains(name) => { data value=(value) { (words::fixed(1e6 * value, 0)) } },
+                    value => (words::optional(value, 3)),
+                } }
+            }
+        }
+    }
+}
+
+/// What was measured or is predicted, corrected by what, on which stations.
+fn whose((evidence, subject): Of<'_>) -> String {
+    let evidence = match evidence {
+        "predicted" => "predicted",
+        "measured_after" => "measured after",
+        _ => "measured",
+    };
+    let (model, stations) = (words::subject(subject), words::stations(subject));
+    format!("{evidence}, {model}, {stations}")
+}
+
+fn name(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+fn shown(value: f64, unit: &str) -> Markup {
+    if unit == "rad" {
+        html! { data value=(value) { (words::fixed(1e6 * value, 0)) } " µrad" }
+    } else {
+        html! { (words::number(value, 3)) " " (unit) }
+    }
+}
