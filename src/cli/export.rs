@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 
 use super::messages::Printable;
 use super::{BAD_USAGE, DONE, NO_RESULT};
-use crate::io::export::{ExportError, curves_json, nodes_csv, urdf};
+use crate::io::export::{ExportError, curves_json, nodes_csv, residuals_mcap, urdf};
 use crate::io::table;
 use crate::io::whole_file::write_whole;
 
@@ -22,10 +22,13 @@ FORMAT is made of a table of a run:
         in lines that begin with #
   json  of calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
   urdf  of calibrations: the identified geometry, in the controller's base, with its flange and tool
+  mcap  of residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
+        for Foxglove; at the times that table stations of the same run has
 
 Example:
   posegrid export lake/compensation/kr210/monday/0a1b….parquet --format csv --out nodes.csv
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
+  posegrid export lake/residuals/kr210/monday/0a1b….parquet --format mcap --out residuals.mcap
 
 Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made of it.")]
 pub struct ExportArgs {
@@ -37,6 +40,9 @@ pub struct ExportArgs {
     /// Where to write it, a new file; without it, standard output.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// For mcap: the run's files of table stations, where TABLE does not stand in its lake.
+    #[arg(long, value_name = "FILE")]
+    pub stations: Vec<PathBuf>,
 }
 
 /// What is made of a table.
@@ -48,6 +54,8 @@ pub enum ExportFormat {
     Json,
     /// The identified geometry
     Urdf,
+    /// Error vectors for Foxglove
+    Mcap,
 }
 
 /// Runs the command: the result goes to `--out` or standard output, errors to standard error.
@@ -86,12 +94,18 @@ pub fn run(args: &ExportArgs, mut stdout: impl Write) -> Result<(), ExportError>
 impl ExportArgs {
     fn make(&self, sink: &mut Vec<u8>) -> Result<(), ExportError> {
         let path: &Path = &self.table;
+        if !self.stations.is_empty() && self.format != ExportFormat::Mcap {
+            return Err(ExportError::NoUseForTimes(self.format.name()));
+        }
         let held = table::name(path)?;
         match (self.format, held.as_deref()) {
             (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
             (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),
             (ExportFormat::Json, Some("joint_errors")) => curves_json::of_joint_errors(path, sink),
             (ExportFormat::Urdf, Some("calibrations")) => urdf::write(path, sink),
+            (ExportFormat::Mcap, Some("residuals")) => {
+                residuals_mcap::write(path, &self.stations, sink)
+            }
             (format, other) => Err(ExportError::OtherTable {
                 path: path.to_owned(),
                 found: other.map_or_else(
@@ -111,6 +125,7 @@ impl ExportFormat {
             Self::Csv => "csv",
             Self::Json => "json",
             Self::Urdf => "urdf",
+            Self::Mcap => "mcap",
         }
     }
 
@@ -119,6 +134,7 @@ impl ExportFormat {
             Self::Csv => "\"compensation\"",
             Self::Json => "\"calibrations\" or \"joint_errors\"",
             Self::Urdf => "\"calibrations\"",
+            Self::Mcap => "\"residuals\"",
         }
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! - [`nodes_csv`]: a compensation table as CSV, a row a node, what holds for all of it in `#` lines before;
 //! - [`curves_json`]: the error curve of each joint as JSON, from `calibrations` or `joint_errors`;
-//! - [`urdf`]: the identified geometry as URDF, from `calibrations`.
+//! - [`urdf`]: the identified geometry as URDF, from `calibrations`;
+//! - [`residuals_mcap`]: error vectors before and after as MCAP, from `residuals` and `stations`.
 //!
 //! Names come from logs and pipeline files: each is written so that it cannot be anything but a name.
 
 pub mod curves_json;
 pub mod nodes_csv;
+pub mod residuals_mcap;
 pub mod urdf;
 
 use std::io;
@@ -16,7 +18,9 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::calibrations_table::CalibrationsTableError;
+use super::common::CommonError;
 use super::compensation_table::CompensationTableError;
+use super::lake::LakeError;
 use super::schema::SchemaError;
 use super::table::FileError;
 
@@ -77,6 +81,67 @@ pub enum ExportError {
         /// What it has.
         problem: &'static str,
     },
+    /// Rows of several runs.
+    #[error(transparent)]
+    Common(#[from] CommonError),
+    /// A file that stands in no lake.
+    #[error(
+        "{} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside it: give the \
+         run's file of table \"stations\" by --stations",
+        .0.display()
+    )]
+    NoLake(PathBuf),
+    /// No table with the times of a session's stations.
+    #[error(
+        "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
+         {source}; give its file by --stations"
+    )]
+    NoTimes {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<LakeError>,
+    },
+    /// A station without a time.
+    #[error(
+        "no table \"stations\" that was read has station {station} of session {session:?}; give the files of all sessions of \
+         the run by --stations"
+    )]
+    NoTime {
+        /// The session.
+        session: String,
+        /// The station.
+        station: i64,
+    },
+    /// A time that MCAP cannot say.
+    #[error(
+        "station {station} of session {session:?} was measured at {ns} ns of the controller's clock, and MCAP counts from 0 up: \
+         the controller's stamps are wrong"
+    )]
+    EarlyTime {
+        /// The session.
+        session: String,
+        /// The station.
+        station: i64,
+        /// Its stamp, ns.
+        ns: i64,
+    },
+    /// Stations of another run.
+    #[error("{}: run {found} wrote it, and the residuals are of run {expected}; take the file of the same run", path.display())]
+    OtherRun {
+        /// The file.
+        path: PathBuf,
+        /// Its run.
+        found: String,
+        /// The run of the residuals.
+        expected: String,
+    },
+    /// Times for a format that has none.
+    #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
+    NoUseForTimes(&'static str),
+    /// As MCAP.
+    #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
+    Mcap(#[from] mcap::McapError),
     /// Something stands where the result is to be.
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),

@@ -8,6 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Vector3, Vector4};
 use posegrid::compensation::ArmModel;
 use posegrid::fit::{ErrorModel as _, ToolErrors};
 use posegrid::io::calibrations_table;
+use posegrid::io::export::residuals_mcap::ARROW_SCALE;
 use serde_json::Value;
 
 use super::cell::{Ended, ended, posegrid, undisturbed};
@@ -282,4 +283,171 @@ fn a_format_is_made_of_its_own_tables_and_nothing_is_written_over() {
         "missing/nodes.csv",
     ]));
     missing.expect(1, &["missing/nodes.csv"]);
+}
+
+/// The messages of an exported file: topic, time and body, as the MCAP crate reads them.
+fn messages(log: &[u8]) -> Vec<(String, u64, Value)> {
+    let messages = mcap::MessageStream::new(log).unwrap();
+    let message = |message: Result<mcap::Message<'_>, _>| {
+        let message = message.unwrap();
+        assert_eq!(message.channel.message_encoding, "json");
+        let schema = message.channel.schema.as_ref().unwrap();
+        assert_eq!(schema.encoding, "jsonschema");
+        let body: Value = serde_json::from_slice(&message.data).unwrap();
+        (message.channel.topic.clone(), message.log_time, body)
+    };
+    messages.map(message).collect()
+}
+
+fn ns(time: &Value) -> u64 {
+    time["sec"].as_u64().unwrap() * 1_000_000_000 + time["nsec"].as_u64().unwrap()
+}
+
+fn vector(value: &Value) -> Vector3<f64> {
+    let of = |axis: &str| value[axis].as_f64().unwrap();
+    Vector3::new(of("x"), of("y"), of("z"))
+}
+
+fn exported_residuals(name: &str) -> Vec<u8> {
+    let out = undisturbed().path(name);
+    let command = &mut posegrid();
+    let command = command
+        .arg("export")
+        .arg(file("residuals"))
+        .args(["--format", "mcap", "--out"]);
+    ended(command.arg(&out)).expect(0, &[]);
+    fs::read(&out).unwrap()
+}
+
+#[test]
+fn residuals_as_mcap_have_every_row_at_its_stations_time() {
+    let log = exported_residuals("residuals.mcap");
+    assert_eq!(log, exported_residuals("again.mcap"), "the same bytes");
+    let residuals = undisturbed().table("residuals", "mon");
+    let stations = undisturbed().table("stations", "mon");
+    let starts: BTreeMap<i64, i64> = (0..stations.rows())
+        .map(|row| {
+            (
+                stations.i64("station").value(row),
+                stations.i64("start_ns").value(row),
+            )
+        })
+        .collect();
+    let all = messages(&log);
+    let rows: Vec<&(String, u64, Value)> = all.iter().filter(|m| m.0.ends_with("/error")).collect();
+    assert_eq!(rows.len(), residuals.rows());
+    let mut found = BTreeMap::new();
+    for (topic, log_time, body) in &rows {
+        let station = body["station"].as_i64().unwrap();
+        assert_eq!(
+            i64::try_from(*log_time).unwrap(),
+            starts[&station],
+            "{topic} {station}"
+        );
+        assert_eq!(ns(&body["timestamp"]), *log_time);
+        let is_before = topic.starts_with("/before/");
+        assert_eq!(body["moment"], if is_before { "before" } else { "after" });
+        let of = ["split", "model", "angles", "base_refit"]
+            .map(|key| body[key].as_str().unwrap().to_owned());
+        found.insert((of, station), body);
+    }
+    for row in 0..residuals.rows() {
+        let of = ["split", "model", "angles", "base_refit"]
+            .map(|key| residuals.text(key).value(row).to_owned());
+        let body = found[&(of, residuals.i64("station").value(row))];
+        let was = ["residual_x_mm", "residual_y_mm", "residual_z_mm"]
+            .map(|column| residuals.f64(column).value(row));
+        // What is written is exact; this reader of JSON rounds the last digit.
+        assert!((vector(&body["error_vector_mm"]) - Vector3::from(was)).norm() < 1e-12);
+        let norm = residuals.f64("residual_mm").value(row);
+        assert!((body["error_mm"].as_f64().unwrap() - norm).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn arrows_of_residuals_are_the_errors_as_often_as_the_file_says() {
+    let log = exported_residuals("arrows.mcap");
+    let all = messages(&log);
+    let rows = undisturbed().table("residuals", "mon").rows();
+    let mut arrows = 0;
+    let mut colours = BTreeMap::new();
+    for (topic, _, scene) in all.iter().filter(|m| m.0.ends_with("/vectors")) {
+        let errors: BTreeMap<String, &Value> = all
+            .iter()
+            .filter(|m| m.0.strip_suffix("/error") == topic.strip_suffix("/vectors"))
+            .map(|m| (m.2["station"].to_string(), &m.2))
+            .collect();
+        for entity in scene["entities"].as_array().unwrap() {
+            let row = errors[entity["id"].as_str().unwrap()];
+            assert_eq!(entity["frame_id"], "base");
+            assert_eq!(entity["timestamp"], row["timestamp"]);
+            let arrow = &entity["arrows"][0];
+            let at = |part: &str| arrow[part].as_f64().unwrap();
+            let long = 1000.0 * (at("shaft_length") + at("head_length"));
+            let error = row["error_mm"].as_f64().unwrap();
+            assert!(
+                (long - ARROW_SCALE * error).abs() < 1e-9,
+                "{topic}: {long} of {error}"
+            );
+            // The arrow begins where the target was predicted.
+            let start = 1000.0 * vector(&arrow["pose"]["position"]);
+            let end = vector(&row["attained_mm"]) - vector(&row["error_vector_mm"]);
+            assert!((start - end).norm() < 1e-9);
+            let moment = topic.split('/').nth(1).unwrap().to_owned();
+            colours
+                .entry(moment)
+                .or_insert_with(Vec::new)
+                .push(arrow["color"].to_string());
+            arrows += 1;
+        }
+    }
+    assert_eq!(arrows, rows);
+    for same in colours.values_mut() {
+        same.dedup();
+        assert_eq!(same.len(), 1, "one colour for before, one for after");
+    }
+    assert_ne!(colours["before"], colours["after"]);
+    let summary = mcap::Summary::read(&log).unwrap().unwrap();
+    let index = &summary.metadata_indexes[0];
+    let metadata = mcap::read::metadata(&log, index).unwrap().metadata;
+    assert_eq!(metadata["arrow_scale"], ARROW_SCALE.to_string());
+    assert_eq!(metadata["residuals"], rows.to_string());
+    assert_eq!(metadata["frame"], "base");
+}
+
+#[test]
+fn residuals_outside_their_lake_ask_for_the_times_of_the_same_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = folder.path().join("residuals.parquet");
+    fs::copy(file("residuals"), &alone).unwrap();
+    let export = |stations: &[PathBuf]| {
+        let mut command = posegrid();
+        command.arg("export").arg(&alone).args(["--format", "mcap"]);
+        for path in stations {
+            command.arg("--stations").arg(path);
+        }
+        // What is written is no text: only how it ends is looked at.
+        let output = command.output().unwrap();
+        (
+            output.status.code().unwrap(),
+            String::from_utf8(output.stderr).unwrap(),
+            output.stdout,
+        )
+    };
+    let (code, told, _) = export(&[]);
+    assert_eq!(code, 2, "{told}");
+    assert!(told.contains("--stations"), "{told}");
+    let (code, told, written) = export(&[file("stations")]);
+    assert_eq!(code, 0, "{told}");
+    assert!(written.starts_with(b"\x89MCAP0\r\n"));
+    let other = undisturbed().table_file("stations", "tue");
+    let (code, told, _) = export(&[other]);
+    assert_eq!(code, 2, "{told}");
+    assert!(told.contains("take the file of the same run"), "{told}");
+    let mut csv = posegrid();
+    let csv = csv
+        .arg("export")
+        .arg(file("compensation"))
+        .args(["--format", "csv", "--stations"]);
+    ended(csv.arg(file("stations"))).expect(2, &["csv has none: leave it out"]);
 }

@@ -472,9 +472,9 @@ fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
         .iter()
         .map(|&row| table.text("name").value(row))
         .collect();
-    // The table's order: names, then poses, null first.
-    assert_eq!(names, ["AP_a", "AP_p", "vAP_p"]);
-    let (angle, accuracy, missing) = (own[0], own[1], own[2]);
+    // In the order of the schema.s names.
+    assert_eq!(names, ["AP_p", "AP_a", "vAP_p"]);
+    let (accuracy, angle, missing) = (own[0], own[1], own[2]);
     assert_eq!(table.text("unit").value(angle), "rad");
     assert!(
         table.f64("expanded_uncertainty").is_null(angle),

@@ -1,0 +1,235 @@
+//! Residuals as an MCAP file that Foxglove opens as it is.
+//!
+//! Inputs: a file of table `residuals`, and when each station was measured, from tables `stations` of the same run. Output: for
+//! each model, way of judging and session two topics, named `/before/…` for what the robot does uncorrected and `/after/…`
+//! for what a model or a table leaves:
+//! - `…/vectors`, `foxglove.SceneUpdate`: an arrow a station, from where the target was predicted towards where it was measured,
+//!   [`ARROW_SCALE`] times as long as the error, in frame `base`. All of a topic stand in one message at its first station,
+//!   so that they are seen wherever one looks into the file;
+//! - `…/error`, `posegrid.Residual`: the numbers of each row, at its station's time, to plot.
+//!
+//! Messages are JSON. Times are the controller's, the first moment at rest; what holds for the whole file stands in its
+//! metadata record `posegrid`. The same tables give the same bytes.
+
+mod rows;
+mod scene;
+mod times;
+
+use std::collections::BTreeMap;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::WriteOptions;
+use mcap::records::{MessageHeader, Metadata};
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
+use serde::Serialize;
+
+use super::ExportError;
+use crate::io::common::Common;
+use crate::io::schema;
+use crate::io::table;
+use crate::manifest::RunKey;
+use rows::{Of, Row, rows};
+use scene::{Arrow, SceneUpdate};
+use times::Times;
+
+/// How many times as long as errors arrows are drawn: 1 mm is 200 mm in a work space of metres.
+pub const ARROW_SCALE: f64 = 200.0;
+
+/// Uncompressed size of a chunk, bytes.
+const CHUNK_BYTES: u64 = 1 << 20;
+/// What stays in a topic's name as it is; names of sessions may be anything.
+const TOPIC: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
+
+const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
+
+/// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that the file stands in.
+pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
+    let table = table::read(path, schema::find("residuals")?)?;
+    if table.rows() == 0 {
+        return Err(ExportError::Empty(path.to_owned()));
+    }
+    let common = Common {
+        path,
+        table: &table,
+    };
+    let key = common.key()?;
+    let rows = rows(&table);
+    let times = Times::read(
+        path,
+        stations,
+        &key,
+        rows.keys().map(|of| of.session.as_str()),
+    )?;
+    let mut log = Log::create(&key, table.rows())?;
+    for (of, rows) in &rows {
+        log.add(of, rows, &times)?;
+    }
+    Ok(sink.write_all(&log.finish()?)?)
+}
+
+/// A message before it is written: when, on which channel, its body.
+struct Message {
+    ns: u64,
+    channel: u16,
+    body: Vec<u8>,
+}
+
+struct Log {
+    writer: mcap::Writer<Cursor<Vec<u8>>>,
+    messages: Vec<Message>,
+}
+
+impl Log {
+    fn create(key: &RunKey, rows: usize) -> Result<Self, ExportError> {
+        let mut writer = WriteOptions::new()
+            .library("posegrid")
+            .chunk_size(Some(CHUNK_BYTES))
+            // Bytes must not depend on how many cores the machine has.
+            .compression_threads(0)
+            .compression_level(9)
+            .create(Cursor::new(Vec::new()))?;
+        writer.write_metadata(&Metadata {
+            name: "posegrid".to_owned(),
+            metadata: about(key, rows),
+        })?;
+        Ok(Self {
+            writer,
+            messages: Vec::new(),
+        })
+    }
+
+    /// The two topics of rows that are of the same.
+    fn add(&mut self, of: &Of, rows: &[Row], times: &Times) -> Result<(), ExportError> {
+        let topic = topic(of);
+        let vectors = self.channel(&topic, "vectors", "foxglove.SceneUpdate", scene::SCHEMA)?;
+        let error = self.channel(&topic, "error", "posegrid.Residual", NUMBERS)?;
+        let mut entities = Vec::with_capacity(rows.len());
+        let mut first = u64::MAX;
+        for row in rows {
+            let ns = times.of(&of.session, row.station)?;
+            first = first.min(ns);
+            entities.push(Arrow { of, row, ns }.entity());
+            self.push(error, ns, &row.numbers(of, ns))?;
+        }
+        self.push(vectors, first, &SceneUpdate::of(entities))
+    }
+
+    fn channel(
+        &mut self,
+        topic: &str,
+        last: &str,
+        schema: &str,
+        text: &str,
+    ) -> Result<u16, ExportError> {
+        let schema = self
+            .writer
+            .add_schema(schema, "jsonschema", text.as_bytes())?;
+        let topic = format!("{topic}/{last}");
+        Ok(self
+            .writer
+            .add_channel(schema, &topic, "json", &BTreeMap::new())?)
+    }
+
+    fn push(&mut self, channel: u16, ns: u64, message: &impl Serialize) -> Result<(), ExportError> {
+        let body = serde_json::to_vec(message)?;
+        self.messages.push(Message { ns, channel, body });
+        Ok(())
+    }
+
+    /// Writes the messages in time order, those of an earlier channel first where times are equal.
+    fn finish(mut self) -> Result<Vec<u8>, ExportError> {
+        self.messages
+            .sort_by_key(|message| (message.ns, message.channel));
+        for message in &self.messages {
+            let header = MessageHeader {
+                channel_id: message.channel,
+                sequence: 0,
+                log_time: message.ns,
+                publish_time: message.ns,
+            };
+            self.writer.write_to_known_channel(&header, &message.body)?;
+        }
+        self.writer.finish()?;
+        Ok(self.writer.into_inner().into_inner())
+    }
+}
+
+/// What holds for the whole file.
+fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
+    [
+        ("format", "posegrid residuals 1".to_owned()),
+        ("robot", key.robot.clone()),
+        ("session", key.session.clone()),
+        ("run", key.run.clone()),
+        ("residuals", rows.to_string()),
+        ("arrow_scale", ARROW_SCALE.to_string()),
+        ("frame", "base".to_owned()),
+        (
+            "clock",
+            "controller, first moment at rest of each station".to_owned(),
+        ),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into()
+}
+
+/// Before or after, by what, judged how, of which session.
+fn topic(of: &Of) -> String {
+    let judged = match of.split.as_str() {
+        "none" => "training",
+        "blocks" => "held_out_blocks",
+        _ => "held_out_session",
+    };
+    let base = match of.base_refit.as_str() {
+        "first" => "_base_from_first",
+        "all" => "_base_from_all",
+        _ => "",
+    };
+    format!(
+        "/{}/{}_{}/{judged}{base}/{}",
+        of.moment(),
+        of.model,
+        of.angles,
+        utf8_percent_encode(&of.session, TOPIC)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_session_of_any_name_is_the_last_part_of_its_topic() {
+        let of = |session: &str, split: &str, base_refit: &str, model: &str| Of {
+            session: session.to_owned(),
+            split: split.to_owned(),
+            model: model.to_owned(),
+            angles: "commanded".to_owned(),
+            base_refit: base_refit.to_owned(),
+            role: "held_out".to_owned(),
+        };
+        assert_eq!(
+            topic(&of("a/../b\n", "blocks", "none", "full")),
+            "/after/full_commanded/held_out_blocks/a%2F..%2Fb%0A"
+        );
+        assert_eq!(
+            topic(&of("mon", "session", "first", "raw_command")),
+            "/before/raw_command_commanded/held_out_session_base_from_first/mon"
+        );
+    }
+
+    #[test]
+    fn schemas_are_json_and_name_what_they_are_of() {
+        for (text, name) in [
+            (scene::SCHEMA, "foxglove.SceneUpdate"),
+            (NUMBERS, "posegrid.Residual"),
+        ] {
+            let schema: serde_json::Value = serde_json::from_str(text).unwrap();
+            assert_eq!(
+                (schema["title"].as_str(), schema["type"].as_str()),
+                (Some(name), Some("object"))
+            );
+        }
+    }
+}
