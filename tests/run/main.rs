@@ -8,6 +8,7 @@ mod damaged;
 mod driven;
 mod export;
 mod interrupted;
+mod iso_9283;
 mod joints;
 mod nightly;
 mod page;

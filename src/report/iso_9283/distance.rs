@@ -40,11 +40,11 @@ pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     let mut figures: Vec<Figure> = characteristics
         .into_iter()
         .zip(accuracy)
-        .map(|(characteristic, value)| pair.figure(characteristic, value))
+        .map(|(characteristic, value)| pair.figure(characteristic, value, says))
         .collect();
     if says == Says::Everything {
         let spread = Figures::of(&attained).map(|distances| 3.0 * distances.sd);
-        figures.extend(spread.map(|spread| pair.figure(Characteristic::Rd, spread)));
+        figures.extend(spread.map(|spread| pair.figure(Characteristic::Rd, spread, says)));
     }
     figures
 }
@@ -96,11 +96,15 @@ impl<'v> Pair<'v> {
         [long / n - commanded.norm(), x, y, z]
     }
 
-    fn figure(&self, characteristic: Characteristic, value: f64) -> Figure {
+    fn figure(&self, characteristic: Characteristic, value: f64, says: Says) -> Figure {
         let n = self.turns.len();
         let few = too_few(n, VISITS).map(|few| format!("; {few}"));
+        let known = match says {
+            Says::Everything => "commanded",
+            Says::Accuracy => "predicted",
+        };
         let pair = format!(
-            "between poses {} and {}, commanded {:.3} mm apart",
+            "between poses {} and {}, {known} {:.3} mm apart",
             self.first,
             self.second,
             self.commanded_mm()
