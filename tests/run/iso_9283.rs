@@ -91,6 +91,7 @@ fn repeated_visits_give_the_figures_of_the_arm_as_it_is() {
     let cell = Cell::new()
         .with("/tracker/point", "/tracker/pose")
         .with("[fit]", "[fit]\norientations = true")
+        .with("divisor = 2 }", "divisor = 2, orientation_rad = 1e-5 }")
         .with_simulated("again", &flags);
     // Whether any step can be shown to be good with so few stations is of no interest.
     let ended = cell.run(&[]);

@@ -6,7 +6,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Characteristic, Figure, Says, VISITS, Visit, Visited, mean, most_visited, too_few};
+use super::{Characteristic, Figure, Says, VISITS, Visit, Visited, mean, most_visited};
 use crate::figures::Figures;
 
 /// Fewer turns have no spread.
@@ -98,7 +98,8 @@ impl<'v> Pair<'v> {
 
     fn figure(&self, characteristic: Characteristic, value: f64, says: Says) -> Figure {
         let n = self.turns.len();
-        let few = too_few(n, VISITS).map(|few| format!("; {few}"));
+        let few =
+            (n < VISITS).then(|| format!("; {n} times in turn, the standard asks for {VISITS}"));
         let known = match says {
             Says::Everything => "commanded",
             Says::Accuracy => "predicted",
@@ -222,7 +223,7 @@ mod tests {
         }
         let remark = figures[0].remark.as_deref().expect("two turns are few");
         assert!(
-            remark.contains("between poses 0 and 1, commanded 500.000 mm apart; 2 visits"),
+            remark.contains("between poses 0 and 1, commanded 500.000 mm apart; 2 times in turn"),
             "{remark}"
         );
     }

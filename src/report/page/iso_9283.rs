@@ -1,7 +1,5 @@
 //! Figures of ISO 9283, over all poses and pose by pose.
 
-use std::collections::BTreeSet;
-
 use maud::{Markup, html};
 
 use super::content::{Content, Figure, Subject};
@@ -26,17 +24,19 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     if figures.is_empty() {
         return None;
     }
-    let (of_poses, over_all): (Vec<&Figure>, Vec<&Figure>) =
-        figures.iter().partition(|figure| figure.pose.is_some());
-    let of: BTreeSet<Of<'_>> = of_poses.iter().map(|figure| of(figure)).collect();
+    let mut subjects: Vec<Of<'_>> = Vec::new();
+    for figure in &figures {
+        if !subjects.contains(&of(figure)) {
+            subjects.push(of(figure));
+        }
+    }
     Some(html! {
         p {
             "Figures of ISO 9283, of poses that were commanded more than once: AP is how far the mean of the visits is from the command, "
             "RP how far visits are from each other. Where a pose has fewer visits than the standard asks for, the figure is not the "
             "standard's. Load, speed and where the poses lie are as they were driven, not as the standard asks."
         }
-        (all_rows(&over_all))
-        @for of in of { (one_by_one(of, &of_poses)) }
+        @for own in subjects { (of_subject(own, &figures)) }
     })
 }
 
@@ -44,13 +44,23 @@ const fn of(figure: &Figure) -> Of<'_> {
     (figure.evidence.as_str(), &figure.subject)
 }
 
+fn of_subject(own: Of<'_>, figures: &[&Figure]) -> Markup {
+    let own_figures = figures.iter().copied().filter(|figure| of(figure) == own);
+    let (of_poses, over_all): (Vec<&Figure>, Vec<&Figure>) =
+        own_figures.partition(|figure| figure.pose.is_some());
+    html! {
+        h3 { (whose(own)) }
+        (all_rows(&over_all))
+        @if !of_poses.is_empty() { (one_by_one(&of_poses)) }
+    }
+}
+
 fn all_rows(figures: &[&Figure]) -> Markup {
-    let head = html! { th { "Figure" } th.word { "Of" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
+    let head = html! { th { "Figure" } th { "Value" } th { "n" } th { "n of the standard" } th.word { "Remark" } };
     let body = html! {
         @for figure in figures {
             tr {
-                th.word scope="row" { (name(&figure.name)) }
-                td.word { (whose(of(figure))) }
+                th.word scope="row" { (symbol(&figure.name)) }
                 td { @match figure.value { Some(value) => (shown(value, &figure.unit)), None => "not shown" } }
                 td { (figure.n) }
                 td { @match figure.n_needed { Some(needed) => (needed), None => "–" } }
@@ -62,23 +72,18 @@ fn all_rows(figures: &[&Figure]) -> Markup {
 }
 
 /// A row for each pose, those visited most.
-fn one_by_one(own: Of<'_>, of_poses: &[&Figure]) -> Markup {
-    let figures: Vec<&Figure> = of_poses
-        .iter()
-        .copied()
-        .filter(|figure| of(figure) == own)
-        .collect();
+fn one_by_one(figures: &[&Figure]) -> Markup {
     let there = |name: &&str| figures.iter().any(|figure| figure.name == *name);
     let names: Vec<&str> = LENGTHS.into_iter().chain(ANGLES).filter(there).collect();
-    let poses = poses(&figures);
+    let poses = poses(figures);
     let head = html! {
         th { "Pose" } th { "n" }
-        @for name in &names { th { (self::name(name)) @if ANGLES.contains(name) { ", µrad" } @else { ", mm" } } }
+        @for name in &names { th { (symbol(name)) @if ANGLES.contains(name) { ", µrad" } @else { ", mm" } } }
     };
-    let body = html! { @for (pose, n) in poses.iter().take(SHOWN) { (pose_row(*pose, *n, &names, &figures)) } };
+    let body = html! { @for (pose, n) in poses.iter().take(SHOWN) { (pose_row(*pose, *n, &names, figures)) } };
     html! {
         details {
-            summary { "Pose by pose: " (whose(own)) }
+            summary { "Pose by pose" }
             (super::table(&head, &body))
             @if poses.len() > SHOWN {
                 p.note { "The " (SHOWN) " poses visited most; table accuracy has " (poses.len()) "." }
@@ -121,22 +126,26 @@ fn pose_row(pose: i64, n: i64, names: &[&str], figures: &[&Figure]) -> Markup {
 /// What was measured or is predicted, corrected by what, on which stations.
 fn whose((evidence, subject): Of<'_>) -> String {
     let evidence = match evidence {
-        "predicted" => "predicted",
-        "measured_after" => "measured after",
-        _ => "measured",
+        "predicted" => "Predicted",
+        "measured_after" => "Measured after",
+        _ => "Measured",
     };
     let (model, stations) = (words::subject(subject), words::stations(subject));
-    format!("{evidence}, {model}, {stations}")
+    format!("{evidence}: {model}; {stations}")
 }
 
-fn name(name: &str) -> String {
-    name.replace('_', " ")
+/// A symbol of the standard, what follows the underscore below the line.
+fn symbol(name: &str) -> Markup {
+    match name.split_once('_') {
+        Some((symbol, index)) => html! { (symbol) sub { (index) } },
+        None => html! { (name) },
+    }
 }
 
 fn shown(value: f64, unit: &str) -> Markup {
     if unit == "rad" {
-        html! { data value=(value) { (words::fixed(1e6 * value, 0)) } " µrad" }
+        html! { data value=(value) { (words::fixed(1e6 * value, 0)) } "\u{a0}µrad" }
     } else {
-        html! { (words::number(value, 3)) " " (unit) }
+        html! { (words::number(value, 3)) "\u{a0}" (unit) }
     }
 }
