@@ -29,7 +29,7 @@ fn poses() -> String {
             14.0 * (1.7 * number as f64 * (joint as f64 + 2.0).sqrt()).sin()
         })
     };
-    let all = (0..OTHERS).map(other).chain((0..CYCLES).flat_map(|_| FIVE));
+    let all = (1..=OTHERS).map(other).chain((0..CYCLES).flat_map(|_| FIVE));
     let line = |(number, offsets): (usize, [f64; 6])| {
         let joints = HOME
             .iter()
