@@ -179,6 +179,7 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     let of_poses: Vec<Figure> = of_poses.collect();
     let mut figures = over_all(&of_poses, visited.len());
     if everything {
+        figures.extend(pose::missing(visited));
         figures.extend(variation::missing(&of_poses));
     }
     figures.extend(distance::figures(visited, says));

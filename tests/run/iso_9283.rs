@@ -29,7 +29,9 @@ fn poses() -> String {
             14.0 * (1.7 * number as f64 * (joint as f64 + 2.0).sqrt()).sin()
         })
     };
-    let all = (1..=OTHERS).map(other).chain((0..CYCLES).flat_map(|_| FIVE));
+    let all = (1..=OTHERS)
+        .map(other)
+        .chain((0..CYCLES).flat_map(|_| FIVE));
     let line = |(number, offsets): (usize, [f64; 6])| {
         let joints = HOME
             .iter()
@@ -62,7 +64,7 @@ fn truth(cell: &Cell, of_five: usize) -> True {
     True {
         errors: visits.clone().map(|row| error(row).into()).collect(),
         turns: visits
-            .map(|row| turn(row))
+            .map(turn)
             .map(|[w, x, y, z]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)))
             .collect(),
     }

@@ -185,7 +185,8 @@ impl Sources<'_> {
         let figures = iso_9283::figures(&visited, says);
         (!figures.is_empty()).then(|| Iso9283 {
             subject: subject.clone(),
-            point: if subject.model == Model::Table {
+            // A session that a table drove is judged at the point that the table is for.
+            point: if driven_by.is_some() {
                 Point::Tool
             } else {
                 Point::Measured

@@ -60,6 +60,24 @@ pub(super) fn repeatability(own: &Visited) -> Vec<Figure> {
     figures
 }
 
+/// A row without a value where orientations were measured, and none commanded to hold them against.
+pub(super) fn missing(visited: &[Visited]) -> Option<Figure> {
+    let all = visited.iter().flat_map(|own| &own.visits);
+    let mut measured = all.filter_map(|visit| visit.orientation).peekable();
+    let is_missing = measured.peek().is_some() && measured.all(|o| o.commanded.is_none());
+    is_missing.then(|| Figure {
+        characteristic: Characteristic::ApA,
+        pose: None,
+        value: None,
+        n: 0,
+        n_needed: VISITS,
+        remark: Some(
+            "no commanded orientation to hold the attained ones against: the log has none, or not those that were sent"
+                .to_owned(),
+        ),
+    })
+}
+
 /// Two visits are as far from their barycentre as each other: what is left of `l̄ + 3 S_l` is half their distance.
 fn of_two(figure: Figure) -> Figure {
     let remark = match figure.remark {
@@ -210,6 +228,22 @@ mod tests {
         let three_sd = 3.0 * 2.0_f64.sqrt() * 1e-4;
         assert!((value(&repeatability, Characteristic::RpA) - three_sd).abs() < 3e-8);
         assert!(value(&repeatability, Characteristic::RpC).abs() < 3e-8);
+    }
+
+    #[test]
+    fn orientations_that_were_not_commanded_are_told() {
+        let mut own = visited(&[[0.0; 3]; 2], Some(&[[0.0; 3]; 2]));
+        assert_eq!(missing(std::slice::from_ref(&own)), None);
+        for visit in &mut own.visits {
+            visit.orientation = visit.orientation.map(|o| Orientation {
+                commanded: None,
+                ..o
+            });
+        }
+        assert_eq!(accuracy(&own).len(), 4, "positions alone");
+        let told = missing(&[own]).expect("measured, and not commanded");
+        assert!(told.value.is_none() && told.characteristic == Characteristic::ApA);
+        assert_eq!(missing(&[visited(&[[0.0; 3]; 2], None)]), None);
     }
 
     #[test]

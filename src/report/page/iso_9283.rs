@@ -136,10 +136,8 @@ fn whose((evidence, subject): Of<'_>) -> String {
 
 /// A symbol of the standard, what follows the underscore below the line.
 fn symbol(name: &str) -> Markup {
-    match name.split_once('_') {
-        Some((symbol, index)) => html! { (symbol) sub { (index) } },
-        None => html! { (name) },
-    }
+    let (symbol, index) = name.split_once('_').unwrap_or((name, ""));
+    html! { (symbol) @if !index.is_empty() { sub { (index) } } }
 }
 
 fn shown(value: f64, unit: &str) -> Markup {
