@@ -1,12 +1,12 @@
 //! Figures of ISO 9283: what repeated visits of a pose say of an arm.
 //!
 //! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the standard's
-//! names, lengths mm, angles rad (ISO 9283:1998, clauses 7.2 to 7.4; METHOD.md 7). Steps:
+//! names, lengths mm, angles rad (ISO 9283:1998, clause 7; METHOD.md 7). Steps:
 //! 1. [`poses`] tells which dwells went to one pose;
 //! 2. of each pose: accuracy AP, the barycentre of the attained positions against the command, and repeatability RP,
-//!    `l̄ + 3 S_l` of the distances to the barycentre ([`pose`]);
-//! 3. of a pair of poses visited in turn: distance accuracy AD and repeatability RD ([`distance`]);
-//! 4. of poses come to from several others: multi-directional variation vAP; over time: drift dAP ([`variation`]).
+//!    `l̄ + 3 S_l` of the distances to the barycentre (`pose`);
+//! 3. of a pair of poses visited in turn: distance accuracy AD and repeatability RD (`distance`);
+//! 4. of poses come to from several others: multi-directional variation vAP; over time: drift dAP (`variation`).
 //!
 //! A figure that the visits do not allow is a row without a value and with the reason. The error of a single visit is no AP.
 //! What the standard asks of load, speed and where the poses lie is not looked at; how often they were visited is.
