@@ -11,11 +11,13 @@ pub mod evaluate;
 pub mod page;
 pub mod promise;
 pub mod refit;
+pub mod tip;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::Figures;
 use crate::grid::Verdict;
+use tip::Turn;
 
 /// The models that are held side by side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -97,6 +99,8 @@ pub struct Residual {
     pub covariance: Option<Matrix3<f64>>,
     /// The station's robust weight, in training.
     pub weight: Option<f64>,
+    /// How the flange stood and was predicted or commanded to stand, where its orientation was measured.
+    pub turn: Option<Turn>,
 }
 
 /// Residuals of one model on one set of stations.
@@ -113,6 +117,8 @@ pub struct ResidualSet {
 pub struct Accuracy {
     /// What it is of.
     pub subject: Subject,
+    /// The point that the errors are of.
+    pub point: Point,
     /// Before compensation (an error as it is) or after (what a prediction would leave, or a table left).
     pub moment: Moment,
     /// The run whose table drove the stations, where one did.
@@ -129,6 +135,17 @@ pub struct Accuracy {
     pub expanded_uncertainty_mm: f64,
     /// Bound plus uncertainty held against the tolerance.
     pub verdict: Verdict,
+}
+
+/// The point that an error is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Point {
+    /// The target that the tracker saw.
+    Measured,
+    /// The controller's own tool point.
+    Tool,
+    /// The tool tip that the pipeline file states, by lever arm.
+    Tip,
 }
 
 /// Before or after compensation.

@@ -113,6 +113,7 @@ fn stage_settings(harmonics: usize) -> StageSettings {
             with_target: false,
         },
         leave_sessions_out: false,
+        tool_tip: None,
     }
 }
 
@@ -224,6 +225,7 @@ impl Identified {
                 attained: gauge.attained_tool(&visit.joints, visit.attained.as_ref()?),
                 stated: corrected.correction,
                 covariance: corrected.covariance,
+                turn: None,
             })
         };
         let stations: Vec<Station> = visits.into_iter().map(|visit| visit.station).collect();

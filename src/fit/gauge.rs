@@ -105,15 +105,15 @@ impl<'a> Gauge<'a> {
         Some(self.attained_tool(&station.joints, attained) - commanded)
     }
 
+    /// How the flange's axes stood in the base's; `None` where no orientation was measured, or none was fitted.
+    pub fn measured_flange(&self, attained: &Attained) -> Option<UnitQuaternion<f64>> {
+        let in_tracker = attained.orientation.filter(|_| self.oriented)?;
+        let in_base = self.frames.tracker_from_base.isometry().rotation.inverse() * in_tracker;
+        Some(in_base * self.frames.flange_from_target.isometry().rotation.inverse())
+    }
+
     fn flange_rotation(&self, joints: &[f64], attained: &Attained) -> UnitQuaternion<f64> {
-        let measured = attained
-            .orientation
-            .filter(|_| self.oriented)
-            .map(|in_tracker| {
-                let in_base =
-                    self.frames.tracker_from_base.isometry().rotation.inverse() * in_tracker;
-                in_base * self.frames.flange_from_target.isometry().rotation.inverse()
-            });
-        measured.unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
+        self.measured_flange(attained)
+            .unwrap_or_else(|| self.arm.flange(joints).isometry().rotation)
     }
 }

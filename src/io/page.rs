@@ -55,6 +55,7 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         session,
         run,
     } = about.work.key();
+    let (tip, figures) = rows(tables, "accuracy").partition(|row| row.text("point") == "tool_tip");
     let names = about.work.sessions.iter().map(|name| (name, true));
     let names = names.chain(about.work.test_sessions.iter().map(|name| (name, false)));
     Content {
@@ -67,7 +68,8 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),
         steps: rows(tables, "grid_steps").map(|row| step(&row)).collect(),
-        figures: rows(tables, "accuracy").map(|row| figure(&row)).collect(),
+        figures: all(figures),
+        tip: all(tip),
         residuals: residuals(tables),
         semivariograms: rows(tables, "semivariograms")
             .filter_map(|row| variogram(&row))
@@ -87,6 +89,10 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         counts: about.counts.iter().map(count).collect(),
         provenance: made_from(about.work, about.written),
     }
+}
+
+fn all(rows: Vec<Row<'_>>) -> Vec<Figure> {
+    rows.iter().map(figure).collect()
 }
 
 fn step(row: &Row<'_>) -> Step {

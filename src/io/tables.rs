@@ -178,7 +178,11 @@ pub fn of_run(
         semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,
         grid_steps::grid_steps(&outcome.grids, context, key)?,
         compensation::compensation(outcome, context, key)?,
-        accuracy::accuracy(&outcome.accuracy, &context.tolerance, key)?,
+        accuracy::accuracy(
+            outcome.accuracy.iter().chain(&outcome.at_tip),
+            &context.tolerance,
+            key,
+        )?,
     ])
 }
 

@@ -144,9 +144,11 @@ fn promise(table: &str, figures: &Table) -> Option<TablePromise> {
             ("evidence", "predicted"),
             ("name", name),
         ];
-        wanted
-            .iter()
-            .all(|(column, word)| text(column, row) == *word)
+        let of_the_table = text("point", row) != "tool_tip";
+        of_the_table
+            && wanted
+                .iter()
+                .all(|(column, word)| text(column, row) == *word)
     };
     let value = |name: &str, column: &str| {
         let row = (0..figures.rows()).find(|&row| is(row, name))?;

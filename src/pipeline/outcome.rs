@@ -86,4 +86,6 @@ pub struct Outcome<'a> {
     pub driven: Option<Driven>,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
+    /// The same for the tool tip; none where the pipeline file does not say where it is.
+    pub at_tip: Vec<Accuracy>,
 }

@@ -8,7 +8,7 @@ use crate::grid::Tolerance;
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::manifest::RunKey;
-use crate::report::{Accuracy, Model, Moment};
+use crate::report::{Accuracy, Model, Moment, Point};
 
 /// Coverage factor of the expanded uncertainties.
 const COVERAGE_FACTOR: f64 = 2.0;
@@ -21,12 +21,12 @@ struct Figure<'a> {
 }
 
 /// The table of all figures.
-pub fn accuracy(
-    all: &[Accuracy],
+pub fn accuracy<'a>(
+    all: impl Iterator<Item = &'a Accuracy>,
     tolerance: &Tolerance,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let rows: Vec<Figure<'_>> = all.iter().flat_map(figures).collect();
+    let rows: Vec<Figure<'_>> = all.flat_map(figures).collect();
     let subjects = || rows.iter().map(|row| &row.of.subject);
     let table_of = |of: &'_ Accuracy| {
         let own = (of.subject.model == Model::Table).then(|| table_id(key));
@@ -34,7 +34,7 @@ pub fn accuracy(
     };
     let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
     let table = words::subjects(table, subjects)
-        .column("point", subjects().map(|s| point(s.model)))
+        .column("point", rows.iter().map(|row| point(row.of.point)))
         .column("table_id", rows.iter().map(|row| table_of(row.of)))
         .absent(["pose"]);
     Ok(limits(values(table, &rows), &rows, tolerance).finish()?)
@@ -78,11 +78,11 @@ impl Figure<'_> {
     }
 }
 
-/// A table and a raw command are of the controller's own tool point, a model of the measured target.
-const fn point(model: Model) -> &'static str {
-    match model {
-        Model::Table => "tool_point",
-        Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => "measured_point",
+const fn point(point: Point) -> &'static str {
+    match point {
+        Point::Measured => "measured_point",
+        Point::Tool => "tool_point",
+        Point::Tip => "tool_tip",
     }
 }
 

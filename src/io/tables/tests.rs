@@ -436,7 +436,7 @@ fn semivariograms_have_bins_models_and_a_word() {
 
 #[test]
 fn accuracy_says_what_is_not_shown() {
-    let table = accuracy::accuracy(&OUTCOME.accuracy, &example::TOLERANCE, &key()).unwrap();
+    let table = accuracy::accuracy(OUTCOME.accuracy.iter(), &example::TOLERANCE, &key()).unwrap();
     let bounds = rows(&table, "name", "bound");
     assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
     for &row in &bounds {

@@ -90,6 +90,7 @@ fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
             && is("role", row, "held_out")
             && is("split", row, "blocks")
             && is("base_refit", row, "none")
+            && !is("point", row, "tool_tip")
             && is("quantity", row, "position_error")
             && !is("model", row, "geometric")
             && (is("name", row, "mean") || is("name", row, "p95"))

@@ -3,13 +3,13 @@
 use nalgebra::Vector3;
 
 use super::StageSettings;
+use super::turns::commanded_turns;
 use crate::fit::Gauge;
 use crate::fit::commanded::CommandedPose;
-use crate::grid::Tolerance;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::report::driven::{self, DrivenStation};
-use crate::report::{Accuracy, ResidualSet, accuracy};
+use crate::report::tip::Turn;
 
 /// What the session says of the table that drove it; `None` where none did.
 pub(super) fn judged(
@@ -36,36 +36,31 @@ fn stations(
     settings: &StageSettings,
 ) -> Vec<DrivenStation> {
     let base_from_command = &settings.base_from_command;
-    let turn = base_from_command.rotation.to_rotation_matrix();
-    let station =
-        |((station, pose), place): ((&Station, &Option<CommandedPose>), &Option<usize>)| {
-            let target = &by.file.targets[(*place)?];
-            let attained = station
-                .attained
-                .as_ref()
-                .filter(|_| station.pairing == Pairing::Paired)?;
-            let stated: Vector3<f64> = target.command - target.target;
-            Some(DrivenStation {
-                station: station.number,
-                target: base_from_command * target.target,
-                command: pose.as_ref()?.position,
-                attained: gauge.attained_tool(&station.joints, attained),
-                stated: base_from_command.rotation * stated,
-                covariance: turn * target.covariance * turn.inverse(),
-            })
-        };
+    let command = base_from_command.rotation.to_rotation_matrix();
+    let station = |((station, pose), (place, turn)): (
+        (&Station, &Option<CommandedPose>),
+        (&Option<usize>, Option<Turn>),
+    )| {
+        let target = &by.file.targets[(*place)?];
+        let attained = station
+            .attained
+            .as_ref()
+            .filter(|_| station.pairing == Pairing::Paired)?;
+        let stated: Vector3<f64> = target.command - target.target;
+        Some(DrivenStation {
+            station: station.number,
+            target: base_from_command * target.target,
+            command: pose.as_ref()?.position,
+            attained: gauge.attained_tool(&station.joints, attained),
+            stated: base_from_command.rotation * stated,
+            covariance: command * target.covariance * command.inverse(),
+            turn,
+        })
+    };
     let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+    let turns = commanded_turns(session, gauge);
     stations
-        .zip(&by.matched.of_command)
+        .zip(by.matched.of_command.iter().zip(turns))
         .filter_map(station)
         .collect()
-}
-
-/// The figures before and after, of the same stations.
-pub(super) fn figures(driven: &Driven, tolerance: &Tolerance, guard_mm: f64) -> Vec<Accuracy> {
-    let of = |set: &ResidualSet| Accuracy {
-        driven_by: Some(driven.key.run.clone()),
-        ..accuracy::accuracy(set, tolerance, guard_mm)
-    };
-    driven.sets().map(of).collect()
 }

@@ -27,8 +27,10 @@ pub struct Content {
     pub notes: Vec<String>,
     /// `grid_steps`.
     pub steps: Vec<Step>,
-    /// `accuracy`.
+    /// `accuracy`, but for the tool tip.
     pub figures: Vec<Figure>,
+    /// `accuracy` of the tool tip.
+    pub tip: Vec<Figure>,
     /// `residuals`, those of one subject together, in the subjects' order.
     pub residuals: Vec<Residuals>,
     /// `semivariograms`.

@@ -21,7 +21,8 @@ use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::progress::Quiet;
 use crate::report::{
-    Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Residual, ResidualSet, Split, Subject,
+    Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Point, Residual, ResidualSet, Split,
+    Subject,
 };
 use crate::similarity::{ErrorSample, SimilaritySettings, semivariograms};
 use crate::simulate::settings::Cell;
@@ -232,6 +233,7 @@ fn outcome() -> Outcome<'static> {
         residuals: vec![residuals(&session.joined.stations, &gauge)],
         driven: None,
         accuracy: vec![accuracy(true), accuracy(false)],
+        at_tip: vec![],
         semivariograms: vec![(
             Model::BaseTarget,
             semivariograms(&samples, &SimilaritySettings::default()),
@@ -314,6 +316,7 @@ fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
             residual: gauge.target_error(&station.joints, station.attained.as_ref()?),
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
+            turn: None,
         })
     };
     ResidualSet {
@@ -327,6 +330,7 @@ fn accuracy(there: bool) -> Accuracy {
     let model = if there { Model::Full } else { Model::Table };
     Accuracy {
         subject: subject(Split::Blocks, model),
+        point: if there { Point::Measured } else { Point::Tool },
         moment: Moment::After,
         driven_by: None,
         figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),
