@@ -46,6 +46,8 @@ pub struct Said {
     pub warnings: Vec<String>,
     /// What else was found.
     pub notes: Vec<String>,
+    /// Whether the table that drove the session still holds, where one did.
+    pub table_state: Option<String>,
 }
 
 /// What the page of a run tells, from all its tables and what it says besides.
@@ -67,6 +69,7 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         choice: about.choice.words.clone(),
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),
+        table_state: about.said.table_state.clone(),
         steps: rows(tables, "grid_steps").map(|row| step(&row)).collect(),
         figures: all(figures),
         tip: all(tip),

@@ -9,6 +9,7 @@
 //! 4. the promised bound is held against the stations that judge ([`Kept`]).
 
 mod application;
+mod base_motion;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
@@ -18,6 +19,7 @@ use crate::figures::{Figures, share_interval};
 use crate::geometry::align;
 
 pub use application::{Application, application};
+pub use base_motion::{BaseMotion, base_motion};
 
 /// A target and the command that a table made of it, in the frame of commands.
 #[derive(Debug, Clone, PartialEq)]

@@ -79,6 +79,22 @@ pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, Strin
     Ok(made)
 }
 
+/// Adds what a session that a table drove is held against: the run that made the table.
+pub(super) fn add_table(
+    lake: &Lake,
+    claim: &RunKey,
+    made: &RunKey,
+    temporary: &Path,
+) -> Result<(), String> {
+    // The run that is computed again must not be there before.
+    if (&made.robot, &made.session) == (&claim.robot, &claim.session) {
+        return Ok(());
+    }
+    const READ: [&str; 4] = ["accuracy", "calibrations", "compensation", "runs"];
+    let copied = lake.copy_session(&READ, made, temporary);
+    copied.map_err(|error| format!("the run of the table that drove it cannot be copied: {error}"))
+}
+
 /// Removes temporary lakes of processes that are gone.
 pub fn clean() {
     temporary::clean_folders(TEMPORARY);

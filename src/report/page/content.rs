@@ -25,6 +25,8 @@ pub struct Content {
     pub warnings: Vec<String>,
     /// What the run found, in words: damage, parts of the model, stations hardly believed.
     pub notes: Vec<String>,
+    /// Whether the table that drove the session still holds, where one did.
+    pub table_state: Option<String>,
     /// `grid_steps`.
     pub steps: Vec<Step>,
     /// `accuracy`, but for the tool tip.
