@@ -168,6 +168,11 @@ impl Identified {
                 session: 0,
             },
             measured,
+            configurations: common::configurations(
+                &arm,
+                tool(),
+                &found.training[0].joined.stations,
+            ),
             validity: Validity::default(),
         };
         Self {
