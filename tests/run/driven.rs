@@ -120,6 +120,7 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
         posegrid()
             .arg("verify")
             .arg(cell.path("lake"))
+            .arg("tue")
             .arg("--pipeline")
             .arg(cell.pipeline()),
     );
