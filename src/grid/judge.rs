@@ -44,7 +44,7 @@ pub struct HeldOut {
 /// What one station's error is left at: by the grid, by nothing, and by the model without a grid.
 struct Left {
     station: usize,
-    left: Vector3<f64>,
+    error: Vector3<f64>,
     another_day: Vec<f64>,
     uncorrected: f64,
     direct: f64,
@@ -55,7 +55,7 @@ impl Left {
     fn new(station: &GridStation, interpolated: &Vector3<f64>, model: &dyn ErrorModel) -> Self {
         Self {
             station: station.number,
-            left: station.error - interpolated,
+            error: station.error - interpolated,
             another_day: station.left_another_day(interpolated).collect(),
             uncorrected: station.error.norm(),
             direct: (station.error - model.error(&station.joints)).norm(),
@@ -66,8 +66,8 @@ impl Left {
 
 impl HeldOut {
     fn add(&mut self, left: &Left) {
-        self.norms.push(left.left.norm());
-        self.left.push((left.station, left.left));
+        self.norms.push(left.error.norm());
+        self.left.push((left.station, left.error));
         self.another_day.extend(&left.another_day);
         self.uncorrected.push(left.uncorrected);
         self.direct.push(left.direct);

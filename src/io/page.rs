@@ -57,7 +57,11 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         session,
         run,
     } = about.work.key();
-    let (tip, figures) = rows(tables, "accuracy").partition(|row| row.text("point") == "tool_tip");
+    let accuracy = |at_tip: bool| {
+        let own = rows(tables, "accuracy");
+        let own = own.filter(|row| (row.text("point") == "tool_tip") == at_tip);
+        own.map(|row| figure(&row)).collect()
+    };
     let names = about.work.sessions.iter().map(|name| (name, true));
     let names = names.chain(about.work.test_sessions.iter().map(|name| (name, false)));
     Content {
@@ -71,8 +75,8 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         notes: about.said.notes.clone(),
         table_state: about.said.table_state.clone(),
         steps: rows(tables, "grid_steps").map(|row| step(&row)).collect(),
-        figures: all(figures),
-        tip: all(tip),
+        figures: accuracy(false),
+        tip: accuracy(true),
         residuals: residuals(tables),
         semivariograms: rows(tables, "semivariograms")
             .filter_map(|row| variogram(&row))
@@ -92,10 +96,6 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         counts: about.counts.iter().map(count).collect(),
         provenance: made_from(about.work, about.written),
     }
-}
-
-fn all(rows: Vec<Row<'_>>) -> Vec<Figure> {
-    rows.iter().map(figure).collect()
 }
 
 fn step(row: &Row<'_>) -> Step {

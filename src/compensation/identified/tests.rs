@@ -201,10 +201,7 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
     let mut identified = cell();
     let own = at_pose(&identified, &radians(JOINTS)).configuration;
     let own = own.expect("six axes");
-    let others = |all: &[String]| -> Vec<String> {
-        all.iter().filter(|other| **other != own).cloned().collect()
-    };
-    identified.configurations = others(&identified.configurations);
+    identified.configurations.retain(|other| *other != own);
     assert_eq!(identified.configurations.len(), 7);
     let refused = one(&identified, at_joints(JOINTS)).expect_err("never measured");
     assert_eq!(refused.name(), "configuration");

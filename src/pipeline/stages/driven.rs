@@ -9,7 +9,6 @@ use crate::fit::commanded::CommandedPose;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::report::driven::{self, DrivenStation};
-use crate::report::tip::Turn;
 
 /// What the session says of the table that drove it; `None` where none did.
 pub(super) fn judged(
@@ -37,11 +36,9 @@ fn stations(
 ) -> Vec<DrivenStation> {
     let base_from_command = &settings.base_from_command;
     let command = base_from_command.rotation.to_rotation_matrix();
-    let station = |((station, pose), (place, turn)): (
-        (&Station, &Option<CommandedPose>),
-        (&Option<usize>, Option<Turn>),
-    )| {
-        let target = &by.file.targets[(*place)?];
+    let turns = commanded_turns(session, gauge);
+    let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
+        let target = &by.file.targets[by.matched.of_command[place]?];
         let attained = station
             .attained
             .as_ref()
@@ -54,13 +51,9 @@ fn stations(
             attained: gauge.attained_tool(&station.joints, attained),
             stated: base_from_command.rotation * stated,
             covariance: command * target.covariance * command.inverse(),
-            turn,
+            turn: turns[place],
         })
     };
     let stations = session.joined.stations.iter().zip(&session.commanded.poses);
-    let turns = commanded_turns(session, gauge);
-    stations
-        .zip(by.matched.of_command.iter().zip(turns))
-        .filter_map(station)
-        .collect()
+    stations.enumerate().filter_map(station).collect()
 }

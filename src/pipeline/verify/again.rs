@@ -31,6 +31,9 @@ const ROW_ONLY: [&str; 10] = [
     "table_digests",
 ];
 
+/// Tables that a session is held against of the run whose table drove it.
+const OF_A_TABLE: [&str; 4] = ["accuracy", "calibrations", "compensation", "runs"];
+
 /// What temporary lakes are named by.
 const TEMPORARY: &str = "posegrid-verify";
 
@@ -90,8 +93,7 @@ pub(super) fn add_table(
     if (&made.robot, &made.session) == (&claim.robot, &claim.session) {
         return Ok(());
     }
-    const READ: [&str; 4] = ["accuracy", "calibrations", "compensation", "runs"];
-    let copied = lake.copy_session(&READ, made, temporary);
+    let copied = lake.copy_session(&OF_A_TABLE, made, temporary);
     copied.map_err(|error| format!("the run of the table that drove it cannot be copied: {error}"))
 }
 
