@@ -56,6 +56,8 @@ pub enum Drifted {
 pub enum NotShown {
     /// The lake does not have the table's run.
     NoRun,
+    /// The table's run cannot be read: why.
+    Unreadable(String),
     /// The table's run predicted no bound.
     NoPromise,
     /// The stations do not span space.
@@ -108,7 +110,8 @@ impl Shown<'_> {
         TableState::Holds(arm_drifted(compare()))
     }
 
-    fn kept(&self) -> Result<Kept, NotShown> {
+    /// The promise held against the stations that judge, or why it is not.
+    pub fn kept(&self) -> Result<Kept, NotShown> {
         let promise = self.promise.clone()?;
         let misapplied = matches!(
             self.application,
@@ -245,6 +248,7 @@ impl fmt::Display for NotShown {
             Self::NoRun => {
                 f.write_str("the lake does not have the table's run, and its promise with it")
             }
+            Self::Unreadable(why) => write!(f, "the table's run cannot be read: {why}"),
             Self::NoPromise => f.write_str("the table's run predicted no bound"),
             Self::NoBase => {
                 f.write_str("the stations do not span space, so no error after can be given")
