@@ -129,10 +129,10 @@ fn a_tool_tip_is_stated_in_the_frame_of_the_tool_or_the_flange() {
         let cell = Cell::new(&[("target_is_tool = true", tool), ("[tolerance]", &report)]);
         let plan = cell.plan(&Overrides::default()).expect("good");
         let tip = plan.stages.tool_tip.expect("stated");
-        [tip.x, tip.y, tip.z].map(|mm| (mm * 1e6).round() / 1e6)
+        format!("{:.3} {:.3} {:.3}", tip.x, tip.y, tip.z)
     };
-    assert_eq!(tip("tool"), [10.0, 5.0, 300.0]);
-    assert_eq!(tip("flange"), [5.0, 0.0, 200.0]);
+    assert_eq!(tip("tool"), "10.000 5.000 300.000");
+    assert_eq!(tip("flange"), "5.000 0.000 200.000");
     let none = Cell::new(&[]).plan(&Overrides::default()).expect("good");
     assert_eq!(none.stages.tool_tip, None);
 }
