@@ -85,6 +85,8 @@ pub struct Corrected {
 pub enum Exception {
     /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
     JointRange,
+    /// An arm configuration that no station was in: what a joint does there was not measured.
+    Configuration,
     /// Another tool than the table's.
     Tool,
     /// Another payload.
@@ -106,6 +108,7 @@ impl Exception {
     pub const fn name(self) -> &'static str {
         match self {
             Self::JointRange => "joint_range",
+            Self::Configuration => "configuration",
             Self::Tool => "tool",
             Self::Payload => "payload",
             Self::Mounting => "mounting",

@@ -13,6 +13,8 @@
 //! 5. Base, target and joints since the first session, and the accuracy figures, go on control charts ([`control`]) that
 //!    learn the ordinary spread between sessions from the sessions themselves. The test of step 3 asks whether something
 //!    is not where it was, the charts whether that is more than usual.
+//!
+//! [`table_state`] asks the same of a session that a table drove: whether the table still holds.
 
 mod bits;
 pub mod compare;
@@ -20,6 +22,7 @@ pub mod control;
 mod course;
 pub mod estimate;
 pub mod suspects;
+pub mod table_state;
 mod words;
 
 use nalgebra::DMatrix;
@@ -27,7 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use compare::Shift;
 use control::Charted;
-pub use course::Course;
+pub use course::{Course, between};
 use estimate::Estimate;
 use suspects::{Asked, Finding, Suspect};
 

@@ -12,11 +12,13 @@ pub mod iso_9283;
 pub mod page;
 pub mod promise;
 pub mod refit;
+pub mod tip;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::Figures;
 use crate::grid::Verdict;
+use tip::Turn;
 
 /// The models that are held side by side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -98,6 +100,8 @@ pub struct Residual {
     pub covariance: Option<Matrix3<f64>>,
     /// The station's robust weight, in training.
     pub weight: Option<f64>,
+    /// How the flange stood and was predicted or commanded to stand, where its orientation was measured.
+    pub turn: Option<Turn>,
 }
 
 /// Residuals of one model on one set of stations.
@@ -114,6 +118,8 @@ pub struct ResidualSet {
 pub struct Accuracy {
     /// What it is of.
     pub subject: Subject,
+    /// The point that the errors are of.
+    pub point: Point,
     /// Before compensation (an error as it is) or after (what a prediction would leave, or a table left).
     pub moment: Moment,
     /// The run whose table drove the stations, where one did.

@@ -65,6 +65,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
             .zip(radians(UPPER_DEG))
             .map(<[f64; 2]>::from)
             .collect(),
+        configurations: common::configurations(arm, tool, &stations),
         validity: Validity::default(),
     }
 }

@@ -119,6 +119,25 @@ fn pools_learn_from_each_all_or_everything_until() {
 }
 
 #[test]
+fn a_tool_tip_is_stated_in_the_frame_of_the_tool_or_the_flange() {
+    // The tool is 100 mm before the flange and 10 mm beside it, turned by 90° about z: its x is the flange's y.
+    let tool = "target_is_tool = true\nflange_from_tool = { xyz_mm = [10, 0, 100], euler_deg = [0, 0, 90], euler_order = \"fixed-xyz\" }";
+    let tip = |frame: &str| {
+        let report = format!(
+            "[report]\ntool_tip = {{ frame = \"{frame}\", xyz_mm = [5, 0, 200] }}\n[tolerance]"
+        );
+        let cell = Cell::new(&[("target_is_tool = true", tool), ("[tolerance]", &report)]);
+        let plan = cell.plan(&Overrides::default()).expect("good");
+        let tip = plan.stages.tool_tip.expect("stated");
+        format!("{:.3} {:.3} {:.3}", tip.x, tip.y, tip.z)
+    };
+    assert_eq!(tip("tool"), "10.000 5.000 300.000");
+    assert_eq!(tip("flange"), "5.000 0.000 200.000");
+    let none = Cell::new(&[]).plan(&Overrides::default()).expect("good");
+    assert_eq!(none.stages.tool_tip, None);
+}
+
+#[test]
 fn a_test_session_is_not_learnt_from() {
     let test = |sessions: &[&str]| {
         Cell::new(&[]).plan(&Overrides {
@@ -136,7 +155,21 @@ fn a_test_session_is_not_learnt_from() {
 }
 
 /// Each change to a good file, and what the message has to hold.
-const BAD: [(&str, &str, &[&str]); 24] = [
+const BAD: [(&str, &str, &[&str]); 26] = [
+    (
+        "[tolerance]",
+        "[report]\ntool_tip = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n[tolerance]",
+        &[
+            "[commanded] flange_from_tool is missing",
+            "tool_tip",
+            "frame = \"flange\"",
+        ],
+    ),
+    (
+        "[tolerance]",
+        "[report]\ntool_tip = { xyz_mm = [0, 0, 200] }\n[tolerance]",
+        &["missing field `frame`"],
+    ),
     (
         "mm = 0.5",
         "mm = 0.5\ntolerence = 1",

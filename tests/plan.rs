@@ -448,6 +448,7 @@ fn stage_settings(settings: &PlanSettings) -> StageSettings {
             with_target: false,
         },
         leave_sessions_out: false,
+        tool_tip: None,
     }
 }
 

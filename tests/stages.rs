@@ -85,6 +85,7 @@ fn settings() -> StageSettings {
             with_target: false,
         },
         leave_sessions_out: true,
+        tool_tip: None,
     }
 }
 

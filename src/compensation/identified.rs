@@ -3,7 +3,8 @@
 //! Inputs are what a run published of an arm ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
 //! [`Corrected`] commands, joint angles included. Steps:
 //! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
-//! 2. these are held against the joint ranges measured: beyond them the model falls back to its prior;
+//! 2. these are held against the joint ranges and the arm configurations measured: beyond them the model falls back to its
+//!    prior;
 //! 3. the command is moved against the error that the model predicts at its joint angles, in the gauge of base and target
 //!    (METHOD.md 6), just as for the nodes of a grid: what both say at a node is the same;
 //! 4. the error's covariance at the joint command is that of the correction.
@@ -41,6 +42,8 @@ pub struct IdentifiedArm {
     pub model: ArmModel,
     /// Lowest and highest angle of each joint over the stations used, rad.
     pub measured: Vec<[f64; 2]>,
+    /// The arm configurations of the stations used; none of an arm without six axes.
+    pub configurations: Vec<String>,
     /// What it is valid for.
     pub validity: Validity,
 }
@@ -143,7 +146,7 @@ impl Correction<'_> {
             translation,
             rotation,
         } = wanted.base_from_tool;
-        let at_target = self.measured(&wanted.joints)?;
+        let at_target = self.exception(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
         let target = Point3::from(translation.vector);
         let settled = settle(&target, |command| {
@@ -151,7 +154,7 @@ impl Correction<'_> {
             joints = self.reach.solve(&pose, &joints)?;
             Ok((self.errors.error(&joints), joints.clone()))
         })?;
-        let at_command = self.measured(&settled.found)?;
+        let at_command = self.exception(&settled.found)?;
         let (_, covariance) = self.errors.error_with_covariance(&settled.found);
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
@@ -173,12 +176,32 @@ impl Correction<'_> {
         })
     }
 
-    /// Whether joint angles were measured; the exception that they need, where it is allowed.
-    fn measured(&self, joints: &[f64]) -> Result<Option<Exception>, Reason> {
-        match self.identified.within_measured(joints) {
-            Err(_) if self.allow == Some(Exception::JointRange) => Ok(self.allow),
-            within => within.map(|()| None),
+    /// Whether joint angles, and the arm configuration they are in, were measured; the exception that they need, where it is
+    /// allowed.
+    fn exception(&self, joints: &[f64]) -> Result<Option<Exception>, Reason> {
+        let unless = |exception, measured: Result<(), Reason>| match measured {
+            Err(_) if self.allow == Some(exception) => Ok(self.allow),
+            measured => measured.map(|()| None),
+        };
+        let ranges = self.identified.within_measured(joints);
+        let ranges = unless(Exception::JointRange, ranges)?;
+        let configuration = unless(Exception::Configuration, self.in_a_measured_one(joints))?;
+        Ok(ranges.or(configuration))
+    }
+
+    /// Refuses an arm configuration that no station was in.
+    fn in_a_measured_one(&self, joints: &[f64]) -> Result<(), Reason> {
+        let Some(found) = self.reach.configuration(joints) else {
+            return Ok(());
+        };
+        let (found, measured) = (found.to_string(), &self.identified.configurations);
+        if measured.contains(&found) {
+            return Ok(());
         }
+        Err(Reason::NeverMeasured {
+            found,
+            measured: measured.clone(),
+        })
     }
 }
 

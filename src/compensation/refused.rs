@@ -90,6 +90,17 @@ pub enum Reason {
         /// Those there are.
         measured: Vec<String>,
     },
+    /// An arm configuration that no station was in.
+    #[error(
+        "stands in arm configuration {found:?}, and stations were measured in {}; measure there, or reach it in another",
+        measured.join(", ")
+    )]
+    NeverMeasured {
+        /// The target's, or its command's.
+        found: String,
+        /// Those of the stations.
+        measured: Vec<String>,
+    },
     /// Joint angles of another arm.
     #[error("has {found}, the arm has joints {}; give one for each, in this order or by these names", expected.join(", "))]
     Joints {
@@ -175,6 +186,7 @@ impl Reason {
             Self::Configuration { .. }
             | Self::NoConfiguration
             | Self::Unmeasured { .. }
+            | Self::NeverMeasured { .. }
             | Self::Arm(InverseError::ConfigurationChanged { .. }) => "configuration",
             Self::NoPosition => "no_position",
             Self::NoOrientation => "no_orientation",

@@ -46,7 +46,7 @@ use noise::Repeatability;
 pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
-use standing::Standing;
+use standing::{Against, Standing};
 use student::Tails;
 use tabulated::Tabulated;
 
@@ -253,6 +253,22 @@ impl FullModel {
         }
     }
 
+    /// From the flange's axes to the tracker's as the whole model has it: with what curves, gravity and the other parts turn it
+    /// by, which [`Predicted::flange`] leaves out.
+    pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
+        let view = self.viewed(query);
+        let moved = self.pose(query, &view).rows(&self.layout, 6) * &self.mean;
+        let against = self.against(query);
+        let standing = against.map_or_else(Vector3::zeros, |against| {
+            let joints = view.joints.iter().zip(&against.mean);
+            joints.map(|(twist, mean)| twist.angular * *mean).sum()
+        });
+        let turn = Vector3::new(moved[3], moved[4], moved[5]) + standing;
+        UnitQuaternion::from_scaled_axis(turn)
+            * view.end.rotation
+            * self.target_from_flange(query.session)
+    }
+
     /// The predicted point alone, in the tracker's frame, mm: many times as fast.
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
         let view = self.viewed(query);
@@ -317,18 +333,22 @@ impl FullModel {
         }
     }
 
+    /// Where joints come to stand against the angles of a query, where the shortfall is not known.
+    fn against(&self, query: &Query<'_>) -> Option<&Against> {
+        let standing = self.standing.as_ref()?;
+        match query.known {
+            Known::Commanded => Some(&standing.commanded),
+            Known::Reported => Some(&standing.reported),
+            Known::Both(_) => None,
+        }
+    }
+
     /// Mean and covariance of how the point is moved by where joints come to stand, where the shortfall is not known.
     fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
         let zero = (Vector3::zeros(), Matrix3::zeros());
-        let against = self
-            .standing
-            .as_ref()
-            .and_then(|standing| match query.known {
-                Known::Commanded => Some(&standing.commanded),
-                Known::Reported => Some(&standing.reported),
-                Known::Both(_) => None,
-            });
-        let Some(against) = against else { return zero };
+        let Some(against) = self.against(query) else {
+            return zero;
+        };
         let sizes = against.mean.iter().zip(&against.variance);
         joints
             .iter()

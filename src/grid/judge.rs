@@ -20,6 +20,8 @@ use crate::fit::ErrorModel;
 pub struct HeldOut {
     /// Norm of measured minus interpolated error, in station order, mm.
     pub norms: Vec<f64>,
+    /// Measured minus interpolated error of the same, each with its station's number, mm.
+    pub left: Vec<(usize, Vector3<f64>)>,
     /// The same of the errors that those stations may have on another day, as many for each; empty where nothing is known
     /// of that.
     pub another_day: Vec<f64>,
@@ -41,7 +43,8 @@ pub struct HeldOut {
 
 /// What one station's error is left at: by the grid, by nothing, and by the model without a grid.
 struct Left {
-    norm: f64,
+    station: usize,
+    error: Vector3<f64>,
     another_day: Vec<f64>,
     uncorrected: f64,
     direct: f64,
@@ -51,7 +54,8 @@ struct Left {
 impl Left {
     fn new(station: &GridStation, interpolated: &Vector3<f64>, model: &dyn ErrorModel) -> Self {
         Self {
-            norm: (station.error - interpolated).norm(),
+            station: station.number,
+            error: station.error - interpolated,
             another_day: station.left_another_day(interpolated).collect(),
             uncorrected: station.error.norm(),
             direct: (station.error - model.error(&station.joints)).norm(),
@@ -62,7 +66,8 @@ impl Left {
 
 impl HeldOut {
     fn add(&mut self, left: &Left) {
-        self.norms.push(left.norm);
+        self.norms.push(left.error.norm());
+        self.left.push((left.station, left.error));
         self.another_day.extend(&left.another_day);
         self.uncorrected.push(left.uncorrected);
         self.direct.push(left.direct);

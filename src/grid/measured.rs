@@ -214,7 +214,9 @@ impl Decimated {
             .zip(weights)
             .map(|(vertex, w)| vertex.error * w)
             .sum();
-        held_out.norms.push((station.error - interpolated).norm());
+        let left = station.error - interpolated;
+        held_out.norms.push(left.norm());
+        held_out.left.push((station.number, left));
         let another_day = station.left_another_day(&interpolated);
         held_out.another_day.extend(another_day);
         held_out.uncorrected.push(station.error.norm());

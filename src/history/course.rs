@@ -147,6 +147,11 @@ impl Course {
     }
 }
 
+/// What moved between two estimates of one arm.
+pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
+    Course::default().held_against(earlier.clone(), later)
+}
+
 /// The pool without base or target where those stand elsewhere in this session, and which.
 fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Suspect>) {
     let anew: Vec<Suspect> = [Suspect::Base, Suspect::Target]

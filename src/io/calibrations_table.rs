@@ -3,7 +3,7 @@
 //! 1. The file keeps the contract of `schemas/calibrations.toml` ([`table::read`]).
 //! 2. The row `base_target` has the nominal arm and the frames that are the gauge of errors: those of the last session.
 //! 3. The row `full` has the model that predicts; without one it is the geometry of row `geometric`.
-//! 4. Frames of commands and tool, joint ranges and validity stand in every row and have to be the same.
+//! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
 
 use std::path::{Path, PathBuf};
 
@@ -119,6 +119,7 @@ fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsT
             Wanted::Geometry => file.geometric(&base)?,
         },
         measured: said.joint_ranges(arm.joints().len())?,
+        configurations: said.texts("configurations")?,
         validity: said.validity()?,
         arm,
     };

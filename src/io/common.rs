@@ -122,6 +122,17 @@ impl Common<'_> {
         Ok(lower.into_iter().zip(upper).map(<[f64; 2]>::from).collect())
     }
 
+    /// A list of texts.
+    pub fn texts(self, column: &str) -> Result<Vec<String>, CommonError> {
+        let lists = self.table.list(column);
+        let row = |row| {
+            let list = lists.value(row);
+            let texts = list.as_string::<i32>().iter().flatten();
+            Some(texts.map(str::to_owned).collect::<Vec<_>>())
+        };
+        Ok(self.one(column, row)?.unwrap_or_default())
+    }
+
     /// A number above zero.
     pub fn positive(self, column: &str) -> Result<f64, CommonError> {
         let value = self.number(column)?;

@@ -46,6 +46,8 @@ pub struct Said {
     pub warnings: Vec<String>,
     /// What else was found.
     pub notes: Vec<String>,
+    /// Whether the table that drove the session still holds, where one did.
+    pub table_state: Option<String>,
 }
 
 /// What the page of a run tells, from all its tables and what it says besides.
@@ -55,6 +57,11 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         session,
         run,
     } = about.work.key();
+    let accuracy = |at_tip: bool| {
+        let own = rows(tables, "accuracy");
+        let own = own.filter(|row| (row.text("point") == "tool_tip") == at_tip);
+        own.map(|row| figure(&row)).collect()
+    };
     let names = about.work.sessions.iter().map(|name| (name, true));
     let names = names.chain(about.work.test_sessions.iter().map(|name| (name, false)));
     Content {
@@ -66,8 +73,10 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         choice: about.choice.words.clone(),
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),
+        table_state: about.said.table_state.clone(),
         steps: rows(tables, "grid_steps").map(|row| step(&row)).collect(),
-        figures: rows(tables, "accuracy").map(|row| figure(&row)).collect(),
+        figures: accuracy(false),
+        tip: accuracy(true),
         residuals: residuals(tables),
         semivariograms: rows(tables, "semivariograms")
             .filter_map(|row| variogram(&row))

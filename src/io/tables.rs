@@ -179,7 +179,7 @@ pub fn of_run(
         grid_steps::grid_steps(&outcome.grids, context, key)?,
         compensation::compensation(outcome, context, key)?,
         accuracy::accuracy(
-            outcome.accuracy.iter(),
+            outcome.accuracy.iter().chain(&outcome.at_tip),
             &outcome.iso_9283,
             &context.tolerance,
             key,

@@ -132,7 +132,7 @@ pub struct InputSection {
     /// The tracker's log; it may be the same file.
     #[serde(default = "tracker_log", skip_serializing)]
     pub tracker: LogNames,
-    /// The file of corrected targets that drove a session, in its folder: a name or a pattern. A session whose folder has one is
+    /// The file of corrected targets that drove a session, in its folder: a name, a pattern or a list of them. A session whose folder has one is
     /// judged by it as well.
     #[serde(default = "corrected_targets", skip_serializing)]
     pub corrected_targets: LogNames,
@@ -325,6 +325,29 @@ pub struct ReportSection {
     /// The id of the plan that the sessions were measured by, where their logs do not say it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<String>,
+    /// Where the tool tip is, for figures there. Absent: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tool_tip: Option<ToolTip>,
+}
+
+/// Where the tool tip is.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolTip {
+    /// The frame that it is stated in.
+    pub frame: TipFrame,
+    /// mm.
+    pub xyz_mm: [f64; 3],
+}
+
+/// Frames that a tool tip can be stated in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TipFrame {
+    /// The flange.
+    Flange,
+    /// The controller's own tool, `[commanded] flange_from_tool`.
+    Tool,
 }
 
 /// `[output]`.
@@ -346,6 +369,7 @@ impl Default for ReportSection {
             refit_target: false,
             leave_sessions_out: true,
             plan: None,
+            tool_tip: None,
         }
     }
 }
@@ -365,7 +389,11 @@ const fn settle_s() -> u64 {
 }
 
 fn corrected_targets() -> LogNames {
-    LogNames::One("corrected*.csv".to_owned())
+    LogNames::Several(
+        ["csv", "parquet", "json"]
+            .map(|form| format!("corrected*.{form}"))
+            .into(),
+    )
 }
 
 /// A log that lost more than a hundredth of itself is no longer the session that was driven.

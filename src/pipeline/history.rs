@@ -14,7 +14,7 @@
 mod figures;
 mod order;
 mod rows;
-mod session;
+pub(in crate::pipeline) mod session;
 mod summary;
 mod trend;
 

@@ -17,9 +17,9 @@ mod tree;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use nalgebra::{Isometry3, UnitVector3, Vector3};
+use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
-use super::file::{PipelineFile, TrackerFromBase, Validity};
+use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase, Validity};
 use super::stages::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
@@ -254,6 +254,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
             with_target: file.report.refit_target,
         },
         leave_sessions_out: file.report.leave_sessions_out,
+        tool_tip: placed.tool_tip,
     }
 }
 
@@ -296,6 +297,8 @@ struct Placed {
     /// The controller's tool, which commands are for. It may be meant to be the target; where the target sits is measured.
     flange_from_tool: Option<Isometry3<f64>>,
     raw_command: Option<RawCommandBase>,
+    /// Where the tool tip is at the flange, mm.
+    tool_tip: Option<Vector3<f64>>,
 }
 
 impl Placed {
@@ -314,8 +317,11 @@ impl Placed {
             command_frames: None,
             flange_from_tool: None,
             raw_command: None,
+            tool_tip: None,
         };
+        let tip = file.report.tool_tip.as_ref();
         let Some(section) = &file.commanded else {
+            placed.tool_tip = tip.map(|tip| tip_at_flange(path, tip, None)).transpose()?;
             return Ok(placed);
         };
         let tool = section.flange_from_tool.as_ref();
@@ -330,6 +336,9 @@ impl Placed {
             flange_from_tool: tool,
         });
         placed.flange_from_tool = tool;
+        placed.tool_tip = tip
+            .map(|tip| tip_at_flange(path, tip, tool.as_ref()))
+            .transpose()?;
         if section.target_is_tool {
             placed.raw_command = base;
         } else if tool.is_none() {
@@ -350,6 +359,27 @@ pub(super) fn placed(
         key,
         source,
     })
+}
+
+/// The tool tip along the flange's axes, mm.
+fn tip_at_flange(
+    path: &Path,
+    tip: &ToolTip,
+    flange_from_tool: Option<&Isometry3<f64>>,
+) -> Result<Vector3<f64>, PlanError> {
+    let [x, y, z] = tip.xyz_mm;
+    match (tip.frame, flange_from_tool) {
+        (TipFrame::Flange, _) => Ok(Vector3::new(x, y, z)),
+        (TipFrame::Tool, Some(flange_from_tool)) => {
+            Ok((flange_from_tool * Point3::new(x, y, z)).coords)
+        }
+        (TipFrame::Tool, None) => Err(PlanError::Missing {
+            path: path.to_owned(),
+            key: "[commanded] flange_from_tool",
+            reason: "[report] tool_tip is stated in the frame of the controller's tool; state where that is, or the tip with \
+                     frame = \"flange\"",
+        }),
+    }
 }
 
 fn no_tool(path: &Path) -> PlanError {

@@ -212,9 +212,12 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
     let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
     let context = context(plan, &outcome, lake.current(&key)?);
     let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
-    let driven = driven::words(&outcome, &plan.valid_for, &lake)?;
-    let remarks: Vec<String> = driven.into_iter().chain(promised).collect();
-    let said = said(plan, &outcome, &remarks)?;
+    let driven = driven::words(&outcome, &plan.arm, &plan.valid_for, &lake)?;
+    let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
+    let said = Said {
+        table_state: driven.state,
+        ..said(plan, &outcome, &remarks)?
+    };
     let commit = tables::publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -240,6 +243,7 @@ fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, 
             .into_iter()
             .chain(remarks.iter().cloned())
             .collect(),
+        table_state: None,
     })
 }
 

@@ -3,12 +3,12 @@
 
 mod another_day;
 mod driven;
+mod figures;
 mod gridded;
 mod iso_9283;
 mod judged;
 mod observed;
-
-use std::collections::BTreeMap;
+mod turns;
 
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
@@ -17,15 +17,14 @@ use super::outcome::{JoinedSession, Outcome};
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSettings};
-use crate::grid::{self, GridError, GridSettings, GridStation, Tolerance};
+use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;
-use crate::report::{
-    Accuracy, Angles, BaseRefit, Model, Moment, Residual, ResidualSet, Split, Subject, accuracy,
-};
+use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
 use another_day::add_other_days;
+use figures::FigureMaker;
 use gridded::{grid_stations, grids};
 use judged::{Judged, raw_command, train_folds};
 use observed::Observed;
@@ -57,6 +56,8 @@ pub struct StageSettings {
     pub refit: RefitSettings,
     /// Whether each session of a pool is judged by a training on the others.
     pub leave_sessions_out: bool,
+    /// Where the tool tip is at the flange, along the flange's axes, mm, where figures are asked for it.
+    pub tool_tip: Option<Vector3<f64>>,
 }
 
 /// The base in which an error against the raw command is given; command and target are one point.
@@ -137,15 +138,17 @@ pub fn run<'a>(
         guard_mm: grids.guard_mm,
     };
     let iso_9283 = sources.figures();
-    let mut accuracy = figures(
-        &residuals,
-        &grids,
-        &stations,
-        &training[last].name,
+    let maker = FigureMaker {
         settings,
-    );
+        models: &models,
+        training: &training,
+        gauge: &gauge,
+        stations: &stations,
+        grids: &grids,
+    };
+    let accuracy = maker.figures(&residuals, driven.as_ref());
+    let at_tip = maker.at_tip(&residuals, driven.as_ref());
     if let Some(driven) = &driven {
-        accuracy.extend(driven::figures(driven, &settings.tolerance, grids.guard_mm));
         residuals.extend(driven.sets().cloned());
     }
     let Models {
@@ -169,6 +172,7 @@ pub fn run<'a>(
         driven,
         accuracy,
         iso_9283,
+        at_tip,
     })
 }
 
@@ -232,53 +236,4 @@ fn semivariograms(
     .into_iter()
     .filter_map(|(model, angles)| of(model, angles))
     .collect()
-}
-
-fn figures(
-    residuals: &[ResidualSet],
-    grids: &grid::Grids,
-    stations: &[GridStation],
-    session: &str,
-    settings: &StageSettings,
-) -> Vec<Accuracy> {
-    let chosen = &grids.judged[grids.choice.row];
-    let guard_mm = grids.guard_mm;
-    let moved: BTreeMap<usize, &[Vector3<f64>]> = stations
-        .iter()
-        .map(|station| (station.number, &*station.another_day))
-        .collect();
-    let of = |set: &ResidualSet| {
-        let own = accuracy::accuracy(set, &settings.tolerance, guard_mm);
-        let subject = &set.subject;
-        let foretells = (subject.model, subject.angles, subject.split)
-            == (Model::Full, Angles::Commanded, Split::Blocks);
-        if foretells && subject.of_session == session {
-            let moved = |station| moved.get(&station).copied().unwrap_or_default();
-            accuracy::of_another_day(own, set, moved, &settings.tolerance)
-        } else {
-            own
-        }
-    };
-    let mut figures: Vec<Accuracy> = residuals.iter().map(of).collect();
-    let mut folds: Vec<usize> = stations.iter().map(|station| station.fold).collect();
-    folds.sort_unstable();
-    folds.dedup();
-    figures.push(Accuracy {
-        subject: Subject {
-            split: Split::Blocks,
-            of_session: session.to_owned(),
-            model: Model::Table,
-            angles: Angles::Commanded,
-            base_refit: BaseRefit::None,
-        },
-        moment: Moment::After,
-        driven_by: None,
-        figures: chosen.figures,
-        bound: chosen.bound,
-        blocks: Some(folds.len()),
-        coverage: None,
-        expanded_uncertainty_mm: guard_mm,
-        verdict: grids.choice.verdict.clone(),
-    });
-    figures
 }

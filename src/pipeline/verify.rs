@@ -170,6 +170,11 @@ fn recomputed(
         }
         Err(NoSource::Other(reason)) => return Recomputed::No(reason),
     };
+    let table = source.driven_by();
+    let added = table.map(|made| again::add_table(lake, &claim.key, &made, temporary.path()));
+    if let Some(Err(reason)) = added {
+        return Recomputed::No(reason);
+    }
     verified.inputs = altered::inputs(&claim.inputs, &work.inputs);
     verified.settings = settings::changed(&claim.settings, &work.settings);
     let other_version = claim.is_other_version();

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::evaluate::mahalanobis_squared;
-use super::{Accuracy, Calibrated, Model, Moment, ResidualSet, Split};
+use super::{Accuracy, Calibrated, Model, Moment, Point, ResidualSet, Split};
 use crate::figures::{Figures, upper_tolerance_bound, upper_tolerance_bound_of};
 use crate::grid::{Tolerance, Verdict};
 
@@ -41,6 +41,12 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         .collect();
     Accuracy {
         subject: set.subject.clone(),
+        point: match set.subject.model {
+            Model::Table => Point::Tool,
+            Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => {
+                Point::Measured
+            }
+        },
         moment,
         driven_by: None,
         figures: Figures::of(&norms),

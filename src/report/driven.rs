@@ -9,14 +9,17 @@
 //! 4. the promised bound is held against the stations that judge ([`Kept`]).
 
 mod application;
+mod base_motion;
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
+use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::figures::{Figures, share_interval};
 use crate::geometry::align;
 
 pub use application::{Application, application};
+pub use base_motion::{BaseMotion, base_motion};
 
 /// A target and the command that a table made of it, in the frame of commands.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,6 +106,8 @@ pub struct DrivenStation {
     pub stated: Vector3<f64>,
     /// Its covariance, mm².
     pub covariance: Matrix3<f64>,
+    /// How the flange stood and was commanded to stand, where both are known.
+    pub turn: Option<Turn>,
 }
 
 impl DrivenStation {
@@ -133,6 +138,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
         &points(|s| s.attained),
         &vec![1.0; first],
     )?;
+    let turns = turns(stations, &base.rotation, first);
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
             station: station.station,
@@ -142,6 +148,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
             residual: base * station.attained - wanted(station),
             covariance: None,
             weight: None,
+            turn: turns[place],
         };
         ResidualSet {
             subject: Subject {
@@ -158,6 +165,20 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
         before: set(Model::RawCommand, |station| station.command),
         after: set(Model::Table, |station| station.target),
     })
+}
+
+/// How the flange stood in the base as it was found from the first stations, and was commanded to stand.
+fn turns(
+    stations: &[DrivenStation],
+    base: &UnitQuaternion<f64>,
+    first: usize,
+) -> Vec<Option<Turn>> {
+    let turn = |turn: Turn| Turn {
+        attained: base * turn.attained,
+        ..turn
+    };
+    let turns: Vec<_> = stations.iter().map(|s| s.turn.map(turn)).collect();
+    without_constant(&turns, |place| place < first)
 }
 
 /// What a table's own run promised of it.
@@ -236,6 +257,7 @@ impl Kept {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::tip::at_tip;
 
     fn target(x: f64) -> CorrectedTarget {
         CorrectedTarget {
@@ -282,6 +304,7 @@ mod tests {
                 attained: target + Vector3::new(3.0, 0.0, *norm),
                 stated: Vector3::zeros(),
                 covariance: Matrix3::identity(),
+                turn: None,
             }
         };
         norms.iter().enumerate().map(station).collect()
@@ -307,6 +330,33 @@ mod tests {
         // 18 of 20 leave 68 to 99 % possible (Clopper and Pearson): 95 % are not contradicted.
         assert!((kept.interval.0 - 0.683).abs() < 1e-3 && (kept.interval.1 - 0.988).abs() < 1e-3);
         assert!(!kept.is_broken() && kept.words().ends_with("not contradicted"));
+    }
+
+    #[test]
+    fn the_tip_of_a_driven_session_is_seen_from_the_base_as_it_was_found() {
+        // The base turned by 2 mrad since and the target mounted at an angle: neither is an error of the tip. At the last
+        // station the flange is 1 mrad off.
+        let base = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 2e-3, 0.0));
+        let mounted = UnitQuaternion::from_scaled_axis(Vector3::new(0.01, 0.02, -0.01));
+        let mut all = stations(&[0.0; 28]);
+        for (i, station) in all.iter_mut().enumerate() {
+            let wanted = UnitQuaternion::from_euler_angles(0.1 * i as f64, 0.5, -0.3);
+            let off = Vector3::x() * if i == 27 { 1e-3 } else { 0.0 };
+            let attained = wanted * UnitQuaternion::from_scaled_axis(off) * mounted;
+            station.attained = base * station.target;
+            station.turn = Some(Turn {
+                attained: base * attained,
+                wanted,
+            });
+        }
+        let after = measured(&all, "tuesday", 10)
+            .expect("stations span space")
+            .after;
+        let tip = at_tip(&after, &Vector3::new(0.0, 0.0, 200.0));
+        let norms: Vec<f64> = tip.residuals.iter().map(|r| r.residual.norm()).collect();
+        assert!(norms[..27].iter().all(|norm| *norm < 1e-6), "{norms:?}");
+        // 1 mrad at 200 mm.
+        assert!((norms[27] - 0.2).abs() < 1e-4, "{norms:?}");
     }
 
     #[test]

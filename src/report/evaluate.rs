@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::refit::{self, Placed};
+use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::fit::full::{Known, Query};
 use crate::fit::{Models, Observation};
@@ -33,6 +34,8 @@ struct Prediction {
     rows: Option<DMatrix<f64>>,
     /// Covariance by not knowing where joints stand against their command, mm².
     standing: Matrix3<f64>,
+    /// How the flange stood and is predicted to, in the tracker's axes, where its orientation was measured.
+    turn: Option<Turn>,
 }
 
 /// Models with the angles each is given.
@@ -74,6 +77,9 @@ pub fn own_session(
                     .inverse_transform_vector(&(observation.position - prediction.position)),
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
                 weight: None,
+                turn: prediction
+                    .turn
+                    .map(|turn| turn.seen_from(&base.rotation.inverse())),
             };
         let residuals = stations
             .observations
@@ -165,6 +171,7 @@ impl Unseen<'_> {
             (found.base_from_tracker, found.target_shift)
         };
         let covariances = self.covariances(observations);
+        let turns = self.turns(&base_from_tracker);
         let all = self.used == observations.len();
         let residual = |(place, (measured, placed)): (usize, (&Point3<f64>, &Placed))| {
             let predicted = placed.position + placed.flange * shift;
@@ -176,6 +183,7 @@ impl Unseen<'_> {
                 residual: base_from_tracker * measured - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),
                 weight: None,
+                turn: turns[place],
             }
         };
         Some(
@@ -186,6 +194,23 @@ impl Unseen<'_> {
                 .map(residual)
                 .collect(),
         )
+    }
+
+    /// How the flange stood in the base as it was found, and was predicted to; a mounting of the session's own turns the target
+    /// as the stations say that its base is found from.
+    fn turns(&self, base_from_tracker: &Isometry3<f64>) -> Vec<Option<Turn>> {
+        let (found, trained) = (base_from_tracker.rotation, self.to_base.rotation);
+        let turn = |turn: &Turn| Turn {
+            attained: found * turn.attained,
+            wanted: trained * turn.wanted,
+        };
+        let turns = self.predictions.iter().map(|p| p.turn.as_ref().map(turn));
+        let turns: Vec<_> = turns.collect();
+        if self.settings.with_target && self.used > 0 {
+            without_constant(&turns, |place| place < self.used)
+        } else {
+            turns
+        }
     }
 
     /// Covariance of what is left on each station: the model's share that the refitted frames do not take up, noise, what
@@ -295,21 +320,42 @@ fn predictions(
             Angles::Blended => (o.axes.clone(), Known::of(o)),
         };
         let session = if own { o.session } else { 0 };
-        predict(
-            arm,
-            models,
-            model,
-            &Query {
-                axes: &axes,
-                known,
-                lever: Vector3::zeros(),
-                session,
-                own,
-                station: Some(o.station),
-            },
-        )
+        let query = Query {
+            axes: &axes,
+            known,
+            lever: Vector3::zeros(),
+            session,
+            own,
+            station: Some(o.station),
+        };
+        let predicted = predict(arm, models, model, &query)?;
+        Some(Prediction {
+            turn: turn(models, model, &query, &predicted, o),
+            ..predicted
+        })
     };
     observations.iter().map(of).collect()
+}
+
+/// How the flange stood at a station and is predicted to, in the tracker's axes; `None` where no orientation was measured.
+fn turn(
+    models: &Models,
+    model: Model,
+    query: &Query<'_>,
+    predicted: &Prediction,
+    observation: &Observation,
+) -> Option<Turn> {
+    let (measured, _) = observation.orientation?;
+    let (frames, wanted) = match (model, &models.full) {
+        (Model::Full, Some(full)) => (full.frames(), full.flange(query)),
+        (Model::BaseTarget, _) => (&*models.base_target.frames, predicted.flange),
+        _ => (&*models.geometric.frames, predicted.flange),
+    };
+    let flange_from_target = frames[query.session].flange_from_target.isometry();
+    Some(Turn {
+        attained: measured * flange_from_target.rotation.inverse(),
+        wanted,
+    })
 }
 
 fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Option<Prediction> {
@@ -321,6 +367,7 @@ fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Optio
                 flange: predicted.flange,
                 rows: Some(predicted.rows),
                 standing: predicted.standing,
+                turn: None,
             });
         }
         Model::BaseTarget => &models.base_target,
@@ -336,6 +383,7 @@ fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Optio
         flange: flange.rotation,
         rows: None,
         standing: Matrix3::zeros(),
+        turn: None,
     })
 }
 

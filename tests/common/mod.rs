@@ -4,10 +4,12 @@
 
 pub mod trained;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use nalgebra::{Point3, Quaternion, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
 use posegrid::fit::{Noise, TrackerUncertainty};
+use posegrid::grid::Reach;
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     Recording, TimeSource, TrackerSettings,
@@ -112,6 +114,20 @@ fn truth_station(row: &csv::StringRecord) -> Station {
         },
         attained,
     }
+}
+
+/// The arm configurations that stations are in, in order.
+pub fn configurations(
+    arm: &Arm,
+    flange_from_tool: Isometry3<f64>,
+    stations: &[Station],
+) -> Vec<String> {
+    let reach = Reach::new(arm, flange_from_tool);
+    let own = stations
+        .iter()
+        .filter_map(|s| reach.configuration(&s.joints));
+    let all: BTreeSet<_> = own.collect();
+    all.iter().map(ToString::to_string).collect()
 }
 
 /// A recording read from its two logs; `None`, said loudly, where it is absent.

@@ -20,7 +20,7 @@ fn driven() -> Cell {
     fs::write(cell.path("targets.csv"), targets(&stations)).expect("writable");
     let tuesday = cell.session("tue");
     fs::create_dir_all(&tuesday).expect("writable");
-    let corrected = tuesday.join("corrected.csv");
+    let corrected = tuesday.join("corrected.json");
     let table = cell.table_file("calibrations", "mon");
     let done = ended(
         posegrid()
@@ -76,6 +76,7 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
         &*format!("driven by table {mon} of session mon: "),
         "MEASURED AFTER",
         "corrections were applied as meant",
+        "the table HOLDS",
         "not contradicted",
     ] {
         assert!(
@@ -111,8 +112,22 @@ fn a_session_driven_by_a_table_is_judged_as_what_it_is() {
     assert!(stations.text("target").value(0).starts_with("hole "));
     let page = fs::read_to_string(page(&cell)).expect("a page");
     assert!(
-        page.contains("This session was driven by a table"),
-        "the page opens with both errors"
+        page.contains("This session was driven by a table: the table HOLDS"),
+        "the page opens with whether the table holds"
+    );
+    // Held against the same promise again, in a lake of its own.
+    let verified = ended(
+        posegrid()
+            .arg("verify")
+            .arg(cell.path("lake"))
+            .arg("tue")
+            .arg("--pipeline")
+            .arg(cell.pipeline()),
+    );
+    assert_eq!(
+        verified.code, 0,
+        "{}{}",
+        verified.results, verified.messages
     );
 }
 

@@ -109,22 +109,25 @@ impl Source {
 
     /// Where it was measured: joint ranges, arm configuration, the reflector.
     pub(super) fn measured(&self) -> String {
-        let (joints, target, configuration) = match self {
+        let (joints, target, configurations) = match self {
             Self::Table(own) => {
                 let configuration = own.table.terms().configuration.as_deref();
                 let target = own.flange_from_target.coords();
-                (&own.measured, target, configuration)
+                let nodes =
+                    configuration.map(|own| format!("nodes in arm configuration {own:?}; "));
+                (&own.measured, target, nodes)
             }
             Self::Arm(own) => {
                 let target = own.arm.frames.flange_from_target.origin();
-                (&own.arm.measured, target.coords(), None)
+                let all = &own.arm.configurations;
+                let stations = format!("stations in arm configuration {}; ", all.join(", "));
+                let stations = Some(stations).filter(|_| !all.is_empty());
+                (&own.arm.measured, target.coords(), stations)
             }
         };
-        let nodes = configuration.map_or_else(String::new, |own| {
-            format!("nodes in arm configuration {own:?}; ")
-        });
+        let configurations = configurations.unwrap_or_default();
         format!(
-            "{nodes}measured with joints {}, the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
+            "{configurations}measured with joints {}, the reflector at ({:.2}, {:.2}, {:.2}) mm on the flange",
             ranges(joints),
             target.x,
             target.y,

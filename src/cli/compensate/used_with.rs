@@ -59,6 +59,8 @@ impl UsedWithArgs {
 pub enum Allow {
     /// Joint angles beyond those measured, where the model falls back to its prior
     JointRange,
+    /// An arm configuration that no station was in
+    Configuration,
     /// Another tool than the table's
     Tool,
     /// Another payload
@@ -79,6 +81,7 @@ impl Allow {
     pub(super) const fn exception(self) -> Exception {
         match self {
             Self::JointRange => Exception::JointRange,
+            Self::Configuration => Exception::Configuration,
             Self::Tool => Exception::Tool,
             Self::Payload => Exception::Payload,
             Self::Mounting => Exception::Mounting,

@@ -58,6 +58,13 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             misfit_mm: 0.02,
         }),
         measured: ranges.map(<[f64; 2]>::from).collect(),
+        configurations: ["+", "-"]
+            .iter()
+            .flat_map(|shoulder| ["+", "-"].map(|elbow| (*shoulder, elbow)))
+            .flat_map(|(shoulder, elbow)| {
+                ["+", "-"].map(|wrist| format!("shoulder{shoulder} elbow{elbow} wrist{wrist}"))
+            })
+            .collect(),
         validity: Validity::default(),
     }
 }
@@ -187,6 +194,31 @@ fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() 
     // Half a degree beyond the rim is as good as measured.
     beyond[0] = 60.4;
     assert!(one(&identified, at_joints(beyond)).is_ok());
+}
+
+#[test]
+fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
+    let mut identified = cell();
+    let own = at_pose(&identified, &radians(JOINTS)).configuration;
+    let own = own.expect("six axes");
+    identified.configurations.retain(|other| *other != own);
+    assert_eq!(identified.configurations.len(), 7);
+    let refused = one(&identified, at_joints(JOINTS)).expect_err("never measured");
+    assert_eq!(refused.name(), "configuration");
+    assert!(
+        refused.to_string().contains(&format!("{own:?}"))
+            && refused.to_string().contains(&identified.configurations[0]),
+        "{refused}"
+    );
+    let allowed = identified.compensate(&[at_joints(JOINTS)], Some(Exception::Configuration));
+    let allowed = allowed[0].as_ref().expect("allowed");
+    assert_eq!(allowed.allowed, Some(Exception::Configuration));
+    // Another exception does not allow it.
+    let ranges = identified.compensate(&[at_joints(JOINTS)], Some(Exception::JointRange));
+    assert!(ranges[0].is_err());
+    identified.configurations = vec![own];
+    let within = one(&identified, at_joints(JOINTS)).expect("measured");
+    assert_eq!(within.allowed, None);
 }
 
 #[test]

@@ -94,7 +94,7 @@ fn figure<'a>(
     let own = (of.subject.model == Model::Table).then(|| table_id(key).to_owned());
     Row {
         subject: &of.subject,
-        point: point_of(of.subject.model),
+        point: of.point,
         moment: of.moment,
         table_id: of.driven_by.clone().or(own),
         quantity: if is_coverage {
@@ -112,14 +112,6 @@ fn figure<'a>(
         n_needed: is_bound.then(|| whole(least_count(tolerance.coverage()))),
         reason: words::reason(&of.verdict).filter(|_| is_bound),
         verdict: is_bound.then_some(&of.verdict),
-    }
-}
-
-/// A table and a raw command are of the controller's own tool point, a model of the measured target.
-const fn point_of(model: Model) -> Point {
-    match model {
-        Model::Table => Point::Tool,
-        Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => Point::Measured,
     }
 }
 

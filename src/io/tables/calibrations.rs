@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use super::validity::{self, joint_ranges, learnt_from};
+use super::validity::{self, configurations, joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, words};
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::{SavedCalibration, VERSION};
@@ -79,6 +79,7 @@ pub fn calibrations(
         .column("angles", rows.iter().map(|row| words::angles(row.angles())))
         .same("joint_lower_rad", lower)
         .same("joint_upper_rad", upper)
+        .same("configurations", configurations(outcome))
         .same("model_version", VERSION)
         .column("model", texts);
     let table = solution(structure(table, &rows, outcome), &rows, context);

@@ -1,9 +1,13 @@
 //! What a result is valid for: stated in the pipeline file, and the temperatures met while measuring.
 
+use std::collections::BTreeSet;
+
 use crate::compensation::Validity;
 use crate::figures::extremes;
+use crate::grid::Reach;
 use crate::io::table::Columns;
 use crate::join::{Pairing, Station};
+use crate::kinematics::Configuration;
 use crate::pipeline::outcome::Outcome;
 
 /// The columns of a validity, the same in each row; the temperatures are those met while measuring.
@@ -36,6 +40,15 @@ pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = 
 fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
     let met = learnt_from(outcome).filter_map(|station| station.attained.as_ref()?.temperature_c);
     extremes(met)
+}
+
+/// The arm configurations of the stations learnt from, in order; none of an arm without six axes.
+pub(super) fn configurations(outcome: &Outcome<'_>) -> Vec<String> {
+    let gauge = &outcome.gauge;
+    let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
+    let own = learnt_from(outcome).filter_map(|station| reach.configuration(&station.joints));
+    let all: BTreeSet<Configuration> = own.collect();
+    all.iter().map(Configuration::to_string).collect()
 }
 
 /// Lowest and highest reported angle of each joint over the stations learnt from, rad.

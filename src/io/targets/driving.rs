@@ -1,6 +1,6 @@
 //! A file of table `corrected_targets` → the commands that drove a session, and the run whose table they are of.
 //!
-//! It is what `posegrid compensate` wrote, CSV or Parquet; of its columns only those are read that a comparison needs. Targets
+//! It is what `posegrid compensate` wrote, CSV, Parquet or JSON, or beside a data list; of its columns only those are read that a comparison needs. Targets
 //! that were refused have no command and are counted.
 
 use std::collections::BTreeSet;
@@ -10,7 +10,7 @@ use arrow::array::Array as _;
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
-use super::{Form, TargetsError};
+use super::{Form, TargetsError, bounded};
 use crate::io::schema;
 use crate::io::table;
 use crate::manifest::RunKey;
@@ -59,7 +59,8 @@ pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
     let rows = match Form::of(path)? {
         Form::Csv => from_csv(path)?,
         Form::Parquet => from_parquet(path)?,
-        Form::Json | Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
+        Form::Json => from_json(path)?,
+        Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
     };
     let of: BTreeSet<_> = rows
         .iter()
@@ -78,6 +79,7 @@ pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
             found: table.clone(),
         });
     }
+    finite(path, &rows)?;
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
     Ok(DrivingFile {
         key: RunKey::new(robot, session, run),
@@ -97,6 +99,13 @@ fn from_csv(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
         .deserialize()
         .map(|row| row.map_err(failed))
         .collect()
+}
+
+fn from_json(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
+    serde_json::from_slice(&bounded::read(path)?).map_err(|source| TargetsError::Json {
+        path: path.to_owned(),
+        source,
+    })
 }
 
 fn from_parquet(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
@@ -130,7 +139,40 @@ fn from_parquet(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
     Ok((0..table.rows()).map(row).collect())
 }
 
+/// That every number is one: `nan` and `inf` can be written as text.
+fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
+    let wrong = rows
+        .iter()
+        .position(|row| !row.numbers().all(f64::is_finite));
+    match wrong {
+        None => Ok(()),
+        Some(row) => Err(TargetsError::NotANumber {
+            path: path.to_owned(),
+            row,
+            target: rows[row].target.clone(),
+        }),
+    }
+}
+
 impl DrivingRow {
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        let command = [self.x_mm, self.y_mm, self.z_mm];
+        let target = [self.target_x_mm, self.target_y_mm, self.target_z_mm];
+        let covariance = [
+            self.correction_cov_xx_mm2,
+            self.correction_cov_xy_mm2,
+            self.correction_cov_xz_mm2,
+            self.correction_cov_yy_mm2,
+            self.correction_cov_yz_mm2,
+            self.correction_cov_zz_mm2,
+        ];
+        command
+            .into_iter()
+            .chain(target)
+            .chain(covariance)
+            .flatten()
+    }
+
     /// The target with its command; `None` where it was refused.
     fn corrected(&self) -> Option<CorrectedTarget> {
         let point = |[x, y, z]: [Option<f64>; 3]| Some(Point3::new(x?, y?, z?));
@@ -157,6 +199,11 @@ impl DrivingRow {
 mod tests {
     use super::*;
     use std::fs;
+
+    use super::super::{CorrectedBy, corrected, write_csv, write_json};
+    use crate::compensation::{Corrected, Reason, Refused, Target};
+    use crate::geometry::Position;
+    use crate::ingest::AngleUnit;
 
     const HEAD: &str = "robot,session,run,target,corrected_by,x_mm,y_mm,z_mm,target_x_mm,target_y_mm,target_z_mm,\
         correction_cov_xx_mm2,correction_cov_xy_mm2,correction_cov_xz_mm2,correction_cov_yy_mm2,correction_cov_yz_mm2,\
@@ -188,6 +235,84 @@ mod tests {
             file.targets[0].covariance.diagonal(),
             nalgebra::Vector3::new(4.0, 5.0, 6.0)
         );
+    }
+
+    #[test]
+    fn a_number_that_is_none_is_told_by_row_and_target() {
+        let wrong = from(&format!(
+            "{HEAD}kr,mon,00ff,A,compensation,1.5,2,3,1,2,3,4,0,0,5,0,6,x\nkr,mon,00ff,B,compensation,nan,2,3,1,2,3,4,0,0,5,0,6,x\n"
+        ))
+        .unwrap_err();
+        assert!(wrong.contains("row 1, target \"B\""), "{wrong}");
+    }
+
+    /// One corrected target and one refused, as `compensate` has them.
+    fn corrected_table() -> table::Table {
+        let target = |name: &str| Target {
+            name: name.to_owned(),
+            position: Some(Position::claim(Point3::new(1500.0, 20.0, 900.0))),
+            ..Target::default()
+        };
+        let correction = nalgebra::Vector3::new(0.123_456, -0.2, 0.000_001);
+        let done = Corrected {
+            target: Position::claim(Point3::new(1500.0, 20.0, 900.0)),
+            command: Position::claim(Point3::new(1500.0, 20.0, 900.0) + correction),
+            orientation: None,
+            joints: None,
+            correction,
+            covariance: Matrix3::new(4e-4, 1e-5, 0.0, 1e-5, 5e-4, -2e-5, 0.0, -2e-5, 6e-4),
+            iterations: 2,
+            allowed: None,
+        };
+        let refused = Refused {
+            target: "B".to_owned(),
+            reason: Reason::NoOrientation,
+        };
+        let key = RunKey::new("kr", "mon", "00ff");
+        let by = CorrectedBy {
+            key: &key,
+            table_id: "00ff",
+            table: "calibrations",
+            joint_names: &[],
+        };
+        corrected(&[target("A"), target("B")], &[Ok(done), Err(refused)], by).expect("a table")
+    }
+
+    #[test]
+    fn what_compensate_writes_is_read_alike_in_every_form() {
+        let table = corrected_table();
+        let folder = tempfile::tempdir().expect("a folder");
+        let written = |name: &str, bytes: Vec<u8>| {
+            let path = folder.path().join(name);
+            fs::write(&path, bytes).expect("writable");
+            read(&path).expect(name)
+        };
+        let (mut csv, mut json) = (Vec::new(), Vec::new());
+        write_csv(&table, AngleUnit::Deg, &mut csv).expect("CSV");
+        write_json(&table, AngleUnit::Deg, &mut json).expect("JSON");
+        let parquet = table::write(&table, Vec::new()).expect("Parquet");
+        let json = written("corrected.json", json);
+        assert_eq!((json.targets.len(), json.refused), (1, 1));
+        let moved = json.targets[0].command - json.targets[0].target;
+        // Lengths are written to the nanometre.
+        assert!((moved - nalgebra::Vector3::new(0.123_456, -0.2, 0.000_001)).norm() < 2e-6);
+        assert_eq!(json, written("corrected.dat.corrections.csv", csv));
+        let parquet = written("corrected.parquet", parquet);
+        assert_eq!((json.key, json.table), (parquet.key, parquet.table));
+        let apart = json.targets[0].command - parquet.targets[0].command;
+        assert!(apart.norm() < 2e-6, "{apart}");
+        assert_eq!(json.targets[0].covariance, parquet.targets[0].covariance);
+    }
+
+    #[test]
+    fn json_of_another_shape_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("corrected.json");
+        for text in ["{}", "[{\"target\": \"A\"}]", "[1]", "["] {
+            fs::write(&path, text).expect("writable");
+            let error = read(&path).unwrap_err().to_string();
+            assert!(error.contains("corrected.json as JSON"), "{error}");
+        }
     }
 
     #[test]

@@ -21,7 +21,7 @@ pub enum TargetsError {
     #[error("{} holds no target", .0.display())]
     Empty(PathBuf),
     /// A form that does not hold what a session is judged by.
-    #[error("{}: a session is judged by corrected targets as .csv or .parquet; of a data list that is the file of corrections beside it", .0.display())]
+    #[error("{}: a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file of corrections beside it", .0.display())]
     NotDriving(PathBuf),
     /// Corrections of a table that corrects nothing.
     #[error("{}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\"", path.display())]
@@ -30,6 +30,16 @@ pub enum TargetsError {
         path: PathBuf,
         /// What it names.
         found: String,
+    },
+    /// A number that is none.
+    #[error("{}, row {row}, target {target:?}: a length or a covariance is no finite number; take the file as `posegrid compensate` wrote it", path.display())]
+    NotANumber {
+        /// The file.
+        path: PathBuf,
+        /// The row, from 0.
+        row: usize,
+        /// Its target.
+        target: String,
     },
     /// Corrections of more than one table.
     #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]

@@ -60,8 +60,10 @@ fn digest_of(path: &Path) -> std::io::Result<String> {
     Ok(digest(File::open(path)?)?.0)
 }
 
-/// The best model's estimate.
-fn estimate(calibrations: &Table) -> Result<(&'static str, Estimate), String> {
+/// The best model's estimate, and which model it is.
+pub(in crate::pipeline) fn estimate(
+    calibrations: &Table,
+) -> Result<(&'static str, Estimate), String> {
     let kinds = calibrations.text("model_kind");
     let text = |kind: &str| {
         let row = (0..kinds.len()).find(|&row| kinds.value(row) == kind)?;
@@ -90,6 +92,7 @@ fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
             && is("role", row, "held_out")
             && is("split", row, "blocks")
             && is("base_refit", row, "none")
+            && !is("point", row, "tool_tip")
             && is("quantity", row, "position_error")
             && !is("model", row, "geometric")
             && (is("name", row, "mean") || is("name", row, "p95"))

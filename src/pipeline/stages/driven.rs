@@ -3,13 +3,12 @@
 use nalgebra::Vector3;
 
 use super::StageSettings;
+use super::turns::commanded_turns;
 use crate::fit::Gauge;
 use crate::fit::commanded::CommandedPose;
-use crate::grid::Tolerance;
 use crate::join::{Pairing, Station};
 use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::report::driven::{self, DrivenStation};
-use crate::report::{Accuracy, ResidualSet, accuracy};
 
 /// What the session says of the table that drove it; `None` where none did.
 pub(super) fn judged(
@@ -36,36 +35,25 @@ fn stations(
     settings: &StageSettings,
 ) -> Vec<DrivenStation> {
     let base_from_command = &settings.base_from_command;
-    let turn = base_from_command.rotation.to_rotation_matrix();
-    let station =
-        |((station, pose), place): ((&Station, &Option<CommandedPose>), &Option<usize>)| {
-            let target = &by.file.targets[(*place)?];
-            let attained = station
-                .attained
-                .as_ref()
-                .filter(|_| station.pairing == Pairing::Paired)?;
-            let stated: Vector3<f64> = target.command - target.target;
-            Some(DrivenStation {
-                station: station.number,
-                target: base_from_command * target.target,
-                command: pose.as_ref()?.position,
-                attained: gauge.attained_tool(&station.joints, attained),
-                stated: base_from_command.rotation * stated,
-                covariance: turn * target.covariance * turn.inverse(),
-            })
-        };
-    let stations = session.joined.stations.iter().zip(&session.commanded.poses);
-    stations
-        .zip(&by.matched.of_command)
-        .filter_map(station)
-        .collect()
-}
-
-/// The figures before and after, of the same stations.
-pub(super) fn figures(driven: &Driven, tolerance: &Tolerance, guard_mm: f64) -> Vec<Accuracy> {
-    let of = |set: &ResidualSet| Accuracy {
-        driven_by: Some(driven.key.run.clone()),
-        ..accuracy::accuracy(set, tolerance, guard_mm)
+    let command = base_from_command.rotation.to_rotation_matrix();
+    let turns = commanded_turns(session, gauge);
+    let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
+        let target = &by.file.targets[by.matched.of_command[place]?];
+        let attained = station
+            .attained
+            .as_ref()
+            .filter(|_| station.pairing == Pairing::Paired)?;
+        let stated: Vector3<f64> = target.command - target.target;
+        Some(DrivenStation {
+            station: station.number,
+            target: base_from_command * target.target,
+            command: pose.as_ref()?.position,
+            attained: gauge.attained_tool(&station.joints, attained),
+            stated: base_from_command.rotation * stated,
+            covariance: command * target.covariance * command.inverse(),
+            turn: turns[place],
+        })
     };
-    driven.sets().map(of).collect()
+    let stations = session.joined.stations.iter().zip(&session.commanded.poses);
+    stations.enumerate().filter_map(station).collect()
 }

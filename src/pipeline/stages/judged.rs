@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::observed::{Observed, observations};
+use super::turns::commanded_turns;
 use super::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
@@ -11,6 +12,7 @@ use crate::kinematics::Arm;
 use crate::pipeline::outcome::JoinedSession;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, RefitSettings, Stations};
+use crate::report::tip::{Turn, without_constant};
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 /// The models of every fold that holds a station out, in fold order.
@@ -171,27 +173,39 @@ pub(super) fn raw_command(
         RawCommandBase::Surveyed(tracker_from_base) => tracker_from_base,
         RawCommandBase::Fitted => *gauge.frames().tracker_from_base.isometry(),
     };
-    let residual = |(station, pose): (&Station, &Option<CommandedPose>)| {
-        let commanded = pose.as_ref()?.position;
-        let attained = station
-            .attained
-            .as_ref()
-            .filter(|_| station.pairing == Pairing::Paired)?;
-        Some(Residual {
-            station: station.number,
-            fold: None,
-            used_for_refit: false,
-            predicted: commanded,
-            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
-            covariance: None,
-            weight: None,
-        })
+    let base =
+        tracker_from_base.rotation.inverse() * gauge.frames().tracker_from_base.isometry().rotation;
+    let seen = |turn: &Turn| Turn {
+        attained: base * turn.attained,
+        ..*turn
     };
+    let turns = commanded_turns(session, gauge);
+    let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
+    let turns = without_constant(&turns, |_| true);
+    let residual =
+        |((station, pose), turn): ((&Station, &Option<CommandedPose>), &Option<Turn>)| {
+            let commanded = pose.as_ref()?.position;
+            let attained = station
+                .attained
+                .as_ref()
+                .filter(|_| station.pairing == Pairing::Paired)?;
+            Some(Residual {
+                station: station.number,
+                fold: None,
+                used_for_refit: false,
+                predicted: commanded,
+                residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+                covariance: None,
+                weight: None,
+                turn: *turn,
+            })
+        };
     let residuals = session
         .joined
         .stations
         .iter()
         .zip(&session.commanded.poses)
+        .zip(&turns)
         .filter_map(residual)
         .collect();
     let subject = Subject {

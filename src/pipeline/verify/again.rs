@@ -31,6 +31,9 @@ const ROW_ONLY: [&str; 10] = [
     "table_digests",
 ];
 
+/// Tables that a session is held against of the run whose table drove it.
+const OF_A_TABLE: [&str; 4] = ["accuracy", "calibrations", "compensation", "runs"];
+
 /// What temporary lakes are named by.
 const TEMPORARY: &str = "posegrid-verify";
 
@@ -77,6 +80,21 @@ pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, Strin
         copied.map_err(|error| told(&error))?;
     }
     Ok(made)
+}
+
+/// Adds what a session that a table drove is held against: the run that made the table.
+pub(super) fn add_table(
+    lake: &Lake,
+    claim: &RunKey,
+    made: &RunKey,
+    temporary: &Path,
+) -> Result<(), String> {
+    // The run that is computed again must not be there before.
+    if (&made.robot, &made.session) == (&claim.robot, &claim.session) {
+        return Ok(());
+    }
+    let copied = lake.copy_session(&OF_A_TABLE, made, temporary);
+    copied.map_err(|error| format!("the run of the table that drove it cannot be copied: {error}"))
 }
 
 /// Removes temporary lakes of processes that are gone.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::claim::Claim;
+use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};
 use crate::pipeline::fetch::Fetched;
 use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, Tree, WorkPiece};
@@ -91,6 +92,16 @@ impl Source {
                 work.map_err(|error| other(fetched.told(&error.to_string())))
             }
         }
+    }
+
+    /// The run whose table drove the last session, which that session is held against.
+    pub(super) fn driven_by(&self) -> Option<RunKey> {
+        let Self::Sessions(_, fetched) = self else {
+            return None;
+        };
+        let path = fetched.piece().training.last()?.corrected.as_ref()?;
+        // A file that cannot be read is told by the run.
+        Some(driving::read(path).ok()?.key)
     }
 
     /// Does the work by the code of `posegrid run`; gives the run in the temporary lake.

@@ -294,6 +294,7 @@ mod tests {
                 attained: command + error(&command, 0.0) + moved,
                 stated: -error(&target, phase),
                 covariance: Matrix3::identity() * 1e-4,
+                turn: None,
             }
         };
         (0..125).map(station).collect()

@@ -1,5 +1,7 @@
 //! Accuracy figures before and after.
 
+mod tip;
+
 use maud::{Markup, html};
 
 use super::content::{Content, Subject};
@@ -16,7 +18,7 @@ const COLUMNS: [(&str, &str); 6] = [
 ];
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let subjects = subjects(content);
+    let subjects = subjects(&content.figures);
     let (telling, flattering): (Vec<&Subject>, Vec<&Subject>) =
         subjects.into_iter().partition(|subject| tells(subject));
     if telling.is_empty() && flattering.is_empty() {
@@ -28,13 +30,14 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "measured target are one point, and with base and target fitted, which is the honest start. After is predicted, unless a "
             "table drove the session: then it was measured."
         }
-        (rows(content, &telling))
+        (rows(&content.figures, &telling))
         @if !flattering.is_empty() {
             details {
                 summary { "On training stations, or with a base refitted on all: for comparing models only" }
-                (rows(content, &flattering))
+                (rows(&content.figures, &flattering))
             }
         }
+        (tip::figures(&content.tip))
     })
 }
 
@@ -44,9 +47,8 @@ fn tells(subject: &Subject) -> bool {
 }
 
 /// What the figures are of, each once, before ahead of after.
-fn subjects(content: &Content) -> Vec<&Subject> {
-    let own = content
-        .figures
+fn subjects(figures: &[Figure]) -> Vec<&Subject> {
+    let own = figures
         .iter()
         .filter(|figure| figure.quantity == "position_error");
     let mut subjects: Vec<&Subject> = own.map(|figure| &figure.subject).collect();
@@ -66,20 +68,19 @@ fn subjects(content: &Content) -> Vec<&Subject> {
     subjects
 }
 
-fn rows(content: &Content, subjects: &[&Subject]) -> Markup {
+fn rows(figures: &[Figure], subjects: &[&Subject]) -> Markup {
     let head = html! {
         th { "What corrects" } th.word { "Judged on" } th { "n" }
         @for (_, heading) in COLUMNS { th { (heading) } }
         th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
-    let body = html! { @for subject in subjects { (row(content, subject)) } };
+    let body = html! { @for subject in subjects { (row(figures, subject)) } };
     super::table(&head, &body)
 }
 
-fn row(content: &Content, subject: &Subject) -> Markup {
+fn row(figures: &[Figure], subject: &Subject) -> Markup {
     let figure = |name: &str| {
-        content
-            .figures
+        figures
             .iter()
             .find(|figure| figure.subject == *subject && figure.name == name)
     };

@@ -25,10 +25,14 @@ pub struct Content {
     pub warnings: Vec<String>,
     /// What the run found, in words: damage, parts of the model, stations hardly believed.
     pub notes: Vec<String>,
+    /// Whether the table that drove the session still holds, where one did.
+    pub table_state: Option<String>,
     /// `grid_steps`.
     pub steps: Vec<Step>,
-    /// `accuracy`.
+    /// `accuracy`, but for the tool tip.
     pub figures: Vec<Figure>,
+    /// `accuracy` of the tool tip.
+    pub tip: Vec<Figure>,
     /// `residuals`, those of one subject together, in the subjects' order.
     pub residuals: Vec<Residuals>,
     /// `semivariograms`.

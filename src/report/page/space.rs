@@ -8,6 +8,7 @@ use crate::report::chart::{Arrow, Axis, Chart, Limit, Series, Vectors, vectors};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
+        @if let Some(state) = &content.table_state { p.lead { strong { "This session was driven by a table: " (state) "." } } }
         @if let Some(driven) = driven(content) { (measured(content, driven)?) }
         (predicted(content)?)
     })
@@ -32,12 +33,26 @@ fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
     let n = counting(after).count();
     Some(html! {
         p {
-            "This session was driven by a table. Its " (n) " stations beside those that the base was found from were measured: "
-            "how far the tool point came from where it was commanded (before) and from where it was to be (after, measured), on one scale."
+            (n) " stations beside those that the base was found from were measured: how far the tool point came from where it was "
+            "commanded (before) and from where it was to be (after, measured), on one scale."
+            @if let Some([before, after]) = at_tip(content) {
+                " At the tool tip the mean error is " (words::number(before, 3)) " mm before and " (words::number(after, 3)) " mm after, measured "
+                "with the orientation as it was commanded."
+            }
         }
         (vectors(&arrows(sets))?)
         figure { (order(before, after)) figcaption { "The same errors in the order of the stations." } }
     })
+}
+
+/// Mean errors of the tool tip before and after at the stations that a table drove.
+fn at_tip(content: &Content) -> Option<[f64; 2]> {
+    let mean = |model: &str| {
+        let own = content.tip.iter().filter(|f| f.subject.split == "session");
+        let mut own = own.filter(|f| f.subject.model == model && f.name == "mean");
+        own.find_map(|figure| figure.value)
+    };
+    Some([mean("raw_command")?, mean("table")?])
 }
 
 fn arrows<const N: usize>(sets: [(&str, &Residuals, &str); N]) -> [Vectors; N] {

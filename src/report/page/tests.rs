@@ -194,6 +194,8 @@ fn content(name: &str) -> Content {
         warnings: vec![text()],
         notes: vec![text()],
         steps: vec![step(100.0, true, name), step(200.0, false, name)],
+        tip: Vec::new(),
+        table_state: Some(name.to_owned()),
         figures: vec![
             figure("base_target", "mean", name, 0.512_375, "position_error"),
             figure("full", "bound", name, 0.204_75, "position_error"),

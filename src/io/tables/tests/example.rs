@@ -235,6 +235,7 @@ fn outcome() -> Outcome<'static> {
         driven: None,
         accuracy: vec![accuracy(true), accuracy(false)],
         iso_9283: vec![iso_9283()],
+        at_tip: vec![],
         semivariograms: vec![(
             Model::BaseTarget,
             semivariograms(&samples, &SimilaritySettings::default()),
@@ -317,6 +318,7 @@ fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
             residual: gauge.target_error(&station.joints, station.attained.as_ref()?),
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
+            turn: None,
         })
     };
     ResidualSet {
@@ -330,6 +332,7 @@ fn accuracy(there: bool) -> Accuracy {
     let model = if there { Model::Full } else { Model::Table };
     Accuracy {
         subject: subject(Split::Blocks, model),
+        point: if there { Point::Measured } else { Point::Tool },
         moment: Moment::After,
         driven_by: None,
         figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),

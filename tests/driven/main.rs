@@ -4,9 +4,12 @@
 //! stops short. The session that follows is another day: other noise, another drift of the base, targets that were not
 //! measured before, joints that come from other sides.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod states;
 
 use std::collections::BTreeMap;
+use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
@@ -113,6 +116,7 @@ fn stage_settings(harmonics: usize) -> StageSettings {
             with_target: false,
         },
         leave_sessions_out: false,
+        tool_tip: None,
     }
 }
 
@@ -164,6 +168,11 @@ impl Identified {
                 session: 0,
             },
             measured,
+            configurations: common::configurations(
+                &arm,
+                tool(),
+                &found.training[0].joined.stations,
+            ),
             validity: Validity::default(),
         };
         Self {
@@ -224,6 +233,7 @@ impl Identified {
                 attained: gauge.attained_tool(&visit.joints, visit.attained.as_ref()?),
                 stated: corrected.correction,
                 covariance: corrected.covariance,
+                turn: None,
             })
         };
         let stations: Vec<Station> = visits.into_iter().map(|visit| visit.station).collect();
@@ -259,8 +269,11 @@ struct Loop {
     broken: bool,
 }
 
-fn played(number: u64, harmonics: usize) -> (Identified, Loop) {
-    let identified = Identified::new(number, harmonics);
+/// An arm for the tests that are no proof.
+static THIRD: LazyLock<Identified> = LazyLock::new(|| Identified::new(3, 12));
+
+fn played(identified: &Identified) -> Loop {
+    let number = identified.number;
     let corrected = identified.corrected();
     assert!(
         corrected.len() > TARGETS / 2,
@@ -293,12 +306,13 @@ fn played(number: u64, harmonics: usize) -> (Identified, Loop) {
         kept.within,
         played.application
     );
-    (identified, played)
+    played
 }
 
 #[test]
 fn a_table_does_what_it_promised_and_what_was_done_with_it_is_told() {
-    let (own, played) = played(3, 12);
+    let own = &*THIRD;
+    let played = played(own);
     assert!(played.after.mean < 0.12 && played.after.mean < played.before.mean / 2.0);
     assert!(matches!(played.application, Application::AsMeant(share) if share > 0.8));
     let corrected = own.corrected();
@@ -353,7 +367,8 @@ fn on_a_hundred_arms_the_promise_is_kept_and_each_misuse_is_named() {
     let mut named = BTreeMap::<&str, usize>::new();
     let mut last: Option<Identified> = None;
     for number in (2_000..).take(ARMS) {
-        let (own, played) = played(number, 30);
+        let own = Identified::new(number, 30);
+        let played = played(&own);
         broken += usize::from(played.broken);
         means.push(played.after.mean);
         largest.push(played.after.max);

@@ -1,0 +1,138 @@
+//! What the lake has of the run that made a table, and what a session that the table drove is held against.
+
+use std::path::Path;
+
+use super::super::file::Validity;
+use super::super::history;
+use super::super::outcome::{Driven, JoinedSession, Outcome};
+use crate::compensation::validity::Outside;
+use crate::compensation::{self, UsedWith};
+use crate::figures::extremes;
+use crate::history::estimate::Estimate;
+use crate::history::table_state::NotShown;
+use crate::history::{Judged, between};
+use crate::io::common::Common;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Table;
+use crate::kinematics::Arm;
+use crate::report::driven::TablePromise;
+
+/// What the lake has of the run that made a table.
+pub(super) struct TableRun {
+    valid_for: compensation::Validity,
+    calibrations: Table,
+    promise: Option<TablePromise>,
+}
+
+impl TableRun {
+    /// Reads it; or why that cannot be: it is not there, or of another version.
+    pub(super) fn read(driven: &Driven, lake: &Lake) -> Result<Result<Self, NotShown>, LakeError> {
+        if !lake.exists(&driven.key)? {
+            return Ok(Err(NotShown::NoRun));
+        }
+        match Self::of_tables(driven, lake) {
+            Err(LakeError::File(wrong)) => Ok(Err(NotShown::Unreadable(wrong.to_string()))),
+            read => read,
+        }
+    }
+
+    fn of_tables(driven: &Driven, lake: &Lake) -> Result<Result<Self, NotShown>, LakeError> {
+        let said = Common {
+            path: Path::new(&driven.key.run),
+            table: &lake.read(&driven.table, &driven.key)?,
+        };
+        let calibrations = lake.read("calibrations", &driven.key)?;
+        let promise = promise(&driven.table, &lake.read("accuracy", &driven.key)?);
+        let of = |valid_for| Self {
+            valid_for,
+            calibrations,
+            promise,
+        };
+        let valid_for = said.validity();
+        Ok(valid_for
+            .map(of)
+            .map_err(|wrong| NotShown::Unreadable(wrong.to_string())))
+    }
+
+    /// What it promised.
+    pub(super) fn promised(&self) -> Result<&TablePromise, NotShown> {
+        self.promise.as_ref().ok_or(NotShown::NoPromise)
+    }
+
+    /// The arm as the session identified it, held against the arm as the table's run did.
+    pub(super) fn compared(&self, outcome: &Outcome<'_>, arm: &Arm) -> Result<Judged, String> {
+        let model = self.calibrations.text("arm_model").value(0);
+        if model != arm.model() {
+            let own = arm.model();
+            return Err(format!("the table's arm is {model:?}, this one {own:?}"));
+        }
+        if outcome.training.len() > 1 {
+            return Err("the arm was identified from several sessions".to_owned());
+        }
+        let full = outcome.full.as_ref();
+        let full = full.ok_or("there is no whole model of the session")?;
+        let own = Estimate::of_full(full).ok_or("the covariance of the whole model is none")?;
+        match history::session::estimate(&self.calibrations)? {
+            ("full", earlier) => Ok(between(&earlier, &own)),
+            _ => Err("the table's run has no whole model".to_owned()),
+        }
+    }
+
+    /// What the table is not valid for of what the session was run with, as `compensate` holds it; at the lowest and the highest
+    /// temperature that was met.
+    pub(super) fn outside(&self, session: &JoinedSession, stated: &Validity) -> Vec<Outside> {
+        let stations = session.joined.stations.iter();
+        let met = stations.filter_map(|station| station.attained.as_ref()?.temperature_c);
+        let (low, high) = extremes(met).unzip();
+        let outside = |temperature_c| {
+            let used = UsedWith {
+                tool: stated.tool.clone(),
+                payload_kg: stated.payload_kg,
+                mounting: stated.mounting.clone(),
+                base: stated.base.clone(),
+                controller_model: stated.controller_model.clone(),
+                absolute_accuracy_option: stated.absolute_accuracy_option,
+                temperature_c,
+            };
+            self.valid_for.hold(&used).outside
+        };
+        let mut outside: Vec<Outside> = [low, high].into_iter().flat_map(outside).collect();
+        outside.sort_by(|a, b| a.words.cmp(&b.words));
+        outside.dedup();
+        outside
+    }
+}
+
+/// What a run predicted of one of its tables, by stations that took no part.
+fn promise(table: &str, figures: &Table) -> Option<TablePromise> {
+    let model = if table == "compensation" {
+        "table"
+    } else {
+        "full"
+    };
+    let text = |column: &str, row: usize| figures.text(column).value(row).to_owned();
+    let is = |row: usize, name: &str| {
+        let wanted = [
+            ("model", model),
+            ("angles", "commanded"),
+            ("split", "blocks"),
+            ("evidence", "predicted"),
+            ("name", name),
+        ];
+        let of_the_table = text("point", row) != "tool_tip";
+        of_the_table
+            && wanted
+                .iter()
+                .all(|(column, word)| text(column, row) == *word)
+    };
+    let value = |name: &str, column: &str| {
+        let row = (0..figures.rows()).find(|&row| is(row, name))?;
+        figures.f64(column).iter().nth(row).flatten()
+    };
+    Some(TablePromise {
+        mean_mm: value("mean", "value")?,
+        bound_mm: value("bound", "value")?,
+        share: value("bound", "share")?,
+        confidence: value("bound", "confidence")?,
+    })
+}

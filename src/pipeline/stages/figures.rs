@@ -1,0 +1,219 @@
+//! Accuracy figures of residuals, for the point that was measured and, where the pipeline file says where it is, for the tool
+//! tip.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use super::StageSettings;
+use super::turns::{commanded_turns, why_no_turns};
+use crate::figures::{self, upper_tolerance_bound_of};
+use crate::fit::{Gauge, Models};
+use crate::grid::{GridStation, Grids, Judged};
+use crate::pipeline::outcome::{Driven, JoinedSession};
+use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
+use crate::report::{
+    Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,
+};
+
+/// What figures are made from besides residuals.
+pub(super) struct FigureMaker<'f> {
+    pub(super) settings: &'f StageSettings,
+    pub(super) models: &'f Models,
+    pub(super) training: &'f [JoinedSession],
+    /// Of the last session.
+    pub(super) gauge: &'f Gauge<'f>,
+    pub(super) stations: &'f [GridStation],
+    pub(super) grids: &'f Grids,
+}
+
+impl FigureMaker<'_> {
+    /// Figures of every set of residuals, of the chosen table and of the session that a table drove.
+    pub(super) fn figures(
+        &self,
+        residuals: &[ResidualSet],
+        driven: Option<&Driven>,
+    ) -> Vec<Accuracy> {
+        let own = residuals
+            .iter()
+            .map(|set| self.of(set, self.grids.guard_mm));
+        let mut figures: Vec<Accuracy> = own.collect();
+        figures.push(self.of_table());
+        for (driven, set) in sets(driven) {
+            figures.push(Accuracy {
+                point: Point::Tool,
+                driven_by: Some(driven.key.run.clone()),
+                ..self.of(set, self.grids.guard_mm)
+            });
+        }
+        figures
+    }
+
+    /// The same for the tool tip; none where the pipeline file does not say where it is.
+    pub(super) fn at_tip(
+        &self,
+        residuals: &[ResidualSet],
+        driven: Option<&Driven>,
+    ) -> Vec<Accuracy> {
+        let Some(tip) = self.settings.tool_tip else {
+            return Vec::new();
+        };
+        let of_target = |set| self.carried(set, tip - self.target(set));
+        let mut figures: Vec<Accuracy> = residuals.iter().map(of_target).collect();
+        let lever = tip - self.gauge.flange_from_tool().translation.vector;
+        figures.push(self.of_table_at_tip(lever));
+        for (driven, set) in sets(driven) {
+            figures.push(Accuracy {
+                driven_by: Some(driven.key.run.clone()),
+                ..self.carried(set, lever)
+            });
+        }
+        figures
+    }
+
+    /// Where the measured target of a set's session sits at the flange, mm.
+    fn target(&self, set: &ResidualSet) -> Vector3<f64> {
+        let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
+        // An unseen session is predicted with the frames of the first.
+        let place = self.training.iter().position(of_session).unwrap_or(0);
+        let frames = &self.models.base_target.frames[place];
+        frames.flange_from_target.isometry().translation.vector
+    }
+
+    fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
+        let tolerance = &self.settings.tolerance;
+        let own = accuracy::accuracy(set, tolerance, guard_mm);
+        let subject = &set.subject;
+        let foretells = (subject.model, subject.angles, subject.split)
+            == (Model::Full, Angles::Commanded, Split::Blocks);
+        if foretells && subject.of_session == self.session().name {
+            let moved = self.moved();
+            let moved = |station| moved.get(&station).copied().unwrap_or_default();
+            accuracy::of_another_day(own, set, moved, tolerance)
+        } else {
+            own
+        }
+    }
+
+    /// The figures of a set at the tip, which is `lever` away along the flange's axes.
+    fn carried(&self, set: &ResidualSet, lever: Vector3<f64>) -> Accuracy {
+        let tip = at_tip(set, &lever);
+        let figures = Accuracy {
+            point: Point::Tip,
+            ..self.of(&tip, self.guard_mm(&lever))
+        };
+        if tip.residuals.is_empty() {
+            Accuracy {
+                verdict: why_no_turns(self.settings, self.session(), set.subject.model),
+                ..figures
+            }
+        } else {
+            figures
+        }
+    }
+
+    fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
+        let orientation_rad = self.settings.noise.tracker.orientation_rad;
+        expanded_uncertainty_mm(
+            self.grids.guard_mm,
+            orientation_rad.unwrap_or_default(),
+            lever,
+        )
+    }
+
+    /// The figures of the chosen table.
+    fn of_table(&self) -> Accuracy {
+        let chosen = self.chosen();
+        let mut folds: Vec<usize> = self.stations.iter().map(|station| station.fold).collect();
+        folds.sort_unstable();
+        folds.dedup();
+        Accuracy {
+            subject: Subject {
+                split: Split::Blocks,
+                of_session: self.session().name.clone(),
+                model: Model::Table,
+                angles: Angles::Commanded,
+                base_refit: BaseRefit::None,
+            },
+            point: Point::Tool,
+            moment: Moment::After,
+            driven_by: None,
+            figures: chosen.figures,
+            bound: chosen.bound,
+            blocks: Some(folds.len()),
+            coverage: None,
+            expanded_uncertainty_mm: self.grids.guard_mm,
+            verdict: self.grids.choice.verdict.clone(),
+        }
+    }
+
+    /// A table corrects the tool point and leaves orientations as they are commanded: the tip sees all of their error.
+    fn of_table_at_tip(&self, lever: Vector3<f64>) -> Accuracy {
+        let turns = self.turns_by_station();
+        let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
+        let left = self.chosen().held_out.left.iter();
+        let left: Vec<(usize, Vector3<f64>)> = left
+            .filter_map(|(station, left)| {
+                Some((*station, left + turns.get(station)?.at_end_of(&lever)))
+            })
+            .collect();
+        let norms: Vec<f64> = left.iter().map(|(_, left)| left.norm()).collect();
+        let another_day = left.iter().flat_map(|(station, left)| {
+            let moved = moved.get(station).copied().unwrap_or_default().iter();
+            moved.map(move |moved| (left + moved).norm())
+        });
+        let another_day: Vec<f64> = another_day.collect();
+        let mut judged: Vec<usize> = left.iter().map(|(station, _)| *station).collect();
+        judged.dedup();
+        let of =
+            |norms: &[f64]| upper_tolerance_bound_of(norms, judged.len(), tolerance.coverage());
+        // Never less than what was seen.
+        let bound = of(&norms).map(|own| of(&another_day).map_or(own, |other| own.max(other)));
+        let guard_mm = self.guard_mm(&lever);
+        Accuracy {
+            point: Point::Tip,
+            figures: figures::Figures::of(&norms),
+            bound,
+            expanded_uncertainty_mm: guard_mm,
+            verdict: if turns.is_empty() {
+                why_no_turns(self.settings, self.session(), Model::Table)
+            } else {
+                tolerance.verdict(bound, judged.len(), guard_mm)
+            },
+            ..self.of_table()
+        }
+    }
+
+    /// How the flange stood against its command at each station of the last session, by station number.
+    fn turns_by_station(&self) -> BTreeMap<usize, Turn> {
+        let session = self.session();
+        let turns = without_constant(&commanded_turns(session, self.gauge), |_| true);
+        let stations = session.joined.stations.iter().zip(turns);
+        stations
+            .filter_map(|(station, turn)| Some((station.number, turn?)))
+            .collect()
+    }
+
+    /// By how much each station's error may have been another on another day.
+    fn moved(&self) -> BTreeMap<usize, &[Vector3<f64>]> {
+        let stations = self.stations.iter();
+        stations
+            .map(|station| (station.number, &*station.another_day))
+            .collect()
+    }
+
+    fn chosen(&self) -> &Judged {
+        &self.grids.judged[self.grids.choice.row]
+    }
+
+    fn session(&self) -> &JoinedSession {
+        self.training.last().expect("work has a session")
+    }
+}
+
+/// The sets of a session that a table drove.
+fn sets(driven: Option<&Driven>) -> impl Iterator<Item = (&Driven, &ResidualSet)> {
+    driven
+        .into_iter()
+        .flat_map(|driven| driven.sets().map(move |set| (driven, set)))
+}

@@ -1,0 +1,53 @@
+//! How the flange stood at stations against how it was commanded to, where both are known; and why they are not.
+
+use crate::fit::Gauge;
+use crate::fit::commanded::{CommandedPose, Trust};
+use crate::grid::Verdict;
+use crate::join::{Pairing, Station};
+use crate::pipeline::outcome::JoinedSession;
+use crate::report::Model;
+use crate::report::tip::Turn;
+
+use super::StageSettings;
+
+/// For each station of a session how the flange stood in the base of `gauge`, and was commanded to stand. Commanded orientations
+/// that were not sent say nothing.
+pub(super) fn commanded_turns(session: &JoinedSession, gauge: &Gauge<'_>) -> Vec<Option<Turn>> {
+    let sent = matches!(session.commanded.trust, Trust::Agrees(_));
+    let tool_from_flange = gauge.flange_from_tool().rotation.inverse();
+    let turn = |(station, pose): (&Station, &Option<CommandedPose>)| {
+        let attained = station.attained.as_ref().filter(|_| sent)?;
+        Some(Turn {
+            attained: gauge
+                .measured_flange(attained)
+                .filter(|_| station.pairing == Pairing::Paired)?,
+            wanted: pose.as_ref()?.orientation? * tool_from_flange,
+        })
+    };
+    let stations = session.joined.stations.iter();
+    stations.zip(&session.commanded.poses).map(turn).collect()
+}
+
+/// Why a model's residuals of a session have no turns.
+pub(super) fn why_no_turns(
+    settings: &StageSettings,
+    session: &JoinedSession,
+    model: Model,
+) -> Verdict {
+    let against_command = matches!(model, Model::RawCommand | Model::Table);
+    Verdict::NotShown(match session.commanded.trust {
+        _ if !settings.noise.orientations => {
+            "orientations were not taken into the fit; of a 6-DoF target they are with [fit] orientations = true and [tracker] \
+             uncertainty.orientation_rad"
+                .to_owned()
+        }
+        Trust::Scatters(rad) if against_command => format!(
+            "commanded orientations scatter by {:.2} mrad about the arm's, so they are not those that were sent",
+            1e3 * rad
+        ),
+        Trust::NoOrientations if against_command => {
+            "the log has no commanded orientations, or [commanded] flange_from_tool is not given".to_owned()
+        }
+        _ => "no orientation was measured: the target of the tracker's log is no 6-DoF one".to_owned(),
+    })
+}

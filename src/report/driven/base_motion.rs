@@ -1,0 +1,63 @@
+//! A base that moves while a session is measured, told from what is left at its stations.
+//!
+//! The base of a driven session is found from its first stations. If it moves at some station, later errors have its rigid
+//! motion in them: of all stations at which it may have moved, the one is taken for which a base of the later stations' own
+//! leaves least. Of a slow drift that takes most away too.
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::{Residual, ResidualSet};
+use crate::geometry::align;
+
+/// How far a base moved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BaseMotion {
+    /// The first station after it.
+    pub from_station: usize,
+    /// At the middle of the stations after it, mm.
+    pub mm: f64,
+    /// Its turn, rad.
+    pub rad: f64,
+}
+
+/// A base is found from as many stations: fewer make a base of their noise.
+const LEAST_STATIONS: usize = 20;
+
+/// The errors of the stations that judge, with the motion of the base that explains most of them taken out; and that motion.
+/// `None` where too few stations judge, or where they do not span space.
+pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
+    let judged = after.residuals.iter().filter(|r| !r.used_for_refit);
+    let judged: Vec<&Residual> = judged.collect();
+    let last = judged.len().checked_sub(LEAST_STATIONS)?;
+    let moved = (0..=last).filter_map(|place| moved_at(&judged, place));
+    let (_, settled, motion) = moved.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let settled = ResidualSet {
+        subject: after.subject.clone(),
+        residuals: settled,
+    };
+    Some((settled, motion))
+}
+
+/// What is left of the squares where the base moved at `place`, the errors then, and the motion.
+fn moved_at(judged: &[&Residual], place: usize) -> Option<(f64, Vec<Residual>, BaseMotion)> {
+    let (before, later) = judged.split_at(place);
+    let wanted: Vec<_> = later.iter().map(|r| r.predicted).collect();
+    let attained: Vec<_> = later.iter().map(|r| r.predicted + r.residual).collect();
+    let base = align(&wanted, &attained, &vec![1.0; later.len()])?;
+    let settled = later.iter().zip(&attained).map(|(r, attained)| Residual {
+        residual: base * attained - r.predicted,
+        ..(*r).clone()
+    });
+    let settled: Vec<Residual> = before.iter().map(|r| (*r).clone()).chain(settled).collect();
+    let sum = attained
+        .iter()
+        .fold(Vector3::zeros(), |sum, p| sum + p.coords);
+    let middle = Point3::from(sum / attained.len() as f64);
+    let motion = BaseMotion {
+        from_station: later.first()?.station,
+        mm: (base * middle - middle).norm(),
+        rad: base.rotation.angle(),
+    };
+    let squares = settled.iter().map(|r| r.residual.norm_squared()).sum();
+    Some((squares, settled, motion))
+}
