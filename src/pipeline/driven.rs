@@ -52,7 +52,9 @@ pub(super) fn words(
         return Ok(Vec::new());
     };
     let mut words = vec![went(driven, session), driven.application.words()];
-    let known = lake.exists(&driven.key)?;
+    // Of a run that another took the place of, the row may be all that was kept.
+    let has = |table| lake.has(table, &driven.key);
+    let known = has("runs")? && has("accuracy")? && has(&driven.table)?;
     if known {
         let figures = lake.read("accuracy", &driven.key)?;
         words.extend(against_promise(driven, &figures));
@@ -63,7 +65,7 @@ pub(super) fn words(
         });
     } else {
         words.push(
-            "the lake does not have that table's run, so no promise is held against the session"
+            "the lake does not have that table's run, or not its tables, so no promise is held against the session"
                 .to_owned(),
         );
     }

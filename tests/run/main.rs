@@ -9,6 +9,7 @@ mod driven;
 mod export;
 mod interrupted;
 mod joints;
+mod kept;
 mod nightly;
 mod page;
 mod planned;
