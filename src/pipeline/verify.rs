@@ -169,7 +169,9 @@ fn recomputed(
 ) -> Recomputed {
     let claim = verified.claim.clone();
     let drove = verified.cited.iter().filter(|own| own.role == Role::Drove);
-    let drove: Vec<_> = drove.filter_map(|own| Some(&register.run(&own.run)?.key)).collect();
+    let drove: Vec<_> = drove
+        .filter_map(|own| Some(&register.run(&own.run)?.key))
+        .collect();
     let temporary = match again::temporary_lake(lake, &claim.key, &drove) {
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),

@@ -67,6 +67,8 @@ pub struct Axis {
     pub include: Vec<f64>,
     /// Names of a horizontal axis that counts things, the first at 1; none for an axis of numbers.
     pub names: Vec<String>,
+    /// Whether only whole numbers mean something on a horizontal axis.
+    pub whole: bool,
 }
 
 /// A value that is not to be exceeded.
@@ -93,6 +95,14 @@ impl Axis {
         Self {
             names,
             ..Self::new(quantity, "")
+        }
+    }
+
+    /// A horizontal axis of whole numbers.
+    pub fn of_whole_numbers(quantity: &str, unit: &str) -> Self {
+        Self {
+            whole: true,
+            ..Self::new(quantity, unit)
         }
     }
 
@@ -157,7 +167,12 @@ impl Chart {
         let values: Vec<f64> = corners.chain(self.x.included()).collect();
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Some(Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high))
+        let scale = Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high);
+        Some(if self.x.whole {
+            scale.in_whole_numbers()
+        } else {
+            scale
+        })
     }
 
     /// The vertical scale: it ends at ticks, with the limits in it.

@@ -64,6 +64,9 @@
     if (chart.getAttribute("role") !== "img") tell("a chart without the role img", chart);
     if (!name) tell("a chart without a name", chart);
     const { width, height } = chart.getBoundingClientRect();
+    const marks = all("path", chart).filter((mark) => !mark.closest(".legend, .grid, .axis, .limit"));
+    const hasExtent = ({ width, height }) => width + height > 0;
+    if (!marks.some((mark) => hasExtent(mark.getBBox()))) tell("a chart with nothing drawn in it", chart);
     if (width < 40 || height < 40) tell(`a chart of ${Math.round(width)} by ${Math.round(height)} pixels`, chart);
   }
   for (const picture of all("img")) {

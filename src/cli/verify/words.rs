@@ -111,7 +111,9 @@ fn outputs(verified: &Verified) -> Vec<String> {
         return vec![format!("none of its {} files is there", outputs.len())];
     }
     let others = outputs.iter().filter(|output| !output.is_sound());
-    let others: Vec<String> = others.map(|own| output(own, &verified.recomputed)).collect();
+    let others: Vec<String> = others
+        .map(|own| output(own, &verified.recomputed))
+        .collect();
     if others.is_empty() && !matches!(verified.recomputed, Recomputed::Yes { .. }) {
         return vec![format!(
             "its {} files have the digests that its row says: no byte of them has changed",
@@ -124,21 +126,33 @@ fn outputs(verified: &Verified) -> Vec<String> {
 /// What is to be known of another run that it rests on.
 fn citation(cited: &Citation) -> Option<String> {
     let (as_what, lost) = match cited.role {
-        Role::Replaced => ("whose place it took", "what that one replaced counts as current again"),
-        Role::Drove => ("whose table drove the session", "its promise cannot be held against the session again"),
-        Role::Planned => ("the plan it was measured by", "its promise cannot be held against the session again"),
+        Role::Replaced => (
+            "whose place it took",
+            "what that one replaced counts as current again",
+        ),
+        Role::Drove => (
+            "whose table drove the session",
+            "its promise cannot be held against the session again",
+        ),
+        Role::Planned => (
+            "the plan it was measured by",
+            "its promise cannot be held against the session again",
+        ),
         Role::KnownArm => ("whose arm it starts from", "it cannot be planned again"),
     };
     let run = &cited.run;
     match &cited.left {
-        Left::Whole(Some(by)) if cited.role != Role::Replaced => {
-            Some(format!("cites run {run}, {as_what}: there, and superseded by run {by}"))
-        }
+        Left::Whole(Some(by)) if cited.role != Role::Replaced => Some(format!(
+            "cites run {run}, {as_what}: there, and superseded by run {by}"
+        )),
         Left::Whole(_) => None,
-        Left::Without(tables) => {
-            Some(format!("cites run {run}, {as_what}: its {} missing; {lost}", tables.join(", ")))
-        }
-        Left::Nothing => Some(format!("cites run {run}, {as_what}: the lake has no row of it; {lost}")),
+        Left::Without(tables) => Some(format!(
+            "cites run {run}, {as_what}: its {} missing; {lost}",
+            tables.join(", ")
+        )),
+        Left::Nothing => Some(format!(
+            "cites run {run}, {as_what}: the lake has no row of it; {lost}"
+        )),
     }
 }
 

@@ -60,7 +60,15 @@ fn valid_for(row: &Row<'_>) -> Vec<(String, String)> {
             option.map(|on| if on { "on" } else { "off" }.to_owned()),
         ),
         ("Temperature", temperature),
-        ("Joint angles", Some(joints.collect::<Vec<_>>().join(", "))),
+        (
+            "Joint angles",
+            Some(
+                joints
+                    .collect::<Vec<_>>()
+                    .join(", ")
+                    .replace('-', "\u{2212}"),
+            ),
+        ),
     ];
     stated
         .map(|(name, value)| {

@@ -95,7 +95,10 @@ fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
 
 /// Whether a file of a run is not there; what cannot be asked for is not said to be gone.
 pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
-    matches!(lake.has(&file.table, &key.of_session(&file.session)), Ok(false))
+    matches!(
+        lake.has(&file.table, &key.of_session(&file.session)),
+        Ok(false)
+    )
 }
 
 /// Inputs that differ by name, size or digest.

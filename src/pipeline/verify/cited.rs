@@ -96,7 +96,12 @@ fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
 /// What a run cites, as far as the lake alone says.
 pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<Citation> {
     let mut cited: Vec<(Role, String)> = Vec::new();
-    cited.extend(claim.replaces.iter().map(|run| (Role::Replaced, run.clone())));
+    cited.extend(
+        claim
+            .replaces
+            .iter()
+            .map(|run| (Role::Replaced, run.clone())),
+    );
     cited.extend(drove(claim, lake).into_iter().map(|run| (Role::Drove, run)));
     cited.extend(planned(claim).map(|run| (Role::Planned, run)));
     let known = known_arm(claim, register);

@@ -47,7 +47,8 @@ impl Register {
 
     /// The name of the run that took the place of another.
     pub(super) fn superseding(&self, key: &RunKey) -> Option<&str> {
-        let of_session = |own: &&Registered| (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
+        let of_session =
+            |own: &&Registered| (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
         let mut runs = self.runs.iter().filter(of_session);
         let later = runs.find(|own| own.replaces.as_ref() == Some(&key.run))?;
         Some(&later.key.run)

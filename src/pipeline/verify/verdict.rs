@@ -61,7 +61,10 @@ impl Verdict {
 
 pub(super) fn verdict(verified: &Verified) -> Verdict {
     let outputs = &verified.outputs;
-    if outputs.iter().any(|own| !own.is_sound() && !own.is_missing()) {
+    if outputs
+        .iter()
+        .any(|own| !own.is_sound() && !own.is_missing())
+    {
         return Verdict::OutputsAltered;
     }
     if !verified.contradictions.is_empty() {
@@ -91,13 +94,21 @@ pub(super) fn verdict(verified: &Verified) -> Verdict {
 fn of_citing(outcomes: &[&FileOutcome], cited: &[Citation]) -> Verdict {
     let mut lost = cited.iter().filter(|cited| cited.is_lost());
     let is_page = |outcome: &&FileOutcome| matches!(outcome, FileOutcome::Page);
-    let besides: Vec<&FileOutcome> = outcomes.iter().filter(|own| !is_page(own)).copied().collect();
+    let besides: Vec<&FileOutcome> = outcomes
+        .iter()
+        .filter(|own| !is_page(own))
+        .copied()
+        .collect();
     let has_page = besides.len() < outcomes.len();
     match of_files(&besides) {
         Verdict::Differs => Verdict::Differs,
-        _ if has_page && lost.clone().any(|cited| cited.role != Role::Replaced) => Verdict::CitedMissing,
+        _ if has_page && lost.clone().any(|cited| cited.role != Role::Replaced) => {
+            Verdict::CitedMissing
+        }
         _ if has_page => Verdict::Differs,
-        Verdict::Same | Verdict::SameValues { .. } if lost.any(|cited| cited.role == Role::Replaced) => {
+        Verdict::Same | Verdict::SameValues { .. }
+            if lost.any(|cited| cited.role == Role::Replaced) =>
+        {
             Verdict::CitedMissing
         }
         verdict => verdict,
