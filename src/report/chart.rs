@@ -203,9 +203,16 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// About how wide a text of thirteen pixels is, px.
+/// About how wide a text of thirteen pixels is, px, in a wide typeface (DejaVu Sans): what fits there fits in others.
 fn text_width(text: &str) -> f64 {
-    7.0 * text.chars().count() as f64
+    let width = |c: char| match c {
+        ' ' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | 'i' | 'j' | 'l' | 'I' => 4.2,
+        'f' | 'r' | 't' | '(' | ')' | '/' | '-' => 5.3,
+        'm' | 'w' | 'M' | 'W' | '%' | '@' => 12.7,
+        c if c.is_uppercase() => 9.2,
+        _ => 8.3,
+    };
+    text.chars().map(width).sum()
 }
 
 #[cfg(test)]

@@ -110,6 +110,7 @@ FAULTS = [
     ("a chart that is no picture", 'role="img"', "", "a chart without the role img"),
     ("a chart without a name", "<title>A chart</title>", "", "a chart without a name"),
     ("a chart of no size", 'width="200"', 'width="0"', "a chart of 0 by"),
+    ("a crowded legend", '<text x="120" y="20">right</text>', '<g class="legend"><text x="120" y="20">right</text><path d="M140 16h20" stroke="#777"></path></g>', "a legend that runs into the next name"),
     ("a chart of nothing", "M0 50H200", "M0 50", "a chart with nothing drawn in it"),
     ("writing over writing", 'x="120"', 'x="20"', 'writing over "right"'),
     ("writing out of the chart", 'x="120"', 'x="190"', "writing that leaves the chart"),

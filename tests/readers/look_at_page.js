@@ -163,6 +163,11 @@
         tell(`writing that leaves the chart "${short(chart.textContent)}"`, text);
       }
     }
+    const samples = all(".legend path", chart).map((sample) => sample.getBoundingClientRect());
+    for (const { text, left, right, top, bottom } of boxes.filter(({ text }) => text.closest(".legend"))) {
+      const isOver = (sample) => sample.left < right + 2 && sample.right > left && sample.top < bottom && sample.bottom > top;
+      if (samples.some(isOver)) tell(`a legend that runs into the next name in the chart "${short(chart.textContent)}"`, text);
+    }
     boxes.forEach((a, i) => boxes.slice(i + 1).forEach((b) => {
       const [across, down] = [Math.min(a.right, b.right) - Math.max(a.left, b.left), Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top)];
       if (across > 1 && down > 1) tell(`writing over "${short(b.text.textContent)}" in the chart "${short(chart.textContent)}"`, a.text);

@@ -54,3 +54,38 @@ impl Register {
         Some(&later.key.run)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(session: &str, name: &str, replaces: Option<&str>) -> Registered {
+        Registered {
+            key: RunKey::new("r", session, name),
+            files: vec![Written {
+                table: "calibrations".to_owned(),
+                session: session.to_owned(),
+                rows: 1,
+                digest: format!("digest of {name}"),
+            }],
+            replaces: replaces.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn a_run_is_superseded_by_one_of_its_own_session() {
+        let runs = vec![
+            run("mon", "a", None),
+            run("mon", "b", Some("a")),
+            run("tue", "c", Some("b")),
+        ];
+        let register = Register { runs };
+        let by = |session, name| register.superseding(&RunKey::new("r", session, name));
+        assert_eq!(by("mon", "a"), Some("b"));
+        assert_eq!(by("mon", "b"), None, "c is of another session");
+        let known = register.with_file("calibrations", "digest of b");
+        assert_eq!(known.expect("there").0.key.run, "b");
+        assert!(register.with_file("accuracy", "digest of b").is_none());
+        assert!(register.run("c").is_some() && register.run("d").is_none());
+    }
+}

@@ -139,3 +139,38 @@ fn of_files(outcomes: &[&FileOutcome]) -> Verdict {
         None => Verdict::SameValues { largest },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::verify::Left;
+
+    fn citing(role: Role, left: Left) -> [Citation; 1] {
+        let run = "b".to_owned();
+        [Citation { role, run, left }]
+    }
+
+    #[test]
+    fn what_is_cited_and_missing_explains_a_page_and_nothing_else() {
+        let whole = || citing(Role::Drove, Left::Whole(None));
+        let lost = || citing(Role::Drove, Left::Nothing);
+        let (page, table) = (&FileOutcome::Page, &FileOutcome::OnlyPublished);
+        assert_eq!(of_citing(&[page], &lost()), Verdict::CitedMissing);
+        assert_eq!(of_citing(&[page], &whole()), Verdict::Differs);
+        assert_eq!(of_citing(&[page, table], &lost()), Verdict::Differs);
+        // Never there when the run was made: its page says so, and is the same.
+        assert_eq!(of_citing(&[], &lost()), Verdict::Same);
+    }
+
+    #[test]
+    fn a_row_that_is_missing_is_told_of_the_run_that_took_its_place() {
+        let lost = citing(Role::Replaced, Left::Nothing);
+        assert_eq!(of_citing(&[], &lost), Verdict::CitedMissing);
+        let there = citing(Role::Replaced, Left::Whole(Some("c".to_owned())));
+        assert_eq!(of_citing(&[], &there), Verdict::Same);
+        assert_eq!(
+            of_citing(&[&FileOutcome::OnlyComputed], &lost),
+            Verdict::Differs
+        );
+    }
+}
