@@ -103,6 +103,7 @@ FAULTS = [
     ("a style from elsewhere", "a { color", "@import 'http://example.org/x.css'; a { color", "a style that loads something"),
     ("a table that sticks out", "<table>", '<table style="width: 1500px">', "the page is 1"),
     ("a line that sticks out of a telephone", "<table>", '<p style="width: 30rem">a</p><table>', "(screen-400-light)"),
+    ("a part for the mouse alone", "<table>", '<div style="overflow-x: auto"><p style="width: 2000px">a</p></div><table>', "a part that keys cannot scroll"),
     ("a heading left out", "<h2>One</h2>", "<h3>One</h3>", "a heading of level 3 after one of level 1"),
     ("an id twice", "<h2>", '<h2 id="one">', "the id one twice"),
     ("a verdict at the end", "<h1>Tolerance met</h1>", '<div style="height: 500px"></div><h1>Tolerance met</h1>', "the verdict does not come first"),

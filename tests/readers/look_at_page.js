@@ -86,6 +86,11 @@
     wide.filter((element) => !scrolls(element)).slice(0, 5).forEach((element) => tell("sticks out", element));
   }
 
+  for (const element of all("body *").filter((own) => own.scrollWidth > own.clientWidth + 1)) {
+    const isScroller = ["auto", "scroll"].includes(getComputedStyle(element).overflowX);
+    if (isScroller && element.tabIndex < 0) tell("a part that keys cannot scroll", element);
+  }
+
   // Contrast, by the colours as computed.
   const colour = (text) => {
     const numbers = (text.match(/-?[\d.]+(e-?\d+)?/g) || ["0", "0", "0", "0"]).map(Number);
