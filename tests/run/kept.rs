@@ -191,7 +191,7 @@ fn a_driven_session_is_verified_with_the_run_that_drove_it() {
     let tables = ["accuracy", "calibrations", "compensation"];
     remove(&tables.map(|table| cell.table_file(table, "mon")));
     let told = format!(
-        "cites run {mon}, whose table drove the session: its accuracy/mon, calibrations/mon, compensation/mon missing"
+        "cites run {mon}, whose table drove the session: its calibrations/mon, compensation/mon, accuracy/mon missing"
     );
     // All but its page, which was held against that promise, is made again byte for byte.
     verify(&cell, &["tue"]).expect(
