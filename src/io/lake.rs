@@ -160,7 +160,7 @@ impl Lake {
         fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
         let mut from = self.store.open(key)?;
         let copied = File::create(&copy).and_then(|mut copy| io::copy(&mut from, &mut copy));
-        Ok(copied.map(drop).map_err(folder_error("write", &copy))?)
+        copied.map(drop).map_err(folder_error("write", &copy))
     }
 
     /// Removes temporaries of processes that are gone; gives their paths. Object storage shows none.

@@ -203,7 +203,7 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// About how wide a text of thirteen pixels is, px, in a wide typeface (DejaVu Sans): what fits there fits in others.
+/// About how wide a text of thirteen pixels is, px, in a wide typeface, `DejaVu Sans`: what fits there fits in others.
 fn text_width(text: &str) -> f64 {
     let width = |c: char| match c {
         ' ' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | 'i' | 'j' | 'l' | 'I' => 4.2,
