@@ -268,6 +268,18 @@ mod tests {
     }
 
     #[test]
+    fn one_point_alone_is_drawn() {
+        let mut chart = chart();
+        let (line, band) = (vec![[30.0, 0.1]], vec![[30.0, -0.2, 0.4]]);
+        chart.series = vec![Series::band("first", line, band)];
+        let svg = chart.svg().into_string();
+        let (drawn, _) = svg.split_once("class=\"legend\"").expect("a legend");
+        for class in ["class=\"points\"", "class=\"line whisker\""] {
+            assert!(drawn.contains(class), "{class} is not in {drawn}");
+        }
+    }
+
+    #[test]
     fn nothing_to_draw_is_said() {
         let mut chart = chart();
         chart.series.clear();
