@@ -77,7 +77,18 @@ fn a_superseded_run_is_found_by_its_name_and_may_go_but_for_its_row() {
             "missing, and cited by its run's row and page",
         ],
     );
+    let history = || ended(posegrid().arg("history").arg(cell.path("lake")));
+    let before = history();
     remove(&own[1..]);
+    // The history needs nothing of it, even when it has to be made again.
+    fs::remove_dir_all(cell.path("lake/.history")).expect("there");
+    let after = history();
+    assert_eq!((after.code, &after.results), (before.code, &before.results));
+    assert!(
+        before.results.contains("1 replaced by another run"),
+        "{}",
+        before.results
+    );
     verify(&cell, &[]).expect(
         0,
         &[
