@@ -35,7 +35,9 @@ Examples:
   posegrid run pipelines/quickstart.toml
   posegrid run pipelines/ur10-random.toml ur10-random-a --test ur10-random-b
 
-Work that the lake has already is not done again: a run's name follows from its inputs, settings and version.
+Work that the lake has already is not done again: a run's name follows from its inputs, settings and version. Nothing forces
+it to be: the same work gives the same bytes, and nothing published is written anew. `posegrid verify` computes it again and
+compares; --lake with another folder makes it once more.
 A session whose log has no end and changed lately ([input] settle_s), or that lacks one side, waits for a later run
 and changes no exit code. One batch works on a lake at a time: another one says which and exits with 1, or waits
 with --wait.

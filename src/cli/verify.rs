@@ -18,7 +18,7 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Selected, Selection, Verdict, Verified, VerifyError, clean, select, verify,
+    PastRun, Register, Selected, Selection, Verdict, Verified, VerifyError, clean, select, verify,
 };
 use crate::progress::Progress;
 
@@ -30,14 +30,15 @@ Examples:
   posegrid verify lake --pipeline cell3.toml --pipeline cell4.toml --sample 10 --seed 2026
   posegrid verify lake --pipeline cell3.toml 2026-11-09
 
-For each run: the digest of every file it wrote; the digests of its inputs, found through the pipeline file, and its
-settings; and where these are the same, the run computed again into a temporary folder and compared, bytes first, then
-values. Numbers are the same value up to 1e-9 of the larger. The lake is only read.
+For each run: the digest of every file it wrote; the other runs that it rests on, as the one whose table drove its session;
+the digests of its inputs, found through the pipeline file, and its settings; and where these are the same, the run computed
+again into a temporary folder and compared, bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
+lake is only read. A run that another took the place of, and of which no file is left but its row in `runs`, counts as removed.
 
 A sample is the N runs whose BLAKE3 of SEED/RUN comes first. There is no choice by date: a run carries none, as the same
 work gives the same bytes on any day; name the sessions of a month instead.
 
-Exit codes: 0 all the same; 3 something is altered or differs; 1 some run could not be computed again; 2 bad usage, or no
+Exit codes: 0 all the same, or removed; 3 something is altered or differs; 1 some run could not be computed again; 2 bad usage, or no
 such lake, run or pipeline file. 1 outranks 3.")]
 pub struct VerifyArgs {
     /// The folder of the published tables
@@ -87,7 +88,7 @@ fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Vec<Verdict> {
     progress.begin("runs", selected.runs.len() as u64);
     let mut verdicts = Vec::new();
     for run in &selected.runs {
-        let (verdict, text) = one(run, lake, bars);
+        let (verdict, text) = one(run, &selected.register, lake, bars);
         bars.aside(|| messages::result(text));
         verdicts.push(verdict);
         progress.advance(1);
@@ -97,7 +98,7 @@ fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Vec<Verdict> {
 }
 
 /// Verifies one run; whatever goes wrong with it stays with it.
-fn one(run: &PastRun, lake: &Lake, bars: &Bars) -> (Verdict, String) {
+fn one(run: &PastRun, register: &Register, lake: &Lake, bars: &Bars) -> (Verdict, String) {
     let claim = match &run.claim {
         Ok(claim) => claim,
         Err(reason) => {
@@ -107,8 +108,7 @@ fn one(run: &PastRun, lake: &Lake, bars: &Bars) -> (Verdict, String) {
         }
     };
     let progress = bars.of(&Printable(&claim.key.session).to_string());
-    let pipeline = run.pipeline.as_deref();
-    let attempt = AssertUnwindSafe(|| verify(claim, &run.place, pipeline, lake, &progress));
+    let attempt = AssertUnwindSafe(|| verify(run, claim, register, lake, &progress));
     if let Ok(verified) = panic::catch_unwind(attempt) {
         let verdict = verified.verdict();
         let text = paragraph(&verified, &verdict);

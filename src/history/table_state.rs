@@ -246,7 +246,7 @@ impl fmt::Display for NotShown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoRun => {
-                f.write_str("the lake does not have the table's run, and its promise with it")
+                f.write_str("the lake does not have the table's run or not its tables, and its promise with them")
             }
             Self::Unreadable(why) => write!(f, "the table's run cannot be read: {why}"),
             Self::NoPromise => f.write_str("the table's run predicted no bound"),

@@ -94,7 +94,12 @@ impl Lake {
 
     /// Whether there is a page of the run; runs of versions that wrote none have none.
     pub fn has_page(&self, key: &RunKey) -> Result<bool, LakeError> {
-        Ok(self.store.exists(&file_key(PAGES, key)?)?)
+        self.has(PAGES, key)
+    }
+
+    /// Whether there is a file of a run: the table of that name, or its page ([`PAGES`]).
+    pub fn has(&self, table: &str, key: &RunKey) -> Result<bool, LakeError> {
+        Ok(self.store.exists(&file_key(table, key)?)?)
     }
 
     /// Begins a run, or `None` when the lake has it.
@@ -133,16 +138,29 @@ impl Lake {
     pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
         for table in tables {
             for listed in self.store.list(&session_key(table, key)?, 0..=0)? {
-                let copy = to.join(&listed.key);
-                let folder = copy.parent().expect("keys have names");
-                fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
-                let mut from = self.store.open(&listed.key)?;
-                let copied =
-                    File::create(&copy).and_then(|mut copy| io::copy(&mut from, &mut copy));
-                copied.map_err(folder_error("write", &copy))?;
+                self.copy(&listed.key, to)?;
             }
         }
         Ok(())
+    }
+
+    /// Copies what a run has in these tables into a lake in a folder.
+    pub fn copy_run(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
+        for table in tables {
+            if self.has(table, key)? {
+                self.copy(&file_key(table, key)?, to)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn copy(&self, key: &str, to: &Path) -> Result<(), LakeError> {
+        let copy = to.join(key);
+        let folder = copy.parent().expect("keys have names");
+        fs::create_dir_all(folder).map_err(folder_error("make the folder", folder))?;
+        let mut from = self.store.open(key)?;
+        let copied = File::create(&copy).and_then(|mut copy| io::copy(&mut from, &mut copy));
+        copied.map(drop).map_err(folder_error("write", &copy))
     }
 
     /// Removes temporaries of processes that are gone; gives their paths. Object storage shows none.

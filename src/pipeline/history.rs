@@ -244,7 +244,10 @@ impl RobotHistory {
         match entry.judged {
             Ok(judged) => self.sessions.push(PastSession {
                 key: row.fact.key,
-                measured_at_ns: row.fact.measured_at_ns,
+                measured_at_ns: row
+                    .fact
+                    .measured_at_ns
+                    .expect("a current run without a stamp is left out"),
                 judged,
             }),
             Err(reason) => self.left_out.push(row.left_out(Reason::Unreadable(reason))),

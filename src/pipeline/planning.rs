@@ -98,6 +98,15 @@ impl PlanningError {
 impl Planning {
     /// Reads and checks the pipeline file at `path`.
     pub fn load(path: &Path, lake: Option<&Path>) -> Result<Self, PlanningError> {
+        Self::load_again(path, lake, None)
+    }
+
+    /// The same of a plan that was made, which started from the table `known_arm`: its session may have a later run by now.
+    pub fn load_again(
+        path: &Path,
+        lake: Option<&Path>,
+        known_arm: Option<&Path>,
+    ) -> Result<Self, PlanningError> {
         let read = files::read(path)?;
         let file = &read.file;
         let section = file.plan.as_ref().ok_or_else(|| PlanError::Missing {
@@ -118,7 +127,10 @@ impl Planning {
         if let Some(known) = &section.known {
             // Computed again into a temporary lake, the past run stands in the pipeline file's own.
             let lakes = [&lake, &read.lake];
-            let table = known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?;
+            let table = match known_arm {
+                Some(table) => table.to_owned(),
+                None => known::table(path, &read.base, known, lakes, &robot).map_err(Box::new)?,
+            };
             let found = known::read(&table, &read.arm, &robot, section, &settings);
             settings.known = Some(found.map_err(Box::new)?);
             inputs.push(input(&table, "calibrations").map_err(Box::new)?);

@@ -55,7 +55,7 @@ pub(super) fn held(
         return Ok(Promised::NoPlan);
     };
     let key = RunKey::new(robot, SESSION, plan);
-    if !lake.exists(&key)? {
+    if !lake.exists(&key)? || !lake.has("sampling_plan", &key)? {
         return Ok(Promised::Unknown(plan.clone()));
     }
     let promise = promise(&lake.read("sampling_plan", &key)?);

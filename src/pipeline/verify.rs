@@ -4,15 +4,18 @@
 //! Output: [`Verified`], with a [`Verdict`]. The lake is only read. Steps, for one run:
 //! 1. the row against itself: its name follows from its inputs, settings and version, and its place from its name;
 //! 2. the digest of every file it wrote (`altered`);
-//! 3. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
-//! 4. where those are the same, the run again by the code of `posegrid run` into a temporary lake, and every file compared:
+//! 3. the other runs that it rests on, and what is left of them (`cited`);
+//! 4. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
+//! 5. where those are the same, the run again by the code of `posegrid run` into a temporary lake, and every file compared:
 //!    bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
 //! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed.
 
 mod again;
 mod altered;
+mod cited;
 mod claim;
+mod register;
 mod selection;
 mod settings;
 mod source;
@@ -29,8 +32,10 @@ use crate::progress::Progress;
 
 use super::plan::PlanError;
 pub use again::{ComparedFile, FileOutcome, clean};
-pub use altered::{ChangedInput, Output};
+pub use altered::{ChangedInput, Found, Output};
+pub use cited::{Citation, Left, Role};
 pub use claim::Claim;
+pub use register::Register;
 pub use selection::{PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
 use source::{NoSource, Source};
@@ -92,6 +97,10 @@ pub struct Verified {
     pub contradictions: Vec<String>,
     /// Every file that the row names.
     pub outputs: Vec<Output>,
+    /// The run that took its place.
+    pub superseded_by: Option<String>,
+    /// Other runs that it rests on.
+    pub cited: Vec<Citation>,
     /// Inputs that are not what the row says.
     pub inputs: Vec<ChangedInput>,
     /// Settings that are not what the row says.
@@ -123,25 +132,26 @@ impl Verified {
     }
 }
 
-/// Verifies one run; `pipeline` is the file it is by, where one of that name was given.
+/// Verifies one run, whose row says `claim`; `register` has every run of the lake.
 pub fn verify(
+    run: &PastRun,
     claim: &Claim,
-    place: &Place,
-    pipeline: Option<&Path>,
+    register: &Register,
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Verified {
-    let outputs = altered::outputs(claim, lake);
     let mut verified = Verified {
         claim: claim.clone(),
-        contradictions: contradictions(claim, place, lake),
-        outputs,
+        contradictions: contradictions(claim, &run.place, lake),
+        outputs: altered::outputs(claim, lake),
+        superseded_by: register.superseding(&claim.key).map(str::to_owned),
+        cited: cited::citations(claim, register, lake),
         inputs: Vec::new(),
         settings: Vec::new(),
         recomputed: Recomputed::OtherWork,
     };
-    verified.recomputed = match pipeline {
-        Some(pipeline) => recomputed(&mut verified, pipeline, lake, progress),
+    verified.recomputed = match &run.pipeline {
+        Some(pipeline) => recomputed(&mut verified, pipeline, register, lake, progress),
         None => Recomputed::No(format!(
             "it is by the pipeline file {:?}: give that file with --pipeline",
             claim.pipeline
@@ -153,20 +163,28 @@ pub fn verify(
 fn recomputed(
     verified: &mut Verified,
     pipeline: &Path,
+    register: &Register,
     lake: &Lake,
     progress: &dyn Progress,
 ) -> Recomputed {
     let claim = verified.claim.clone();
-    let temporary = match again::temporary_lake(lake, &claim.key) {
+    let drove = verified.cited.iter().filter(|own| own.role == Role::Drove);
+    let drove: Vec<_> = drove
+        .filter_map(|own| Some(&register.run(&own.run)?.key))
+        .collect();
+    let temporary = match again::temporary_lake(lake, &claim.key, &drove) {
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),
     };
-    let source = Source::find(&claim, pipeline, temporary.path());
+    let known_arm = cited::known_arm(&claim, register);
+    let known_arm = known_arm.and_then(|key| lake.place("calibrations", &key).ok());
+    let known_arm = known_arm.as_ref().and_then(Place::as_path);
+    let source = Source::find(&claim, pipeline, known_arm, temporary.path());
     let (source, work) = match source.and_then(|source| Ok((source.work(&claim)?, source))) {
         Ok((work, source)) => (source, work),
-        Err(NoSource::Missing(session, reason)) => {
-            verified.inputs = altered::missing(&claim, &session, &reason);
-            return Recomputed::No(format!("session {session}: {reason}"));
+        Err(NoSource::Missing(lost, reason)) => {
+            verified.inputs = altered::missing(&claim, &lost);
+            return Recomputed::No(reason);
         }
         Err(NoSource::Other(reason)) => return Recomputed::No(reason),
     };
@@ -181,6 +199,12 @@ fn recomputed(
     let keeps = |setting: &ChangedSetting| other_version && setting.is_one_sided();
     if !verified.inputs.is_empty() || !verified.settings.iter().all(keeps) {
         return Recomputed::OtherWork;
+    }
+    // Settings that name a plan outrank the logs.
+    let has_plan = verified.cited.iter().any(|own| own.role == Role::Planned);
+    if let Some(plan) = source.sampling_plan().filter(|_| !has_plan) {
+        let cited = Citation::new(Role::Planned, &plan, register, lake);
+        verified.cited.push(cited);
     }
     again::again(verified, &source, lake, temporary.path(), progress)
 }

@@ -67,6 +67,8 @@ pub struct Axis {
     pub include: Vec<f64>,
     /// Names of a horizontal axis that counts things, the first at 1; none for an axis of numbers.
     pub names: Vec<String>,
+    /// Whether only whole numbers mean something on a horizontal axis.
+    pub whole: bool,
 }
 
 /// A value that is not to be exceeded.
@@ -93,6 +95,14 @@ impl Axis {
         Self {
             names,
             ..Self::new(quantity, "")
+        }
+    }
+
+    /// A horizontal axis of whole numbers.
+    pub fn of_whole_numbers(quantity: &str, unit: &str) -> Self {
+        Self {
+            whole: true,
+            ..Self::new(quantity, unit)
         }
     }
 
@@ -157,7 +167,12 @@ impl Chart {
         let values: Vec<f64> = corners.chain(self.x.included()).collect();
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
         let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        Some(Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high))
+        let scale = Scale::over(values.into_iter(), self.x.log)?.ending_at(low, high);
+        Some(if self.x.whole {
+            scale.in_whole_numbers()
+        } else {
+            scale
+        })
     }
 
     /// The vertical scale: it ends at ticks, with the limits in it.
@@ -188,9 +203,16 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// About how wide a text of thirteen pixels is, px.
+/// About how wide a text of thirteen pixels is, px, in a wide typeface, `DejaVu Sans`: what fits there fits in others.
 fn text_width(text: &str) -> f64 {
-    7.0 * text.chars().count() as f64
+    let width = |c: char| match c {
+        ' ' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | 'i' | 'j' | 'l' | 'I' => 4.2,
+        'f' | 'r' | 't' | '(' | ')' | '/' | '-' => 5.3,
+        'm' | 'w' | 'M' | 'W' | '%' | '@' => 12.7,
+        c if c.is_uppercase() => 9.2,
+        _ => 8.3,
+    };
+    text.chars().map(width).sum()
 }
 
 #[cfg(test)]
@@ -243,6 +265,18 @@ mod tests {
         let svg = chart.svg().into_string();
         assert!(svg.contains("2 values are not positive"), "{svg}");
         assert!(!svg.contains("NaN"), "{svg}");
+    }
+
+    #[test]
+    fn one_point_alone_is_drawn() {
+        let mut chart = chart();
+        let (line, band) = (vec![[30.0, 0.1]], vec![[30.0, -0.2, 0.4]]);
+        chart.series = vec![Series::band("first", line, band)];
+        let svg = chart.svg().into_string();
+        let (drawn, _) = svg.split_once("class=\"legend\"").expect("a legend");
+        for class in ["class=\"points\"", "class=\"line whisker\""] {
+            assert!(drawn.contains(class), "{class} is not in {drawn}");
+        }
     }
 
     #[test]

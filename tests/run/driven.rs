@@ -12,7 +12,7 @@ use super::cell::{Cell, ended, posegrid};
 const HOME: &str = "0,-75,100,25,55,-15";
 
 /// A cell whose arm was measured on monday and driven by monday's table on tuesday.
-fn driven() -> Cell {
+pub fn driven() -> Cell {
     let poses = ["--random", "150", "--cone-deg", "10"];
     let cell = Cell::new().with_simulated("mon", &poses);
     assert_ne!(cell.run(&["mon"]).code, 1, "monday has a result");

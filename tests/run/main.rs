@@ -10,6 +10,7 @@ mod export;
 mod interrupted;
 mod iso_9283;
 mod joints;
+mod kept;
 mod nightly;
 mod page;
 mod planned;

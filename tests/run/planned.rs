@@ -25,7 +25,7 @@ drift_check_every = 0
 [tolerance]";
 
 /// A cell with a plan, and the lake of the undisturbed one.
-fn planning() -> Cell {
+pub fn planning() -> Cell {
     let cell = Cell::new()
         .with("steps_mm = [180, 240, 360]", BOX)
         .with("[tolerance]", PLAN);

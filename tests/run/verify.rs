@@ -47,7 +47,7 @@ fn copied() -> Cell {
 }
 
 /// `posegrid verify` of the cell's lake by its pipeline file; temporary folders stand, and have to go, in the cell.
-fn verify(cell: &Cell, arguments: &[&str]) -> Ended {
+pub fn verify(cell: &Cell, arguments: &[&str]) -> Ended {
     let temporary = cell.path("temporary");
     fs::create_dir_all(&temporary).expect("writable");
     let before = cell.lake();
@@ -232,9 +232,9 @@ fn a_table_that_is_gone_is_told() {
     ended.expect(
         3,
         &[
-            "output compensation/mon: ",
-            "No such file",
-            "2 runs: 1 outputs altered, 1 the same",
+            "output compensation/mon: missing, and cited by its run's row and page, the row says ",
+            "computed again it is as the row says",
+            "2 runs: 1 outputs missing, 1 the same",
         ],
     );
 }

@@ -6,8 +6,8 @@ use crate::cli::messages::Printable;
 use crate::io::table::compare::{ColumnDifference, Comparison, OneSided};
 use crate::manifest::RunKey;
 use crate::pipeline::verify::{
-    ChangedInput, ChangedSetting, ComparedFile, FileOutcome, Output, Recomputed, Selected, Verdict,
-    Verified,
+    ChangedInput, ChangedSetting, Citation, ComparedFile, FileOutcome, Found, Left, Output,
+    Recomputed, Role, Selected, Verdict, Verified,
 };
 
 /// A run by robot, session and name.
@@ -22,6 +22,9 @@ pub(super) fn line(name: &str, verdict: &Verdict) -> String {
         Verdict::SameValues { largest } => {
             format!("the same values in other bytes, largest relative difference {largest:.1e}")
         }
+        Verdict::Removed { superseded_by } => {
+            format!("removed: of its files none is there; run {superseded_by} had taken its place")
+        }
         other => word(other).to_owned(),
     };
     let line = format!("{name}: {words}");
@@ -32,11 +35,14 @@ const fn word(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::OutputsAltered => "outputs altered",
         Verdict::RowAltered => "row of runs altered",
+        Verdict::Removed { .. } => "removed, superseded",
+        Verdict::OutputsMissing => "outputs missing",
         Verdict::InputsMissing => "not recomputed, inputs missing",
         Verdict::InputsAltered => "inputs altered",
         Verdict::SettingsDiffer => "settings differ",
         Verdict::NotRecomputed(_) => "not recomputed",
         Verdict::Differs => "differs",
+        Verdict::CitedMissing => "what it cites is missing",
         Verdict::SameValues { .. } => "the same values in other bytes",
         Verdict::Same => "the same",
     }
@@ -77,8 +83,8 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
     let mut lines = verified.claim.elsewhere();
     let contradictions = verified.contradictions.iter();
     lines.extend(contradictions.map(|found| format!("runs: {found}")));
-    let altered = verified.outputs.iter().filter(|output| output.is_altered());
-    lines.extend(altered.map(|output| self::output(output, &verified.recomputed)));
+    lines.extend(outputs(verified));
+    lines.extend(verified.cited.iter().filter_map(citation));
     lines.extend(verified.inputs.iter().map(input));
     lines.extend(verified.settings.iter().map(setting));
     match &verified.recomputed {
@@ -98,10 +104,63 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
     lines
 }
 
+/// The files that are not what the row says; or, where nothing was computed again, that all of them are.
+fn outputs(verified: &Verified) -> Vec<String> {
+    let outputs = &verified.outputs;
+    if matches!(verified.verdict(), Verdict::Removed { .. }) {
+        return vec![format!("none of its {} files is there", outputs.len())];
+    }
+    let others = outputs.iter().filter(|output| !output.is_sound());
+    let others: Vec<String> = others
+        .map(|own| output(own, &verified.recomputed))
+        .collect();
+    if others.is_empty() && !matches!(verified.recomputed, Recomputed::Yes { .. }) {
+        return vec![format!(
+            "its {} files have the digests that its row says: no byte of them has changed",
+            outputs.len()
+        )];
+    }
+    others
+}
+
+/// What is to be known of another run that it rests on.
+fn citation(cited: &Citation) -> Option<String> {
+    let (as_what, lost) = match cited.role {
+        Role::Replaced => (
+            "whose place it took",
+            "what that one replaced counts as current again",
+        ),
+        Role::Drove => (
+            "whose table drove the session",
+            "its promise cannot be held against the session again",
+        ),
+        Role::Planned => (
+            "the plan it was measured by",
+            "its promise cannot be held against the session again",
+        ),
+        Role::KnownArm => ("whose arm it starts from", "it cannot be planned again"),
+    };
+    let run = &cited.run;
+    match &cited.left {
+        Left::Whole(Some(by)) if cited.role != Role::Replaced => Some(format!(
+            "cites run {run}, {as_what}: there, and superseded by run {by}"
+        )),
+        Left::Whole(_) => None,
+        Left::Without(tables) => Some(format!(
+            "cites run {run}, {as_what}: its {} missing; {lost}",
+            tables.join(", ")
+        )),
+        Left::Nothing => Some(format!(
+            "cites run {run}, {as_what}: the lake has no row of it; {lost}"
+        )),
+    }
+}
+
 fn output(output: &Output, recomputed: &Recomputed) -> String {
     let found = match &output.found {
-        Ok(digest) => format!("digest {digest}"),
-        Err(reason) => reason.clone(),
+        Found::Digest(digest) => format!("digest {digest}"),
+        Found::Missing => "missing, and cited by its run's row and page".to_owned(),
+        Found::Unreadable(reason) => reason.clone(),
     };
     let again = match recomputed {
         Recomputed::Yes { others, .. } => others

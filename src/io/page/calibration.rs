@@ -27,7 +27,9 @@ pub(super) fn calibration(row: &Row<'_>) -> Calibration {
 
 fn valid_for(row: &Row<'_>) -> Vec<(String, String)> {
     let degrees = |column| row.numbers(column).into_iter().map(f64::to_degrees);
-    let range = |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°");
+    // A minus is wider than a hyphen.
+    let range =
+        |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°").replace('-', "\u{2212}");
     let joints = degrees("joint_lower_rad")
         .zip(degrees("joint_upper_rad"))
         .map(range);

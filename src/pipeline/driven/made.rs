@@ -27,8 +27,11 @@ pub(super) struct TableRun {
 impl TableRun {
     /// Reads it; or why that cannot be: it is not there, or of another version.
     pub(super) fn read(driven: &Driven, lake: &Lake) -> Result<Result<Self, NotShown>, LakeError> {
-        if !lake.exists(&driven.key)? {
-            return Ok(Err(NotShown::NoRun));
+        // Of a run that another took the place of, the row may be all that was kept.
+        for table in ["runs", driven.table.as_str(), "calibrations", "accuracy"] {
+            if !lake.has(table, &driven.key)? {
+                return Ok(Err(NotShown::NoRun));
+            }
         }
         match Self::of_tables(driven, lake) {
             Err(LakeError::File(wrong)) => Ok(Err(NotShown::Unreadable(wrong.to_string()))),

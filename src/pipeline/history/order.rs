@@ -26,6 +26,10 @@ pub(super) fn current(rows: Vec<Row>) -> (Vec<CurrentRow>, Vec<LeftOut>) {
         let reason = match row.fact.kind {
             Kind::Plan => Reason::Plan,
             Kind::Pooled => Reason::Pooled,
+            Kind::Session if is_last && row.fact.measured_at_ns.is_none() => {
+                let session = &row.fact.key.session;
+                Reason::Unreadable(format!("session {session}: its table clocks is gone"))
+            }
             Kind::Session if is_last => {
                 current.push(row);
                 continue;

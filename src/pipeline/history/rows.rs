@@ -36,7 +36,8 @@ pub(super) struct Row {
 pub(super) struct Fact {
     pub(super) key: RunKey,
     pub(super) replaces: Option<String>,
-    pub(super) measured_at_ns: i64,
+    /// First stamp of its controller log; `None` where its table `clocks` is gone.
+    pub(super) measured_at_ns: Option<i64>,
     pub(super) kind: Kind,
     pub(super) pipeline: String,
     pub(super) version: String,
@@ -136,8 +137,8 @@ fn row(lake: &Lake, place: PathBuf, summary: &Summary) -> Row {
     };
     let digest = blake3::hash(&bytes).to_hex().to_string();
     let fact = match summary.facts.get(&digest) {
-        Some(fact) => Ok(fact.clone()),
-        None => read(lake, &place),
+        Some(fact) if fact.measured_at_ns.is_some() => Ok(fact.clone()),
+        _ => read(lake, &place),
     };
     Row {
         place,
@@ -172,7 +173,7 @@ fn fact(lake: &Lake, claim: Claim, replaces: Option<String>) -> Result<Fact, Str
     Ok(Fact {
         measured_at_ns: match kind {
             Kind::Session => first_stamp(lake, &claim.key)?,
-            Kind::Pooled | Kind::Plan => 0,
+            Kind::Pooled | Kind::Plan => Some(0),
         },
         replaces,
         kind,
@@ -193,11 +194,15 @@ fn kind(claim: &Claim) -> Kind {
     }
 }
 
-/// First stamp of the session's controller log.
-fn first_stamp(lake: &Lake, key: &RunKey) -> Result<i64, String> {
-    let clocks = lake
-        .read("clocks", key)
-        .map_err(|error| error.to_string())?;
+/// First stamp of the session's controller log. Of a run that another took the place of, the row may be all that was kept.
+fn first_stamp(lake: &Lake, key: &RunKey) -> Result<Option<i64>, String> {
+    let told = |error: LakeError| error.to_string();
+    if !lake.has("clocks", key).map_err(told)? {
+        return Ok(None);
+    }
+    let clocks = lake.read("clocks", key).map_err(told)?;
     let stamp = clocks.i64("origin_ns").iter().flatten().next();
-    stamp.ok_or_else(|| format!("session {}: its table clocks is empty", key.session))
+    stamp
+        .map(Some)
+        .ok_or_else(|| format!("session {}: its table clocks is empty", key.session))
 }

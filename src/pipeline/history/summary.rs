@@ -22,7 +22,7 @@ use crate::io::whole_file::replace_whole;
 use crate::manifest::VERSION;
 
 /// Raised when the lines or what they mean change.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// What was judged before.
 #[derive(Debug, Clone, Default)]

@@ -6,6 +6,7 @@ use std::path::Path;
 use tempfile::TempDir;
 
 use super::altered::file_name;
+use super::cited::DRIVING;
 use super::claim::Claim;
 use super::source::{NoSource, Source};
 use super::{Recomputed, Verified};
@@ -67,9 +68,13 @@ pub enum FileOutcome {
     Unreadable(String),
 }
 
-/// A new lake under the system's temporary directory, with the plans that runs of this robot may be held against.
-/// It is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
-pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, String> {
+/// A new lake under the system's temporary directory, with what the run may be held against: the plans of its robot, and
+/// the runs whose tables `drove` it. It is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
+pub(super) fn temporary_lake(
+    lake: &Lake,
+    key: &RunKey,
+    drove: &[&RunKey],
+) -> Result<TempDir, String> {
     let told = |error: &dyn std::fmt::Display| {
         format!("no temporary lake: {error}; TMPDIR names the folder that it is made in")
     };
@@ -77,6 +82,11 @@ pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, Strin
     if key.session != planning::SESSION {
         let plans = key.of_session(planning::SESSION);
         let copied = lake.copy_session(&["sampling_plan", "runs"], &plans, made.path());
+        copied.map_err(|error| told(&error))?;
+    }
+    for key in drove {
+        let copied = lake.copy_run(&["runs"], key, made.path());
+        let copied = copied.and_then(|()| lake.copy_run(&DRIVING, key, made.path()));
         copied.map_err(|error| told(&error))?;
     }
     Ok(made)
@@ -198,11 +208,7 @@ impl Sides<'_> {
     fn found(&self, file: &Written) -> Option<&String> {
         let name = file_name(file);
         let mut outputs = self.verified.outputs.iter();
-        outputs
-            .find(|output| output.name == name)?
-            .found
-            .as_ref()
-            .ok()
+        outputs.find(|output| output.name == name)?.digest()
     }
 
     /// Values of two tables; runs of two versions have two names.

@@ -14,8 +14,19 @@ pub struct Output {
     pub name: String,
     /// BLAKE3 by the row of `runs`.
     pub claimed: String,
-    /// BLAKE3 of what is there, or why there is none.
-    pub found: Result<String, String>,
+    /// What is there.
+    pub found: Found,
+}
+
+/// What is there today of a file that a run wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Found {
+    /// A file with this BLAKE3.
+    Digest(String),
+    /// Nothing.
+    Missing,
+    /// Something that cannot be read: why.
+    Unreadable(String),
 }
 
 /// An input that is not what the row of `runs` says.
@@ -30,9 +41,22 @@ pub struct ChangedInput {
 }
 
 impl Output {
-    /// Whether it is missing or not what the row says.
-    pub fn is_altered(&self) -> bool {
-        self.found.as_ref() != Ok(&self.claimed)
+    /// Whether it is what the row says.
+    pub fn is_sound(&self) -> bool {
+        self.digest() == Some(&self.claimed)
+    }
+
+    /// Whether there is no such file.
+    pub fn is_missing(&self) -> bool {
+        self.found == Found::Missing
+    }
+
+    /// BLAKE3 of what is there.
+    pub const fn digest(&self) -> Option<&String> {
+        match &self.found {
+            Found::Digest(digest) => Some(digest),
+            Found::Missing | Found::Unreadable(_) => None,
+        }
     }
 }
 
@@ -48,17 +72,33 @@ pub(super) fn open(lake: &Lake, key: &RunKey, file: &Written) -> Result<File, La
 
 /// Every file that the row names, digested.
 pub(super) fn outputs(claim: &Claim, lake: &Lake) -> Vec<Output> {
-    let found = |file: &Written| -> Result<String, String> {
+    let output = |file: &Written| Output {
+        name: file_name(file),
+        claimed: file.digest.clone(),
+        found: found(claim, file, lake),
+    };
+    claim.files.iter().map(output).collect()
+}
+
+fn found(claim: &Claim, file: &Written, lake: &Lake) -> Found {
+    let digested = || -> Result<String, String> {
         let opened = open(lake, &claim.key, file).map_err(|error| error.to_string())?;
         let digested = digest(opened).map_err(|error| error.to_string())?;
         Ok(digested.0)
     };
-    let output = |file: &Written| Output {
-        name: file_name(file),
-        claimed: file.digest.clone(),
-        found: found(file),
-    };
-    claim.files.iter().map(output).collect()
+    match digested() {
+        Ok(digest) => Found::Digest(digest),
+        Err(_) if is_gone(&claim.key, file, lake) => Found::Missing,
+        Err(reason) => Found::Unreadable(reason),
+    }
+}
+
+/// Whether a file of a run is not there; what cannot be asked for is not said to be gone.
+pub(super) fn is_gone(key: &RunKey, file: &Written, lake: &Lake) -> bool {
+    matches!(
+        lake.has(&file.table, &key.of_session(&file.session)),
+        Ok(false)
+    )
 }
 
 /// Inputs that differ by name, size or digest.
@@ -86,22 +126,42 @@ pub(super) fn inputs(claimed: &[Input], found: &[Input]) -> Vec<ChangedInput> {
         .collect()
 }
 
-/// The inputs of a session that is not there as a whole.
-pub(super) fn missing(claim: &Claim, session: &str, reason: &str) -> Vec<ChangedInput> {
-    let of_session = |input: &&Input| {
-        let side = input.name.strip_prefix(session);
-        side.is_some_and(|side| side.starts_with('/'))
-    };
-    let inputs = claim.inputs.iter().filter(of_session);
+/// The inputs that are not there as a whole.
+pub(super) fn missing(claim: &Claim, lost: &Lost) -> Vec<ChangedInput> {
+    let inputs = claim.inputs.iter().filter(|input| lost.has(&input.name));
     inputs
         .map(|input| ChangedInput {
             name: input.name.clone(),
             claimed: Some((input.bytes, input.digest.clone())),
-            found: Err(format!(
-                "not looked at, as of the session's folder {reason}"
-            )),
+            found: Err("gone, or not looked for without the others".to_owned()),
         })
         .collect()
+}
+
+/// Which inputs are not there as a whole.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Lost {
+    /// Those of a session.
+    Session(String),
+    /// Those of every session.
+    Sessions,
+    /// The past run that a plan starts from.
+    KnownArm,
+}
+
+/// What the input of a plan is called that says what is known of the arm.
+pub(super) const KNOWN_ARM: &str = "calibrations";
+
+impl Lost {
+    fn has(&self, input: &str) -> bool {
+        match self {
+            Self::Session(session) => input
+                .strip_prefix(&**session)
+                .is_some_and(|side| side.starts_with('/')),
+            Self::Sessions => input.contains('/'),
+            Self::KnownArm => input == KNOWN_ARM,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -114,6 +174,18 @@ mod tests {
             bytes: 3,
             digest: digest.to_owned(),
         }
+    }
+
+    #[test]
+    fn what_is_lost_as_a_whole_is_told_by_its_inputs() {
+        let names = ["robot", "mon/controller", "mon2/controller", KNOWN_ARM];
+        let of = |lost: &Lost| -> Vec<&str> {
+            let lost_ones = names.iter().filter(|name| lost.has(name));
+            lost_ones.copied().collect()
+        };
+        assert_eq!(of(&Lost::Session("mon".to_owned())), ["mon/controller"]);
+        assert_eq!(of(&Lost::Sessions), ["mon/controller", "mon2/controller"]);
+        assert_eq!(of(&Lost::KnownArm), [KNOWN_ARM]);
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub struct Claim {
     pub settings_digest: String,
     /// Files written.
     pub files: Vec<Written>,
+    /// The run of the same robot and session that it takes the place of.
+    pub replaces: Option<String>,
 }
 
 impl Claim {
@@ -90,6 +92,12 @@ impl Claim {
                     }
                 })
                 .collect(),
+            replaces: row
+                .text("replaces")
+                .iter()
+                .flatten()
+                .next()
+                .map(str::to_owned),
         })
     }
 

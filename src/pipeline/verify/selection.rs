@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::VerifyError;
 use super::claim::Claim;
+use super::register::Register;
 use crate::io::lake::{Lake, RunRow};
 use crate::io::store::Place;
 use crate::pipeline::plan::files;
@@ -42,6 +43,8 @@ pub struct Selected {
     pub by_others: BTreeMap<String, usize>,
     /// Runs that were not drawn.
     pub not_drawn: usize,
+    /// Every run of the lake, for what these cite.
+    pub register: Register,
 }
 
 /// Selects runs of a lake.
@@ -53,6 +56,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         runs: Vec::new(),
         by_others: BTreeMap::new(),
         not_drawn: 0,
+        register: Register::of(past.iter().filter_map(|run| run.claim.as_ref().ok())),
     };
     for run in past {
         // A row that cannot be read is nobody's, and has to be told.

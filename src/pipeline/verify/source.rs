@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::altered::Lost;
 use super::claim::Claim;
+use crate::io::log::read_metadata;
 use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};
 use crate::pipeline::fetch::Fetched;
 use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, Tree, WorkPiece};
-use crate::pipeline::planning::{self, Planning};
+use crate::pipeline::planning::{self, Planning, PlanningError};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
 
@@ -24,18 +26,28 @@ pub(super) enum Source {
 /// Why a run's work is not found.
 #[derive(Debug)]
 pub(super) enum NoSource {
-    /// A session is not there, or not whole: which, and why.
-    Missing(String, String),
+    /// Inputs are not there, or not whole: which, and why.
+    Missing(Lost, String),
     /// Anything else, in words.
     Other(String),
 }
 
 impl Source {
     /// The work of `claim` by the pipeline file at `pipeline`, for the lake in `lake`. Which sessions are learnt from and
-    /// which judge is what the row says, as the command line may have said so.
-    pub(super) fn find(claim: &Claim, pipeline: &Path, lake: &Path) -> Result<Self, NoSource> {
+    /// which judge is what the row says, as the command line may have said so; and a plan starts from the table
+    /// `known_arm`, where the lake has it.
+    pub(super) fn find(
+        claim: &Claim,
+        pipeline: &Path,
+        known_arm: Option<&Path>,
+        lake: &Path,
+    ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.sessions.is_empty() {
-            let planning = Planning::load(pipeline, Some(lake)).map_err(other)?;
+            let planning = Planning::load_again(pipeline, Some(lake), known_arm);
+            let planning = planning.map_err(|error| match error {
+                PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
+                error => other(error),
+            })?;
             return Ok(Self::Planning(Box::new(planning)));
         }
         let overrides = Overrides {
@@ -46,7 +58,8 @@ impl Source {
         let plan = Plan::load(pipeline, &overrides).map_err(|error| match error {
             PlanError::Session {
                 session, reason, ..
-            } => NoSource::Missing(session, reason),
+            } => of_session(&session, &reason),
+            PlanError::Folder { .. } => NoSource::Missing(Lost::Sessions, error.to_string()),
             error => other(error),
         })?;
         let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
@@ -60,7 +73,7 @@ impl Source {
             let missing = |name: &String| {
                 let aside = plan.set_aside.iter().find(|aside| aside.session == *name);
                 let reason = aside.map_or("it is not there", |aside| aside.why.reason());
-                NoSource::Missing(name.clone(), reason.to_owned())
+                of_session(name, reason)
             };
             let files = |name| files.get(name).cloned().ok_or_else(|| missing(name));
             names.iter().map(files).collect()
@@ -77,6 +90,16 @@ impl Source {
             ..plan
         };
         Ok(Self::Sessions(Box::new(plan), fetched))
+    }
+
+    /// The plan that the last session's logs say it was measured by.
+    pub(super) fn sampling_plan(&self) -> Option<String> {
+        let Self::Sessions(plan, fetched) = self else {
+            return None;
+        };
+        let session = fetched.piece().training.last()?;
+        let mut metadata = read_metadata(&session.logs, plan.limits).ok()?;
+        metadata.remove("session.plan")
     }
 
     /// The work as it is today, with its inputs digested. The robot's name is the row's, so that no log is read for it.
@@ -115,6 +138,11 @@ impl Source {
             }
         }
     }
+}
+
+fn of_session(session: &str, reason: &str) -> NoSource {
+    let lost = Lost::Session(session.to_owned());
+    NoSource::Missing(lost, format!("session {session}: {reason}"))
 }
 
 #[expect(

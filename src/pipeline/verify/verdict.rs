@@ -1,15 +1,22 @@
 //! What verifying a run comes to, in one word and its reason.
 
-use super::{FileOutcome, Recomputed, Verified};
+use super::{Citation, FileOutcome, Output, Recomputed, Role, Verified};
 
 /// What verifying a run comes to. Of several the first that holds, in this order: what is published before what it is
 /// from, and that before what computing it again gave.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Verdict {
-    /// Files that the run wrote are missing or changed.
+    /// Files that the run wrote are changed.
     OutputsAltered,
     /// Its row in `runs` contradicts itself.
     RowAltered,
+    /// None of its files is there, and another run took its place.
+    Removed {
+        /// That run.
+        superseded_by: String,
+    },
+    /// Files that the run wrote, and its row cites, are missing.
+    OutputsMissing,
     /// Inputs are missing: it cannot be computed again.
     InputsMissing,
     /// Inputs are not those that it read.
@@ -20,6 +27,8 @@ pub enum Verdict {
     NotRecomputed(String),
     /// Computed again it gives other values.
     Differs,
+    /// It is as it was, but runs that it cites are missing.
+    CitedMissing,
     /// Computed again it gives the same values in other bytes; the largest relative difference of two numbers.
     SameValues {
         /// The larger of both numbers is 1.
@@ -41,34 +50,75 @@ impl Verdict {
             self,
             Self::OutputsAltered
                 | Self::RowAltered
+                | Self::OutputsMissing
                 | Self::InputsAltered
                 | Self::SettingsDiffer
                 | Self::Differs
+                | Self::CitedMissing
         )
     }
 }
 
 pub(super) fn verdict(verified: &Verified) -> Verdict {
-    if verified.outputs.iter().any(super::Output::is_altered) {
+    let outputs = &verified.outputs;
+    if outputs
+        .iter()
+        .any(|own| !own.is_sound() && !own.is_missing())
+    {
         return Verdict::OutputsAltered;
     }
     if !verified.contradictions.is_empty() {
         return Verdict::RowAltered;
+    }
+    if outputs.iter().any(Output::is_missing) {
+        return match &verified.superseded_by {
+            Some(by) if outputs.iter().all(Output::is_missing) => Verdict::Removed {
+                superseded_by: by.clone(),
+            },
+            _ => Verdict::OutputsMissing,
+        };
     }
     match &verified.recomputed {
         Recomputed::No(_) if !verified.inputs.is_empty() => Verdict::InputsMissing,
         Recomputed::No(reason) => Verdict::NotRecomputed(reason.clone()),
         Recomputed::OtherWork if !verified.inputs.is_empty() => Verdict::InputsAltered,
         Recomputed::OtherWork => Verdict::SettingsDiffer,
-        Recomputed::Yes { others, .. } if others.is_empty() => Verdict::Same,
         Recomputed::Yes { others, .. } => {
             let outcomes: Vec<&FileOutcome> = others.iter().map(|file| &file.outcome).collect();
-            of_files(&outcomes)
+            of_citing(&outcomes, &verified.cited)
         }
     }
 }
 
+/// A page that was held against a promise cannot be made again without it; and a row that is missing misleads about others.
+fn of_citing(outcomes: &[&FileOutcome], cited: &[Citation]) -> Verdict {
+    let mut lost = cited.iter().filter(|cited| cited.is_lost());
+    let is_page = |outcome: &&FileOutcome| matches!(outcome, FileOutcome::Page);
+    let besides: Vec<&FileOutcome> = outcomes
+        .iter()
+        .filter(|own| !is_page(own))
+        .copied()
+        .collect();
+    let has_page = besides.len() < outcomes.len();
+    match of_files(&besides) {
+        Verdict::Differs => Verdict::Differs,
+        _ if has_page && lost.clone().any(|cited| cited.role != Role::Replaced) => {
+            Verdict::CitedMissing
+        }
+        _ if has_page => Verdict::Differs,
+        Verdict::Same | Verdict::SameValues { .. }
+            if lost.any(|cited| cited.role == Role::Replaced) =>
+        {
+            Verdict::CitedMissing
+        }
+        verdict => verdict,
+    }
+}
+
 fn of_files(outcomes: &[&FileOutcome]) -> Verdict {
+    if outcomes.is_empty() {
+        return Verdict::Same;
+    }
     let mut largest = 0.0_f64;
     let mut unreadable = None;
     for outcome in outcomes {
@@ -87,5 +137,40 @@ fn of_files(outcomes: &[&FileOutcome]) -> Verdict {
     match unreadable {
         Some(reason) => Verdict::NotRecomputed(reason),
         None => Verdict::SameValues { largest },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::verify::Left;
+
+    fn citing(role: Role, left: Left) -> [Citation; 1] {
+        let run = "b".to_owned();
+        [Citation { role, run, left }]
+    }
+
+    #[test]
+    fn what_is_cited_and_missing_explains_a_page_and_nothing_else() {
+        let whole = || citing(Role::Drove, Left::Whole(None));
+        let lost = || citing(Role::Drove, Left::Nothing);
+        let (page, table) = (&FileOutcome::Page, &FileOutcome::OnlyPublished);
+        assert_eq!(of_citing(&[page], &lost()), Verdict::CitedMissing);
+        assert_eq!(of_citing(&[page], &whole()), Verdict::Differs);
+        assert_eq!(of_citing(&[page, table], &lost()), Verdict::Differs);
+        // Never there when the run was made: its page says so, and is the same.
+        assert_eq!(of_citing(&[], &lost()), Verdict::Same);
+    }
+
+    #[test]
+    fn a_row_that_is_missing_is_told_of_the_run_that_took_its_place() {
+        let lost = citing(Role::Replaced, Left::Nothing);
+        assert_eq!(of_citing(&[], &lost), Verdict::CitedMissing);
+        let there = citing(Role::Replaced, Left::Whole(Some("c".to_owned())));
+        assert_eq!(of_citing(&[], &there), Verdict::Same);
+        assert_eq!(
+            of_citing(&[&FileOutcome::OnlyComputed], &lost),
+            Verdict::Differs
+        );
     }
 }

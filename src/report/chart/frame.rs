@@ -136,9 +136,13 @@ impl Frame {
     /// A sample of each named series with its name, in lines above the plot.
     pub(super) fn legend(&self, drawn: &[Series]) -> Markup {
         html! {
-            @for Placed { series, x, y } in &self.legend {
-                g class=(drawn[*series].class()) { (sample(&drawn[*series], x - SAMPLE + 4.0, y - 4.0)) }
-                text class="name" x=(px(*x)) y=(px(*y)) { (drawn[*series].name) }
+            @if !self.legend.is_empty() {
+                g class="legend" {
+                    @for Placed { series, x, y } in &self.legend {
+                        g class=(drawn[*series].class()) { (sample(&drawn[*series], x - SAMPLE + 4.0, y - 4.0)) }
+                        text class="name" x=(px(*x)) y=(px(*y)) { (drawn[*series].name) }
+                    }
+                }
             }
         }
     }

@@ -85,6 +85,11 @@ impl Marks {
 
     pub(super) fn drawn(&self, frame: &Frame, look: usize) -> Markup {
         let (class, path) = match self {
+            // One point alone makes no line and no area.
+            Self::Line(points) | Self::Steps(points) if points.len() == 1 => {
+                ("points", marker(frame.at(points[0]), look))
+            }
+            Self::Band(spans) if spans.len() == 1 => ("line whisker", whisker(frame, spans[0])),
             Self::Line(points) => ("line", frame.polyline(points.iter().copied())),
             Self::Points(points) if points.len() >= CROWD => {
                 // A tenth of a pixel: a line without length has no square ends on paper.

@@ -37,6 +37,17 @@ impl Scale {
         self
     }
 
+    /// The same scale with ticks at whole numbers only.
+    #[must_use]
+    pub fn in_whole_numbers(mut self) -> Self {
+        self.ticks
+            .retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);
+        for tick in &mut self.ticks {
+            tick.label = format!("{:.0}", tick.value);
+        }
+        self
+    }
+
     /// A scale with a name at each of 1, 2, 3 and so on.
     pub fn of_names(names: &[String]) -> Self {
         let tick = |(place, name): (usize, &String)| Tick {
@@ -197,6 +208,15 @@ mod tests {
         // One value alone, and values that differ in the last digit only.
         assert_eq!(labels(&[3.0], false).len(), 5);
         assert!(labels(&[1e15, 1e15 + 0.125], false).len() <= 11);
+    }
+
+    #[test]
+    fn what_is_counted_has_whole_ticks() {
+        // Steps of 0.2, of which the fifteenth is 3.0000000000000004.
+        let scale = Scale::over([2.0, 3.0].into_iter(), false).expect("values");
+        let whole = scale.ending_at(2.0, 3.0).in_whole_numbers();
+        let labels: Vec<_> = whole.ticks.iter().map(|tick| &*tick.label).collect();
+        assert_eq!(labels, ["2", "3"]);
     }
 
     #[test]

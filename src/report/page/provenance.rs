@@ -29,7 +29,7 @@ pub(super) fn files(files: &[(String, u64, String)], size: &str) -> Markup {
     let head = html! { th { "File" } th { (size) } th.word { "BLAKE3" } };
     let body = html! {
         @for (name, number, digest) in files {
-            tr { th.word scope="row" { (name) } td { (words::whole(*number)) } td.word { code { (digest) } } }
+            tr { th.word scope="row" { (name) } td { (words::whole(*number)) } td.word.digest { code { (digest) } } }
         }
     };
     super::table(&head, &body)

@@ -93,9 +93,9 @@ fn is_hidden(c: char) -> bool {
     turns || (c.is_control() && c != '\n')
 }
 
-/// A table that scrolls by itself where the screen is narrow.
+/// A table that scrolls by itself where the screen is narrow, by keys too.
 pub(super) fn table(head: &Markup, body: &Markup) -> Markup {
     html! {
-        div.scroll { table { thead { tr { (head) } } tbody { (body) } } }
+        div.scroll tabindex="0" { table { thead { tr { (head) } } tbody { (body) } } }
     }
 }

@@ -21,7 +21,10 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     if told.is_empty() {
         return None;
     }
-    let head = html! { th { "No." } th { "Session" } th { "Held against" } th { "What moved" } th { "Lasts" } th { "Out of control" } };
+    let head = html! {
+        th { "No." } th.word { "Session" } th { "Held against" }
+        th.word { "What moved" } th.word { "Lasts" } th.word { "Out of control" }
+    };
     let body = html! { @for (place, session) in told.iter().rev().take(MOST) { (row(place + 1, session)) } };
     Some(html! {
         p {
@@ -43,17 +46,17 @@ fn row(number: usize, session: &Session) -> Markup {
     html! {
         tr {
             td.n { (number) }
-            th scope="row" { (session.name) }
+            th.word scope="row" { (session.name) }
             td.n { (session.against) }
-            td {
+            td.word {
                 @match (&session.moved, session.against) {
                     (Some(moved), _) => (moved),
                     (None, 0) => { "begins segment " (session.segment) @if !session.began.is_empty() { ": other " (session.began.join(", ")) } },
                     (None, _) => "–",
                 }
             }
-            td { (lasts) }
-            td { @if session.out_of_control.is_empty() { "–" } @else { (session.out_of_control.join(", ")) } }
+            td.word { (lasts) }
+            td.word { @if session.out_of_control.is_empty() { "–" } @else { (session.out_of_control.join(", ")) } }
         }
     }
 }
@@ -62,9 +65,9 @@ pub(super) fn left_out(content: &Content) -> Option<Markup> {
     if content.left_out.is_empty() {
         return None;
     }
-    let head = html! { th { "Run" } th { "Why" } };
+    let head = html! { th { "Run" } th.word { "Why" } };
     let body = html! {
-        @for (who, why) in content.left_out.iter().take(MOST) { tr { th scope="row" { (who) } td { (why) } } }
+        @for (who, why) in content.left_out.iter().take(MOST) { tr { th scope="row" { (who) } td.word { (why) } } }
     };
     Some(html! {
         p { "Of " (content.runs) " runs " (content.sessions.len()) " are in this history; these " (content.left_out.len()) " are not." }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::content::{Content, Point, Series};
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series as Drawn};
-use crate::report::page::words::model;
+use crate::report::page::words::{fixed, model};
 
 /// Points that a line has at most.
 const MOST: usize = 400;
@@ -25,7 +25,7 @@ pub(super) fn accuracy(content: &Content) -> Option<Markup> {
     let chart = Chart {
         title: "Accuracy over the sessions".to_owned(),
         description: "Mean and 95th percentile of held-out position errors in each session, before and after.".to_owned(),
-        x: Axis::new("session", "no."),
+        x: Axis::of_whole_numbers("session", "no."),
         y: Axis::new("position error", "mm").including(&[0.0]),
         series: drawn.collect(),
         limits: Vec::new(),
@@ -102,7 +102,7 @@ fn place(content: &Content, (title, names, unit, scale): &Group) -> Option<Marku
         title: (*title).to_owned(),
         description: "Change since the first session, with bands of two standard deviations."
             .to_owned(),
-        x: Axis::new("session", "no."),
+        x: Axis::of_whole_numbers("session", "no."),
         y: Axis::new("since the first session", unit),
         series: own.iter().map(|series| banded(series, *scale)).collect(),
         limits: Vec::new(),
@@ -168,13 +168,13 @@ fn averages(series: &Series) -> Vec<[f64; 2]> {
 
 fn figure(caption: &str, drawn: Vec<Drawn>) -> Markup {
     let limit = |value: f64| Limit {
-        name: format!("limit {value}"),
+        name: format!("limit {}", fixed(value, 0)),
         value,
     };
     let chart = Chart {
         title: format!("Moving averages: {caption}"),
         description: "Exponentially weighted moving averages over their control limits.".to_owned(),
-        x: Axis::new("session", "no."),
+        x: Axis::of_whole_numbers("session", "no."),
         y: Axis::new("average over limit", "").including(&[-1.2, 1.2]),
         series: drawn,
         limits: vec![limit(1.0), limit(-1.0)],

@@ -51,7 +51,7 @@ pub(super) fn parameters(content: &Content) -> Option<Markup> {
     if content.parameters.is_empty() {
         return None;
     }
-    let head = html! { th { "Parameter" } th.n { "First" } th.n { "± standard error" } th.n { "Newest" } th.n { "± standard error" } th { "Unit" } };
+    let head = html! { th { "Parameter" } th.n { "First" } th.n { "± standard error" } th.n { "Newest" } th.n { "± standard error" } th.word { "Unit" } };
     let body = html! { @for parameter in &content.parameters { (row(parameter)) } };
     Some(html! {
         p {
@@ -73,5 +73,5 @@ fn row(parameter: &Parameter) -> Markup {
             |value: Option<f64>| value.map_or("–".to_owned(), |value| fixed(scale * value, 4));
         html! { td.n { (text(found.map(|(value, _)| value))) } td.n { (text(found.map(|(_, sd)| sd))) } }
     };
-    html! { tr { th scope="row" { (parameter.name) } (cells(parameter.first)) (cells(parameter.newest)) td { (unit) } } }
+    html! { tr { th scope="row" { (parameter.name) } (cells(parameter.first)) (cells(parameter.newest)) td.word { (unit) } } }
 }

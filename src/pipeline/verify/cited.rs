@@ -1,0 +1,140 @@
+//! Other runs that a run rests on, and what is left of them.
+//!
+//! Inputs: the row of `runs` ([`Claim`]), the run's own `stations`, the lake and its [`Register`]. Output: [`Citation`]s of
+//! 1. the run that it `replaces`: without that one's row, what *it* replaced counts as current again;
+//! 2. the run whose table drove the session (`table_id` in `stations`): what it promised is on the page;
+//! 3. the plan that the session was measured by (`[report] plan`, or the logs' metadata): so is its promise;
+//! 4. the past run that a plan starts from (`[plan.known]`), by the digest of its `calibrations`.
+
+use std::collections::BTreeSet;
+
+use super::altered::{KNOWN_ARM, file_name, is_gone};
+use super::claim::Claim;
+use super::register::Register;
+use crate::io::lake::Lake;
+use crate::manifest::RunKey;
+
+/// Another run that a run rests on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Citation {
+    /// What for.
+    pub role: Role,
+    /// Its name.
+    pub run: String,
+    /// What is left of it.
+    pub left: Left,
+}
+
+/// What a run is cited for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// The citing run takes its place.
+    Replaced,
+    /// Its table drove the session.
+    Drove,
+    /// It is the plan that the session was measured by.
+    Planned,
+    /// It says what is known of a plan's arm.
+    KnownArm,
+}
+
+/// What is left of a cited run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Left {
+    /// All that is cited of it; and the run that took its place, if one did.
+    Whole(Option<String>),
+    /// Its row in `runs`, without these of its tables, as TABLE/SESSION.
+    Without(Vec<String>),
+    /// Not even its row.
+    Nothing,
+}
+
+/// Tables by which commands were corrected, and what was promised of them.
+pub(super) const DRIVING: [&str; 3] = ["accuracy", "calibrations", "compensation"];
+
+impl Role {
+    const fn tables(self) -> &'static [&'static str] {
+        match self {
+            Self::Replaced => &[],
+            Self::Drove => &DRIVING,
+            Self::Planned => &["sampling_plan"],
+            Self::KnownArm => &[KNOWN_ARM],
+        }
+    }
+}
+
+impl Citation {
+    /// Whether something of what is cited is missing.
+    pub fn is_lost(&self) -> bool {
+        !matches!(self.left, Left::Whole(_))
+    }
+
+    pub(super) fn new(role: Role, run: &str, register: &Register, lake: &Lake) -> Self {
+        Self {
+            role,
+            run: run.to_owned(),
+            left: left(role, run, register, lake),
+        }
+    }
+}
+
+fn left(role: Role, run: &str, register: &Register, lake: &Lake) -> Left {
+    let Some(cited) = register.run(run) else {
+        return Left::Nothing;
+    };
+    let files = cited.files.iter();
+    let of_role = files.filter(|file| role.tables().contains(&&*file.table));
+    let gone = of_role.filter(|file| is_gone(&cited.key, file, lake));
+    let gone: Vec<String> = gone.map(file_name).collect();
+    if gone.is_empty() {
+        Left::Whole(register.superseding(&cited.key).map(str::to_owned))
+    } else {
+        Left::Without(gone)
+    }
+}
+
+/// What a run cites, as far as the lake alone says.
+pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<Citation> {
+    let mut cited: Vec<(Role, String)> = Vec::new();
+    cited.extend(
+        claim
+            .replaces
+            .iter()
+            .map(|run| (Role::Replaced, run.clone())),
+    );
+    cited.extend(drove(claim, lake).into_iter().map(|run| (Role::Drove, run)));
+    cited.extend(planned(claim).map(|run| (Role::Planned, run)));
+    let known = known_arm(claim, register);
+    cited.extend(known.map(|key| (Role::KnownArm, key.run.clone())));
+    let cited = cited.iter();
+    cited
+        .map(|(role, run)| Citation::new(*role, run, register, lake))
+        .collect()
+}
+
+/// The runs whose tables drove the sessions. A table of stations that is not there or not readable is told as an output.
+fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
+    let files = claim.files.iter().filter(|file| file.table == "stations");
+    let keys = files.map(|file| claim.key.of_session(&file.session));
+    let tables = keys.filter_map(|key| lake.read("stations", &key).ok());
+    let ids = tables.flat_map(|table| -> Vec<String> {
+        let ids = table.text("table_id").iter().flatten();
+        ids.map(str::to_owned).collect()
+    });
+    ids.collect()
+}
+
+/// The plan that the settings name.
+fn planned(claim: &Claim) -> Option<String> {
+    let settings: serde_json::Value = serde_json::from_str(&claim.settings).ok()?;
+    let plan = settings.pointer("/report/plan")?.as_str()?;
+    Some(plan.to_owned())
+}
+
+/// The session's key of the run whose `calibrations` a plan starts from, where it is one of the lake.
+pub(super) fn known_arm(claim: &Claim, register: &Register) -> Option<RunKey> {
+    let mut inputs = claim.inputs.iter();
+    let input = inputs.find(|input| input.name == KNOWN_ARM)?;
+    let (run, file) = register.with_file(KNOWN_ARM, &input.digest)?;
+    Some(run.key.of_session(&file.session))
+}

@@ -1,0 +1,91 @@
+//! The rows of `runs` → every run of a lake, by what others cite it by.
+
+use super::claim::Claim;
+use crate::manifest::{RunKey, Written};
+
+/// Every run that the lake has a readable row of.
+#[derive(Debug, Clone, Default)]
+pub struct Register {
+    runs: Vec<Registered>,
+}
+
+/// A run of the lake, as far as others cite it.
+#[derive(Debug, Clone)]
+pub(super) struct Registered {
+    /// Robot, session and name.
+    pub(super) key: RunKey,
+    /// Files written.
+    pub(super) files: Vec<Written>,
+    replaces: Option<String>,
+}
+
+impl Register {
+    /// The runs that these rows are of.
+    pub(super) fn of<'a>(claims: impl Iterator<Item = &'a Claim>) -> Self {
+        let registered = |claim: &Claim| Registered {
+            key: claim.key.clone(),
+            files: claim.files.clone(),
+            replaces: claim.replaces.clone(),
+        };
+        Self {
+            runs: claims.map(registered).collect(),
+        }
+    }
+
+    /// The run of this name; no two runs have one.
+    pub(super) fn run(&self, name: &str) -> Option<&Registered> {
+        self.runs.iter().find(|own| own.key.run == name)
+    }
+
+    /// A run that wrote this table with this digest, and the file.
+    pub(super) fn with_file(&self, table: &str, digest: &str) -> Option<(&Registered, &Written)> {
+        let is_it = |file: &&Written| file.table == table && file.digest == digest;
+        self.runs
+            .iter()
+            .find_map(|own| Some((own, own.files.iter().find(is_it)?)))
+    }
+
+    /// The name of the run that took the place of another.
+    pub(super) fn superseding(&self, key: &RunKey) -> Option<&str> {
+        let of_session =
+            |own: &&Registered| (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
+        let mut runs = self.runs.iter().filter(of_session);
+        let later = runs.find(|own| own.replaces.as_ref() == Some(&key.run))?;
+        Some(&later.key.run)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(session: &str, name: &str, replaces: Option<&str>) -> Registered {
+        Registered {
+            key: RunKey::new("r", session, name),
+            files: vec![Written {
+                table: "calibrations".to_owned(),
+                session: session.to_owned(),
+                rows: 1,
+                digest: format!("digest of {name}"),
+            }],
+            replaces: replaces.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn a_run_is_superseded_by_one_of_its_own_session() {
+        let runs = vec![
+            run("mon", "a", None),
+            run("mon", "b", Some("a")),
+            run("tue", "c", Some("b")),
+        ];
+        let register = Register { runs };
+        let by = |session, name| register.superseding(&RunKey::new("r", session, name));
+        assert_eq!(by("mon", "a"), Some("b"));
+        assert_eq!(by("mon", "b"), None, "c is of another session");
+        let known = register.with_file("calibrations", "digest of b");
+        assert_eq!(known.expect("there").0.key.run, "b");
+        assert!(register.with_file("accuracy", "digest of b").is_none());
+        assert!(register.run("c").is_some() && register.run("d").is_none());
+    }
+}
