@@ -168,11 +168,7 @@ fn recomputed(
     progress: &dyn Progress,
 ) -> Recomputed {
     let claim = verified.claim.clone();
-    let drove = verified.cited.iter().filter(|own| own.role == Role::Drove);
-    let drove: Vec<_> = drove
-        .filter_map(|own| Some(&register.run(&own.run)?.key))
-        .collect();
-    let temporary = match again::temporary_lake(lake, &claim.key, &drove) {
+    let temporary = match again::temporary_lake(lake, &claim.key) {
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),
     };
@@ -189,7 +185,7 @@ fn recomputed(
         Err(NoSource::Other(reason)) => return Recomputed::No(reason),
     };
     let table = source.driven_by();
-    let added = table.map(|made| again::add_table(lake, &claim.key, &made, temporary.path()));
+    let added = table.map(|made| again::add_table(lake, &made, temporary.path()));
     if let Some(Err(reason)) = added {
         return Recomputed::No(reason);
     }

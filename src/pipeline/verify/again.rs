@@ -32,9 +32,6 @@ const ROW_ONLY: [&str; 10] = [
     "table_digests",
 ];
 
-/// Tables that a session is held against of the run whose table drove it.
-const OF_A_TABLE: [&str; 4] = ["accuracy", "calibrations", "compensation", "runs"];
-
 /// What temporary lakes are named by.
 const TEMPORARY: &str = "posegrid-verify";
 
@@ -68,13 +65,9 @@ pub enum FileOutcome {
     Unreadable(String),
 }
 
-/// A new lake under the system's temporary directory, with what the run may be held against: the plans of its robot, and
-/// the runs whose tables `drove` it. It is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
-pub(super) fn temporary_lake(
-    lake: &Lake,
-    key: &RunKey,
-    drove: &[&RunKey],
-) -> Result<TempDir, String> {
+/// A new lake under the system's temporary directory, with the plans of the robot, which the run may be held against. It
+/// is removed when dropped; what a process leaves that is interrupted, [`clean`] removes.
+pub(super) fn temporary_lake(lake: &Lake, key: &RunKey) -> Result<TempDir, String> {
     let told = |error: &dyn std::fmt::Display| {
         format!("no temporary lake: {error}; TMPDIR names the folder that it is made in")
     };
@@ -84,26 +77,13 @@ pub(super) fn temporary_lake(
         let copied = lake.copy_session(&["sampling_plan", "runs"], &plans, made.path());
         copied.map_err(|error| told(&error))?;
     }
-    for key in drove {
-        let copied = lake.copy_run(&["runs"], key, made.path());
-        let copied = copied.and_then(|()| lake.copy_run(&DRIVING, key, made.path()));
-        copied.map_err(|error| told(&error))?;
-    }
     Ok(made)
 }
 
 /// Adds what a session that a table drove is held against: the run that made the table.
-pub(super) fn add_table(
-    lake: &Lake,
-    claim: &RunKey,
-    made: &RunKey,
-    temporary: &Path,
-) -> Result<(), String> {
-    // The run that is computed again must not be there before.
-    if (&made.robot, &made.session) == (&claim.robot, &claim.session) {
-        return Ok(());
-    }
-    let copied = lake.copy_session(&OF_A_TABLE, made, temporary);
+pub(super) fn add_table(lake: &Lake, made: &RunKey, temporary: &Path) -> Result<(), String> {
+    let copied = lake.copy_run(&["runs"], made, temporary);
+    let copied = copied.and_then(|()| lake.copy_run(&DRIVING, made, temporary));
     copied.map_err(|error| format!("the run of the table that drove it cannot be copied: {error}"))
 }
 

@@ -4,7 +4,7 @@ mod tip;
 
 use maud::{Markup, html};
 
-use super::content::{Content, Subject};
+use super::content::{Content, Figure, Subject};
 use super::words;
 
 /// The figures of error norms that a row of the table has, mm.
