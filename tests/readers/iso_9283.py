@@ -162,7 +162,7 @@ def of_distance(poses, everything):
         pairs = in_turn(poses[a], poses[b])
         if len(pairs) > 1:
             apart = math.hypot(*middle([minus(two.commanded, one.commanded) for one, two in pairs]))
-            if best is None or (len(pairs), apart) > best[0]:
+            if apart >= 100 and (best is None or (len(pairs), apart) > best[0]):
                 best = ((len(pairs), apart), pairs)
     if best is None:
         return {"AD_p": None} if everything else {}
