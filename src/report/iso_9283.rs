@@ -27,7 +27,7 @@ pub use poses::{Dwell, poses};
 /// Visits of a pose that the standard asks for.
 pub const VISITS: usize = 30;
 /// Poses whose figures are given one by one: those that were visited most.
-const ONE_BY_ONE: usize = 200;
+const ONE_BY_ONE: usize = 500;
 
 /// One visit of a pose; positions in one frame, mm.
 #[derive(Debug, Clone, PartialEq)]
