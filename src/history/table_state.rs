@@ -146,9 +146,15 @@ fn arm_drifted(compared: Result<Judged, String>) -> Drifted {
     }
 }
 
-/// Whether anything but the base moved, which is found anew in every session.
+/// Whether more moved than the base, which is found anew in every session: where that may be all, nothing is said of the arm.
 fn of_the_arm(finding: &Finding) -> bool {
-    finding.parts().iter().any(|part| *part != Suspect::Base)
+    match finding {
+        Finding::Nothing => false,
+        Finding::Moved { surely, one_of } => {
+            surely.iter().any(|part| *part != Suspect::Base)
+                || !(one_of.is_empty() || one_of.contains(&Suspect::Base))
+        }
+    }
 }
 
 /// A motion of the base during the session has to explain this share of the squares of what is left.
@@ -389,6 +395,15 @@ mod tests {
         // That the base stands elsewhere is no matter.
         let base = found(Ok(of(vec![Suspect::Base])));
         assert_eq!(base, TableState::Expired(Drifted::Nothing));
+        let base_or_link = Judged {
+            finding: Finding::Moved {
+                surely: vec![],
+                one_of: vec![Suspect::Base, Suspect::Link(1)],
+            },
+            ..Judged::default()
+        };
+        let maybe = found(Ok(base_or_link));
+        assert_eq!(maybe, TableState::Expired(Drifted::Nothing));
         let joint = found(Ok(of(vec![Suspect::Base, Suspect::JointOffset(3)])));
         assert!(
             joint.to_string().contains("offset of joint 3")
