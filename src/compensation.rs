@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Gap, Reason, Refused};
 pub use table::{CompensationTable, Known, Misfit, Terms};
-pub use validity::{UsedWith, Validity};
+pub use validity::{Conditions, UsedWith, Validity};
 
 use crate::geometry::{Command, Position};
 

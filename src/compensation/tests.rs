@@ -43,9 +43,13 @@ fn grid_table(
 }
 
 fn table_in(command_from_base: Isometry3<f64>, table: &grid::Table) -> CompensationTable {
-    let validity = Validity {
+    let conditions = Conditions {
         tool: Some("drill".to_owned()),
-        ..Validity::default()
+        ..Conditions::default()
+    };
+    let validity = Validity {
+        conditions,
+        temperature_c: None,
     };
     let command_from_base = Transform::<Command, Base>::claim(command_from_base);
     CompensationTable::of_grid(table, &command_from_base, "t-1".to_owned(), validity)

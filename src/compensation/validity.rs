@@ -2,18 +2,20 @@
 //!
 //! Three answers for each term: it holds, it is outside, or it was not checked, as one of the two sides does not state it.
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Exception, Reason, Target};
 
-/// What a table was measured with, and is valid for. `None`: the pipeline file or the log did not say.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Validity {
+/// What an arm is run with, but for the temperature. `None`: not said.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Conditions {
     /// The tool, as the pipeline file names it.
     pub tool: Option<String>,
     /// The payload, kg.
     pub payload_kg: Option<f64>,
-    /// The mounting of the base.
+    /// The mounting of the base: floor, wall, ceiling or an angle.
     pub mounting: Option<String>,
     /// The base frame, as the pipeline file names it.
     pub base: Option<String>,
@@ -21,26 +23,23 @@ pub struct Validity {
     pub controller_model: Option<String>,
     /// Whether the controller's own absolute-accuracy option was on.
     pub absolute_accuracy_option: Option<bool>,
-    /// Lowest and highest temperature met while measuring, °C.
+}
+
+/// What a table was measured with, and is valid for.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Validity {
+    /// As the pipeline file says.
+    pub conditions: Conditions,
+    /// Lowest and highest temperature met while measuring, °C. `None`: the logs did not say.
     pub temperature_c: Option<[f64; 2]>,
 }
 
-/// What targets will be run with. `None`: not said.
+/// What targets will be run with.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct UsedWith {
-    /// The tool.
-    pub tool: Option<String>,
-    /// The payload, kg.
-    pub payload_kg: Option<f64>,
-    /// The mounting of the base.
-    pub mounting: Option<String>,
-    /// The base frame.
-    pub base: Option<String>,
-    /// The controller.
-    pub controller_model: Option<String>,
-    /// Whether the controller's own absolute-accuracy option is on.
-    pub absolute_accuracy_option: Option<bool>,
-    /// The temperature, °C.
+    /// As the caller says.
+    pub conditions: Conditions,
+    /// The temperature, °C. `None`: not said.
     pub temperature_c: Option<f64>,
 }
 
@@ -121,9 +120,9 @@ impl Validity {
     /// Whether a target is for the same tool.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
         match &target.tool {
-            Some(wanted) if target.tool != self.tool => Err(Reason::Tool {
+            Some(wanted) if target.tool != self.conditions.tool => Err(Reason::Tool {
                 wanted: wanted.clone(),
-                table: self.tool.clone(),
+                table: self.conditions.tool.clone(),
             }),
             _ => Ok(()),
         }
@@ -132,24 +131,32 @@ impl Validity {
     /// Holds each term against what targets will be run with.
     pub fn hold(&self, used: &UsedWith) -> Held {
         let mut held = Held::default();
+        let (own, said) = (&self.conditions, &used.conditions);
         let names = [
-            (Term::Tool, &self.tool, &used.tool),
-            (Term::Mounting, &self.mounting, &used.mounting),
-            (Term::Base, &self.base, &used.base),
+            (Term::Tool, &own.tool, &said.tool),
+            (Term::Mounting, &own.mounting, &said.mounting),
+            (Term::Base, &own.base, &said.base),
             (
                 Term::ControllerModel,
-                &self.controller_model,
-                &used.controller_model,
+                &own.controller_model,
+                &said.controller_model,
             ),
         ];
         for (term, own, said) in names {
             held.take(term, own.as_deref(), said.as_deref(), other_name);
         }
-        let payload = self.payload_kg;
-        held.take(Term::Payload, payload, used.payload_kg, other_payload);
-        let option = self.absolute_accuracy_option;
-        let said = used.absolute_accuracy_option;
-        held.take(Term::AbsoluteAccuracy, option, said, other_option);
+        held.take(
+            Term::Payload,
+            own.payload_kg,
+            said.payload_kg,
+            other_payload,
+        );
+        held.take(
+            Term::AbsoluteAccuracy,
+            own.absolute_accuracy_option,
+            said.absolute_accuracy_option,
+            other_option,
+        );
         let range = self.temperature_c;
         held.take(
             Term::Temperature,
@@ -225,12 +232,14 @@ mod tests {
 
     fn table() -> Validity {
         Validity {
-            tool: Some("drill".to_owned()),
-            payload_kg: Some(12.5),
-            mounting: Some("floor".to_owned()),
-            base: None,
-            controller_model: None,
-            absolute_accuracy_option: Some(false),
+            conditions: Conditions {
+                tool: Some("drill".to_owned()),
+                payload_kg: Some(12.5),
+                mounting: Some("floor".to_owned()),
+                base: None,
+                controller_model: None,
+                absolute_accuracy_option: Some(false),
+            },
             temperature_c: Some([19.25, 21.5]),
         }
     }
@@ -238,11 +247,13 @@ mod tests {
     #[test]
     fn each_term_is_within_outside_or_not_checked() {
         let used = UsedWith {
-            tool: Some("drill".to_owned()),
-            payload_kg: Some(12.500_4),
-            base: Some("fixture".to_owned()),
+            conditions: Conditions {
+                tool: Some("drill".to_owned()),
+                payload_kg: Some(12.500_4),
+                base: Some("fixture".to_owned()),
+                ..Conditions::default()
+            },
             temperature_c: Some(21.5),
-            ..UsedWith::default()
         };
         let held = table().hold(&used);
         assert_eq!(held.within, [Term::Tool, Term::Payload, Term::Temperature]);
@@ -254,12 +265,14 @@ mod tests {
     #[test]
     fn what_is_outside_is_told_by_how_much() {
         let used = UsedWith {
-            tool: Some("rivet".to_owned()),
-            payload_kg: Some(10.0),
-            mounting: Some("wall".to_owned()),
-            absolute_accuracy_option: Some(true),
+            conditions: Conditions {
+                tool: Some("rivet".to_owned()),
+                payload_kg: Some(10.0),
+                mounting: Some("wall".to_owned()),
+                absolute_accuracy_option: Some(true),
+                ..Conditions::default()
+            },
             temperature_c: Some(18.0),
-            ..UsedWith::default()
         };
         let words: Vec<String> = table()
             .hold(&used)
@@ -276,9 +289,11 @@ mod tests {
         ];
         assert_eq!(words, expected);
         let hot = UsedWith {
-            payload_kg: Some(f64::NAN),
+            conditions: Conditions {
+                payload_kg: Some(f64::NAN),
+                ..Conditions::default()
+            },
             temperature_c: Some(f64::NAN),
-            ..UsedWith::default()
         };
         assert_eq!(
             table().hold(&hot).outside.len(),

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
 use super::table::Table;
-use crate::compensation::Validity;
+use crate::compensation::{Conditions, Validity};
 use crate::geometry::Transform;
 use crate::manifest::RunKey;
 
@@ -70,7 +70,7 @@ impl Common<'_> {
         let flags = self.table.bool(option);
         let low = self.optional_number("temperature_min_c")?;
         let high = self.optional_number("temperature_max_c")?;
-        Ok(Validity {
+        let conditions = Conditions {
             tool: self.optional_text("tool")?,
             payload_kg: self.optional_number("payload_kg")?,
             mounting: self.optional_text("mounting")?,
@@ -78,6 +78,9 @@ impl Common<'_> {
             controller_model: self.optional_text("controller_model")?,
             absolute_accuracy_option: self
                 .one(option, |row| flags.is_valid(row).then(|| flags.value(row)))?,
+        };
+        Ok(Validity {
+            conditions,
             temperature_c: low.zip(high).map(<[f64; 2]>::from),
         })
     }

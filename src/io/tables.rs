@@ -35,7 +35,7 @@ use super::lake::{Commit, LakeError, OpenRun};
 use super::page::{self, About, Said};
 use super::schema::SchemaError;
 use super::table::{Table, TableError};
-use crate::compensation::Validity;
+use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
@@ -64,7 +64,7 @@ pub struct PublishContext<'a> {
     /// Variance per axis of measurement and repeatability, to hold a nugget against, mm².
     pub noise_mm2: Option<f64>,
     /// What the results are valid for, as the pipeline file states it.
-    pub validity: Validity,
+    pub valid_for: Conditions,
     /// The run that this one takes the place of.
     pub replaces: Option<String>,
 }

@@ -7,10 +7,10 @@ mod made;
 
 use std::fmt::Write as _;
 
-use super::file::Validity;
 use super::outcome::{Driven, DrivenBy, JoinedSession, Outcome};
 use super::plan::SessionFiles;
 use super::run::RunError;
+use crate::compensation::Conditions;
 use crate::history::table_state::Shown;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::targets::driving;
@@ -56,7 +56,7 @@ pub(super) struct DrivenWords {
 pub(super) fn words(
     outcome: &Outcome<'_>,
     arm: &Arm,
-    stated: &Validity,
+    stated: &Conditions,
     lake: &Lake,
 ) -> Result<DrivenWords, LakeError> {
     let Some((driven, session)) = outcome.driven.as_ref().zip(outcome.training.last()) else {

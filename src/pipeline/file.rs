@@ -10,6 +10,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Noise, TrackerUncertainty};
 use crate::geometry::Placement;
@@ -89,25 +90,7 @@ pub struct RobotSection {
     pub up: Option<[f64; 3]>,
     /// `[robot.valid_for]`: what the results are valid for.
     #[serde(default)]
-    pub valid_for: Validity,
-}
-
-/// What tables are valid for, as the pipeline file says.
-#[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Validity {
-    /// The tool.
-    pub tool: Option<String>,
-    /// The payload, kg.
-    pub payload_kg: Option<f64>,
-    /// The mounting of the base: floor, wall, ceiling or an angle.
-    pub mounting: Option<String>,
-    /// The base frame.
-    pub base: Option<String>,
-    /// The controller.
-    pub controller_model: Option<String>,
-    /// Whether the controller's own absolute-accuracy option was on.
-    pub absolute_accuracy_option: Option<bool>,
+    pub valid_for: Conditions,
 }
 
 /// `[input]`.

@@ -19,8 +19,9 @@ use std::path::{Component, Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
-use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase, Validity};
+use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
 use super::stages::{RawCommandBase, StageSettings};
+use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
@@ -48,7 +49,7 @@ pub struct Plan {
     /// The nominal arm.
     pub arm: Arm,
     /// What the results are valid for.
-    pub valid_for: Validity,
+    pub valid_for: Conditions,
     /// How the logs are read.
     pub mapping: Mapping,
     /// What a log may ask for.

@@ -18,7 +18,6 @@ use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
 use super::stages::{self, StageError};
 use super::words::{notes, words};
-use crate::compensation::Validity;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
@@ -461,7 +460,6 @@ fn context<'a>(
     let base_from_command = plan
         .command_frames
         .map_or_else(Isometry3::identity, |frames| frames.base_from_command);
-    let valid_for = &plan.valid_for;
     PublishContext {
         arm: &plan.arm,
         command_from_base: Transform::claim(base_from_command.inverse()),
@@ -479,15 +477,7 @@ fn context<'a>(
             guard_mm: outcome.grids.guard_mm,
         },
         noise_mm2: noise_mm2(plan, outcome),
-        validity: Validity {
-            tool: valid_for.tool.clone(),
-            payload_kg: valid_for.payload_kg,
-            mounting: valid_for.mounting.clone(),
-            base: valid_for.base.clone(),
-            controller_model: valid_for.controller_model.clone(),
-            absolute_accuracy_option: valid_for.absolute_accuracy_option,
-            temperature_c: None,
-        },
+        valid_for: plan.valid_for.clone(),
         replaces,
     }
 }

@@ -107,17 +107,11 @@ pub fn run<'a>(
         folds: &folds,
         training: &training,
     };
-    let mut residuals = judged.own_sessions();
-    residuals.extend(judged.blocks());
-    if training.len() > 1 && settings.leave_sessions_out {
-        residuals.extend(judged.sessions_left_out(&train, settings.refit.first, progress)?);
-    }
-    residuals.extend(judged.unseen_sessions(&test, settings));
+    let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
-    let frames = models.base_target.frames[last];
     let gauge = Gauge::new(
         arm,
-        frames,
+        models.base_target.frames[last],
         settings.flange_from_tool,
         settings.noise.orientations,
     );
@@ -127,7 +121,7 @@ pub fn run<'a>(
     add_other_days(&mut stations, &training[last], last, &models, &gauge);
     let grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
     let driven = driven::judged(&training[last], &gauge, settings);
-    let sources = iso_9283::Sources {
+    let iso_9283 = iso_9283::Sources {
         arm,
         models: &models,
         training: &training,
@@ -136,8 +130,8 @@ pub fn run<'a>(
         driven: driven.as_ref(),
         settings,
         guard_mm: grids.guard_mm,
-    };
-    let iso_9283 = sources.figures();
+    }
+    .figures();
     let maker = FigureMaker {
         settings,
         models: &models,
@@ -151,20 +145,14 @@ pub fn run<'a>(
     if let Some(driven) = &driven {
         residuals.extend(driven.sets().cloned());
     }
-    let Models {
-        base_target,
-        geometric,
-        full,
-    } = models;
-    let calibrations = vec![
-        (Model::BaseTarget, base_target),
-        (Model::Geometric, geometric),
-    ];
     Ok(Outcome {
         training,
         test,
-        calibrations,
-        full,
+        calibrations: vec![
+            (Model::BaseTarget, models.base_target),
+            (Model::Geometric, models.geometric),
+        ],
+        full: models.full,
         gauge,
         residuals,
         semivariograms,

@@ -45,7 +45,7 @@ impl Source {
         if allow != Some(Exception::Tool) {
             return self.refusing_other_tools(targets, allow);
         }
-        let own = self.validity().tool.as_ref();
+        let own = self.validity().conditions.tool.as_ref();
         let is_other = |target: &Target| target.tool.is_some() && target.tool.as_ref() != own;
         let mut asked = targets.to_vec();
         for target in &mut asked {

@@ -125,19 +125,26 @@ fn checked(held: &Held) -> Vec<String> {
 }
 
 fn valid_for(validity: &Validity) -> String {
+    let conditions = &validity.conditions;
     let parts = [
-        validity.tool.as_ref().map(|tool| format!("tool {tool:?}")),
-        validity.payload_kg.map(|kg| format!("payload {kg} kg")),
-        validity
+        conditions
+            .tool
+            .as_ref()
+            .map(|tool| format!("tool {tool:?}")),
+        conditions.payload_kg.map(|kg| format!("payload {kg} kg")),
+        conditions
             .mounting
             .as_ref()
             .map(|mounting| format!("mounting {mounting:?}")),
-        validity.base.as_ref().map(|base| format!("base {base:?}")),
-        validity
+        conditions
+            .base
+            .as_ref()
+            .map(|base| format!("base {base:?}")),
+        conditions
             .controller_model
             .as_ref()
             .map(|model| format!("controller {model:?}")),
-        validity
+        conditions
             .absolute_accuracy_option
             .map(|on| format!("absolute-accuracy option {}", if on { "on" } else { "off" })),
         validity

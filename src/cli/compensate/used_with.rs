@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use crate::compensation::{Exception, UsedWith};
+use crate::compensation::{Conditions, Exception, UsedWith};
 
 /// What targets will be run with.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
@@ -42,13 +42,16 @@ pub enum OnOff {
 
 impl UsedWithArgs {
     pub(super) fn used_with(&self) -> UsedWith {
-        UsedWith {
+        let conditions = Conditions {
             tool: self.tool.clone(),
             payload_kg: self.payload_kg,
             mounting: self.mounting.clone(),
             base: self.base.clone(),
             controller_model: self.controller_model.clone(),
             absolute_accuracy_option: self.absolute_accuracy.map(|state| state == OnOff::On),
+        };
+        UsedWith {
+            conditions,
             temperature_c: self.temperature_c,
         }
     }

@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::ExportError;
-use crate::compensation::{ArmModel, Validity};
+use crate::compensation::{ArmModel, Conditions, Validity};
 use crate::fit::full::FullModel;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::common::Common;
@@ -39,12 +39,8 @@ struct Curves {
 /// What the curves are valid for; null: not stated.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct ValidFor {
-    tool: Option<String>,
-    payload_kg: Option<f64>,
-    mounting: Option<String>,
-    base: Option<String>,
-    controller_model: Option<String>,
-    absolute_accuracy_option: Option<bool>,
+    #[serde(flatten)]
+    conditions: Conditions,
     temperature_c: Option<[f64; 2]>,
     flange_from_target_xyz_mm: [f64; 3],
 }
@@ -129,15 +125,9 @@ fn write(
 
 impl ValidFor {
     fn of(validity: &Validity, flange_from_target_xyz_mm: [f64; 3]) -> Self {
-        let own = validity.clone();
         Self {
-            tool: own.tool,
-            payload_kg: own.payload_kg,
-            mounting: own.mounting,
-            base: own.base,
-            controller_model: own.controller_model,
-            absolute_accuracy_option: own.absolute_accuracy_option,
-            temperature_c: own.temperature_c,
+            conditions: validity.conditions.clone(),
+            temperature_c: validity.temperature_c,
             flange_from_target_xyz_mm,
         }
     }

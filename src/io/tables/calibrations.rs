@@ -84,7 +84,7 @@ pub fn calibrations(
         .column("model", texts);
     let table = solution(structure(table, &rows, outcome), &rows, context);
     let table = controller_frames(frames(table, &rows), outcome, context);
-    Ok(validity::columns(table, &context.validity, outcome).finish()?)
+    Ok(validity::columns(table, &context.valid_for, outcome).finish()?)
 }
 
 fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {

@@ -27,7 +27,7 @@ pub fn compensation(
     let table = errors(table, chosen, context.command_from_base.isometry());
     let table = support(table, outcome, context);
     let table = measured(reading(table, outcome, context), outcome, context);
-    Ok(validity::columns(table, &context.validity, outcome).finish()?)
+    Ok(validity::columns(table, &context.valid_for, outcome).finish()?)
 }
 
 /// A run has one table, so its name is the table's.

@@ -86,7 +86,7 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     std::fs::write(file.path(), bytes).unwrap();
     let back = crate::io::calibrations_table::read(file.path()).unwrap();
     assert_eq!(back.key, key());
-    assert_eq!(back.arm.validity.tool.as_deref(), Some("drill"));
+    assert_eq!(back.arm.validity.conditions.tool.as_deref(), Some("drill"));
     let command_from_base = back.arm.command_from_base.isometry().to_homogeneous();
     let expected = example::command_from_base().to_homogeneous();
     assert!((command_from_base - expected).abs().max() < 1e-9);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::compensation::Validity;
+use crate::compensation::Conditions;
 use crate::figures::extremes;
 use crate::grid::Reach;
 use crate::io::table::Columns;
@@ -11,18 +11,15 @@ use crate::kinematics::Configuration;
 use crate::pipeline::outcome::Outcome;
 
 /// The columns of a validity, the same in each row; the temperatures are those met while measuring.
-pub(super) fn columns(columns: Columns, validity: &Validity, outcome: &Outcome<'_>) -> Columns {
+pub(super) fn columns(columns: Columns, stated: &Conditions, outcome: &Outcome<'_>) -> Columns {
     let (low, high) = temperatures(outcome).unzip();
     columns
-        .same("tool", validity.tool.clone())
-        .same("payload_kg", validity.payload_kg)
-        .same("mounting", validity.mounting.clone())
-        .same("base", validity.base.clone())
-        .same("controller_model", validity.controller_model.clone())
-        .same(
-            "absolute_accuracy_option",
-            validity.absolute_accuracy_option,
-        )
+        .same("tool", stated.tool.clone())
+        .same("payload_kg", stated.payload_kg)
+        .same("mounting", stated.mounting.clone())
+        .same("base", stated.base.clone())
+        .same("controller_model", stated.controller_model.clone())
+        .same("absolute_accuracy_option", stated.absolute_accuracy_option)
         .same("temperature_min_c", low)
         .same("temperature_max_c", high)
 }

@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use super::super::file::Validity;
 use super::super::history;
 use super::super::outcome::{Driven, JoinedSession, Outcome};
 use crate::compensation::validity::Outside;
-use crate::compensation::{self, UsedWith};
+use crate::compensation::{Conditions, UsedWith, Validity};
 use crate::figures::extremes;
 use crate::history::estimate::Estimate;
 use crate::history::table_state::NotShown;
@@ -19,7 +18,7 @@ use crate::report::driven::TablePromise;
 
 /// What the lake has of the run that made a table.
 pub(super) struct TableRun {
-    valid_for: compensation::Validity,
+    valid_for: Validity,
     calibrations: Table,
     promise: Option<TablePromise>,
 }
@@ -83,18 +82,13 @@ impl TableRun {
 
     /// What the table is not valid for of what the session was run with, as `compensate` holds it; at the lowest and the highest
     /// temperature that was met.
-    pub(super) fn outside(&self, session: &JoinedSession, stated: &Validity) -> Vec<Outside> {
+    pub(super) fn outside(&self, session: &JoinedSession, stated: &Conditions) -> Vec<Outside> {
         let stations = session.joined.stations.iter();
         let met = stations.filter_map(|station| station.attained.as_ref()?.temperature_c);
         let (low, high) = extremes(met).unzip();
         let outside = |temperature_c| {
             let used = UsedWith {
-                tool: stated.tool.clone(),
-                payload_kg: stated.payload_kg,
-                mounting: stated.mounting.clone(),
-                base: stated.base.clone(),
-                controller_model: stated.controller_model.clone(),
-                absolute_accuracy_option: stated.absolute_accuracy_option,
+                conditions: stated.clone(),
                 temperature_c,
             };
             self.valid_for.hold(&used).outside

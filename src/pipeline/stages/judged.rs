@@ -46,8 +46,25 @@ pub(super) struct Judged<'j> {
 }
 
 impl Judged<'_> {
+    /// Every way in which stations judge models: those that trained, blocks and sessions held out, sessions that only judge.
+    pub(super) fn residuals(
+        &self,
+        test: &[JoinedSession],
+        settings: &StageSettings,
+        train: &TrainingSettings<'_>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<ResidualSet>, FitError> {
+        let mut residuals = self.own_sessions();
+        residuals.extend(self.blocks());
+        if self.training.len() > 1 && settings.leave_sessions_out {
+            residuals.extend(self.sessions_left_out(train, settings.refit.first, progress)?);
+        }
+        residuals.extend(self.unseen_sessions(test, settings));
+        Ok(residuals)
+    }
+
     /// What is left on the stations that trained, with what each of them counted for.
-    pub(super) fn own_sessions(&self) -> Vec<ResidualSet> {
+    fn own_sessions(&self) -> Vec<ResidualSet> {
         let of = |(place, session): (usize, &JoinedSession)| {
             let own = self.observed.own(place);
             let stations = Stations {
@@ -69,7 +86,7 @@ impl Judged<'_> {
     }
 
     /// Every station judged once, by the models of the fold that held it out.
-    pub(super) fn blocks(&self) -> Vec<ResidualSet> {
+    fn blocks(&self) -> Vec<ResidualSet> {
         let mut sets: Vec<ResidualSet> = Vec::new();
         for (place, session) in self.training.iter().enumerate() {
             for (fold, models) in self.folds.iter().enumerate() {
@@ -94,7 +111,7 @@ impl Judged<'_> {
     }
 
     /// Every session of a pool judged by the models of all the others, its base and target refitted.
-    pub(super) fn sessions_left_out(
+    fn sessions_left_out(
         &self,
         settings: &TrainingSettings<'_>,
         first: usize,
@@ -125,7 +142,7 @@ impl Judged<'_> {
     }
 
     /// Sessions that only judge.
-    pub(super) fn unseen_sessions(
+    fn unseen_sessions(
         &self,
         test: &[JoinedSession],
         settings: &StageSettings,

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::super::{GridBasis, PublishContext};
-use crate::compensation::Validity;
+use crate::compensation::Conditions;
 use crate::figures::Figures;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::{FullModel, FullSettings};
@@ -73,10 +73,10 @@ pub(super) fn context() -> PublishContext<'static> {
             guard_mm: 0.05,
         },
         noise_mm2: Some(1e-3),
-        validity: Validity {
+        valid_for: Conditions {
             tool: Some("drill".to_owned()),
             payload_kg: Some(120.0),
-            ..Validity::default()
+            ..Conditions::default()
         },
         replaces: None,
     }
