@@ -6,14 +6,16 @@
 //! 3. Give each message to the visitor, which fills the block's part.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use thiserror::Error;
 
-use super::chunk::{ChunkFault, Decompressor};
+use super::chunk::{ChunkFault, Decompressor, within};
 use super::frames::Records;
 use super::record::{ChannelRecord, ChunkRecord, MessageRecord, MetadataRecord, SchemaRecord, op};
 use super::registry::{MOST_DEFINITIONS, Refused, Registry};
 use super::scan::Visitor;
+use super::source::Source;
 
 /// A byte range of the file and how it is stored.
 #[derive(Debug, Clone, Default)]
@@ -135,6 +137,17 @@ impl<P: Default> Default for Block<P> {
 }
 
 impl<P> Block<P> {
+    /// Reads what is stored. A chunk above the limit is refused by its header, and never read.
+    pub fn read(&mut self, source: &Source, limit: u64) -> io::Result<()> {
+        self.stored.clear();
+        let Extent { start, end, .. } = self.extent;
+        let chunk = self.extent.chunk.as_ref();
+        if chunk.is_none_or(|chunk| within(chunk, limit).is_ok()) {
+            source.append(start, end - start, &mut self.stored)?;
+        }
+        Ok(())
+    }
+
     /// Decompresses and walks the block, if it defines nothing new.
     pub fn open<V: Visitor<Part = P>>(
         &mut self,

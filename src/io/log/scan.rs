@@ -19,7 +19,6 @@ use rayon::prelude::*;
 
 use super::account::Account;
 use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
-use super::chunk;
 use super::frames::{Frames, Loss, Lost, Piece};
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
@@ -269,31 +268,25 @@ where
         if self.filled == self.batch.len() {
             self.batch.push(Block::default());
         }
-        let block = &mut self.batch[self.filled];
-        block.stored.clear();
-        let (start, length) = (extent.start, extent.end - extent.start);
-        // A chunk above the limit is refused by its header, and never read.
-        let chunk = extent.chunk.as_ref();
-        let fits = chunk.is_none_or(|chunk| chunk::within(chunk, self.limits.chunk_bytes).is_ok());
-        block.extent = extent;
+        self.batch[self.filled].extent = extent;
         self.filled += 1;
-        if !fits {
-            return Ok(());
-        }
-        let stored = &mut block.stored;
-        let read = self.frames.source().append(start, length, stored);
-        read.map_err(|source| self.io(source))
+        Ok(())
     }
 
     fn flush(&mut self) -> Result<(), E> {
         let blocks = &mut self.batch[..self.filled];
         let (visitor, registry) = (&*self.visitor, &self.registry);
-        let limit = self.limits.chunk_bytes;
-        let open = |block: &mut Block<V::Part>| block.open(visitor, registry, limit);
-        rayon::join(
-            || blocks.par_iter_mut().for_each(open),
+        let (source, limit) = (&*self.frames.source(), self.limits.chunk_bytes);
+        let open = |block: &mut Block<V::Part>| {
+            block.read(source, limit)?;
+            block.open(visitor, registry, limit);
+            Ok(())
+        };
+        let (opened, ()) = rayon::join(
+            || blocks.par_iter_mut().try_for_each(open),
             || visitor.meanwhile(),
         );
+        opened.map_err(|error| self.io(error))?;
         for place in 0..self.filled {
             // Taken out of the batch, to be worked on beside the rest of the scan.
             let mut block = std::mem::take(&mut self.batch[place]);

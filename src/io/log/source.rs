@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 
 use super::packed::{self, Packed};
@@ -106,10 +107,24 @@ impl Source {
     }
 
     /// Appends `count` bytes at `start`, or what there is of them, without asking for memory for more than there is.
-    pub fn append(&mut self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
+    pub fn append(&self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
         let count = count.min(self.length.saturating_sub(start));
-        self.file.seek(SeekFrom::Start(start))?;
-        (&mut self.file).take(count).read_to_end(to)?;
+        let file = &self.file;
+        From { file, start }.take(count).read_to_end(to)?;
         Ok(())
+    }
+}
+
+/// A file from a byte on. It has a place of its own, so that several threads may read the file.
+struct From<'f> {
+    file: &'f File,
+    start: u64,
+}
+
+impl Read for From<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read_at(buffer, self.start)?;
+        self.start += count as u64;
+        Ok(count)
     }
 }

@@ -48,9 +48,11 @@ const NOT_MADE: f64 = 0.2;
 const OF_STATED: f64 = 2.0;
 /// … or explains this share of the corrections: an arm that has changed since leaves more.
 const EXPLAINS: f64 = 0.8;
-/// A turn counts from here, degrees, and only where it leaves less than this share of what the next way leaves.
+/// A turn counts from here, degrees, and only where it leaves clearly less than the next way.
 const TURN_DEG: f64 = 15.0;
-const TURN_LEAVES: f64 = 0.5;
+/// A way that leaves less than this share of what another leaves leaves clearly less. Where errors are as small as what the
+/// table states to be left, this alone tells a misuse from use as meant.
+const CLEARLY: f64 = 0.5;
 
 /// How the corrections of these stations were applied.
 pub fn application(stations: &[DrivenStation]) -> Application {
@@ -114,27 +116,25 @@ impl Ways {
     fn best(&self) -> Application {
         let straight = Rotation3::identity();
         let as_meant = self.way(-1.0, &straight, Application::AsMeant);
-        if as_meant.of_stated <= OF_STATED {
-            return as_meant.application;
-        }
-        let others = [
-            self.way(1.0, &straight, Application::WrongSign),
-            self.way(-2.0, &straight, Application::Twice),
-        ];
-        let mut best =
-            others.into_iter().fold(
-                as_meant,
-                |best, way| if way.left < best.left { way } else { best },
-            );
+        let least = |one: Way, other: Way| {
+            if other.left < one.left { other } else { one }
+        };
+        let wrong_sign = self.way(1.0, &straight, Application::WrongSign);
+        let mut other = least(wrong_sign, self.way(-2.0, &straight, Application::Twice));
         let turn = turn(&self.errors, &self.made);
         let angle_deg = turn.angle().to_degrees();
         let turned = self.way(-1.0, &turn, |explained| Application::Turned {
             angle_deg,
             explained,
         });
-        if angle_deg >= TURN_DEG && turned.left < TURN_LEAVES * best.left {
-            best = turned;
+        let next = other.left.min(as_meant.left);
+        if angle_deg >= TURN_DEG && turned.left < CLEARLY * next {
+            other = turned;
         }
+        if as_meant.of_stated <= OF_STATED && other.left >= CLEARLY * as_meant.left {
+            return as_meant.application;
+        }
+        let best = least(as_meant, other);
         let explained = best.application.explained();
         if best.of_stated <= OF_STATED || explained >= EXPLAINS {
             best.application
