@@ -24,7 +24,9 @@ const WRITING: [&str; 13] = [
     "mkdirat",
 ];
 /// System calls on the way there: while files are opened, read and left, and while the stages take memory.
-const ON_THE_WAY: [&str; 6] = ["openat", "read", "close", "statx", "lseek", "mprotect"];
+const ON_THE_WAY: [&str; 7] = [
+    "openat", "read", "pread64", "close", "statx", "lseek", "mprotect",
+];
 
 /// A system call, counted from 1 in the thread that makes most of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
