@@ -56,7 +56,7 @@ fn a_run_that_is_asked_to_end_does_so_and_leaves_nothing_half_done() {
     assert_eq!(ended_by("TERM", 143, &call("fsync", 2)), UNDISTURBED);
     assert_eq!(ended_by("INT", 130, &call("linkat", 1)), UNDISTURBED);
     // As files are opened, logs among them, and as the stages take memory.
-    let (_, on_the_way) = strace::calls();
+    let (_, on_the_way) = strace::calls_of_one_thread();
     let opened = on_the_way
         .into_iter()
         .filter(|call| ["openat", "mprotect"].contains(&call.name.as_str()));
@@ -101,7 +101,7 @@ fn a_run_that_is_asked_to_end_at_any_call_does_so() {
     if !strace::is_there() {
         return;
     }
-    let (writing, on_the_way) = strace::calls();
+    let (writing, on_the_way) = strace::calls_of_one_thread();
     let calls = [
         strace::spread(&writing, 40),
         strace::spread(&on_the_way, 60),

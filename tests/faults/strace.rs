@@ -116,12 +116,23 @@ impl From<Output> for Faulted {
 
 /// The calls of an undisturbed run that write, and a number of those on the way.
 pub fn calls() -> (Vec<Call>, Vec<Call>) {
+    numbered(|_| 1)
+}
+
+/// Those that one thread alone makes. A call of which two threads make so many is met by the fault twice, and a second signal
+/// is another thing than a first.
+pub fn calls_of_one_thread() -> (Vec<Call>, Vec<Call>) {
+    numbered(|made| made.by_next + 1)
+}
+
+/// The calls that write and those on the way, of each name from a number on.
+fn numbered(from: impl Fn(&Made) -> usize) -> (Vec<Call>, Vec<Call>) {
     let counts = counted();
     let of = |names: &[&str]| {
         let counted = names.iter().filter_map(|name| counts.get_key_value(*name));
-        let numbered = |(name, most): (&String, &usize)| {
+        let numbered = |(name, made): (&String, &Made)| {
             let name = name.clone();
-            (1..=*most).map(move |number| Call {
+            (from(made)..=made.by_most).map(move |number| Call {
                 name: name.clone(),
                 number,
             })
@@ -131,8 +142,15 @@ pub fn calls() -> (Vec<Call>, Vec<Call>) {
     (of(&WRITING), of(&ON_THE_WAY))
 }
 
-/// How often each system call is made by the thread that makes most of it.
-fn counted() -> BTreeMap<String, usize> {
+/// How often a system call is made by the thread that makes most of it, and by the next.
+#[derive(Debug, Clone, Copy, Default)]
+struct Made {
+    by_most: usize,
+    by_next: usize,
+}
+
+/// How often each system call is made.
+fn counted() -> BTreeMap<String, Made> {
     let trial = Trial::new();
     let trace = trial.folder.path().join("trace");
     let names = [&WRITING[..], &ON_THE_WAY[..]].concat().join(",?");
@@ -150,12 +168,16 @@ fn counted() -> BTreeMap<String, usize> {
             *by_thread.entry(called).or_default() += 1;
         }
     }
-    let mut most = BTreeMap::new();
+    let mut counts: BTreeMap<String, Made> = BTreeMap::new();
     for ((name, _), count) in by_thread {
-        let known: &mut usize = most.entry(name).or_default();
-        *known = count.max(*known);
+        let made = counts.entry(name).or_default();
+        let next = count.min(made.by_most).max(made.by_next);
+        *made = Made {
+            by_most: count.max(made.by_most),
+            by_next: next,
+        };
     }
-    most
+    counts
 }
 
 /// `count` of the calls, evenly spread over them.
