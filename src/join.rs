@@ -90,6 +90,14 @@ pub struct Station {
     pub pairing: Pairing,
 }
 
+impl Station {
+    /// What the tracker saw of a paired dwell; `None` of any other.
+    pub fn measured(&self) -> Option<&Attained> {
+        let attained = self.attained.as_ref();
+        attained.filter(|_| self.pairing == Pairing::Paired)
+    }
+}
+
 /// A commanded pose of the controller's own tool point, in the frame the controller states commands in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {

@@ -74,6 +74,13 @@ pub enum Trust {
     NoOrientations,
 }
 
+impl Trust {
+    /// Whether commanded orientations are those that were sent.
+    pub const fn agrees(self) -> bool {
+        matches!(self, Self::Agrees(_))
+    }
+}
+
 /// Commanded and nominal orientations further apart than this are not of one motion, rad. Servo errors at rest are a
 /// tenth of a milliradian to a third.
 const TRUSTED_RAD: f64 = 0.5e-3;

@@ -87,8 +87,8 @@ pub struct Outcome<'a> {
     pub driven: Option<Driven>,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
-    /// Figures of repeated visits.
-    pub iso_9283: Vec<Iso9283>,
     /// The same for the tool tip; none where the pipeline file does not say where it is.
     pub at_tip: Vec<Accuracy>,
+    /// Figures of repeated visits.
+    pub iso_9283: Vec<Iso9283>,
 }

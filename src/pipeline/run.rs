@@ -213,10 +213,7 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
     let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
     let driven = driven::words(&outcome, &plan.arm, &plan.valid_for, &lake)?;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
-    let said = Said {
-        table_state: driven.state,
-        ..said(plan, &outcome, &remarks)?
-    };
+    let said = said(plan, &outcome, &remarks, driven.state)?;
     let commit = tables::publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -234,7 +231,12 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
 }
 
 /// What the page says besides the tables.
-fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, PublishError> {
+fn said(
+    plan: &Plan,
+    outcome: &Outcome<'_>,
+    remarks: &[String],
+    table_state: Option<String>,
+) -> Result<Said, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Said {
         warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
@@ -242,7 +244,7 @@ fn said(plan: &Plan, outcome: &Outcome<'_>, remarks: &[String]) -> Result<Said, 
             .into_iter()
             .chain(remarks.iter().cloned())
             .collect(),
-        table_state: None,
+        table_state,
     })
 }
 

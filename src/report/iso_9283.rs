@@ -104,6 +104,20 @@ pub struct Figure {
     pub remark: Option<String>,
 }
 
+impl Figure {
+    /// A row without a value, and why.
+    fn missing(characteristic: Characteristic, n_needed: usize, remark: &str) -> Self {
+        Self {
+            characteristic,
+            pose: None,
+            value: None,
+            n: 0,
+            n_needed,
+            remark: Some(remark.to_owned()),
+        }
+    }
+}
+
 /// The characteristics of ISO 9283, by its own symbols.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Characteristic {
@@ -191,16 +205,8 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
 
 /// What stands where no pose was visited twice, with the reason.
 pub fn none(remark: &str) -> Vec<Figure> {
-    let figure = |characteristic| Figure {
-        characteristic,
-        pose: None,
-        value: None,
-        n: 0,
-        n_needed: VISITS,
-        remark: Some(remark.to_owned()),
-    };
     [Characteristic::ApP, Characteristic::RpL]
-        .map(figure)
+        .map(|characteristic| Figure::missing(characteristic, VISITS, remark))
         .into()
 }
 

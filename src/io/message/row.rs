@@ -368,47 +368,30 @@ impl Cell {
     /// written waits for its two parts, once for each number of each message.
     #[inline]
     pub(super) fn take(&mut self, bytes: &[u8], of: Primitive, big_endian: bool) {
-        macro_rules! integer {
+        macro_rules! stored {
             ($t:ty) => {{
                 let bytes = bytes.try_into().expect("as many bytes as the type has");
-                let stored = if big_endian {
+                if big_endian {
                     <$t>::from_be_bytes(bytes)
                 } else {
                     <$t>::from_le_bytes(bytes)
-                };
-                Self::Integer(i64::from(stored))
-            }};
-        }
-        macro_rules! float {
-            ($t:ty) => {{
-                let bytes = bytes.try_into().expect("as many bytes as the type has");
-                let stored = if big_endian {
-                    <$t>::from_be_bytes(bytes)
-                } else {
-                    <$t>::from_le_bytes(bytes)
-                };
-                Self::Number(stored.into())
+                }
             }};
         }
         *self = match of {
-            Primitive::Bool | Primitive::U8 => integer!(u8),
-            Primitive::I8 => integer!(i8),
-            Primitive::I16 => integer!(i16),
-            Primitive::U16 => integer!(u16),
-            Primitive::I32 => integer!(i32),
-            Primitive::U32 => integer!(u32),
-            Primitive::I64 => integer!(i64),
+            Primitive::Bool | Primitive::U8 => Self::Integer(stored!(u8).into()),
+            Primitive::I8 => Self::Integer(stored!(i8).into()),
+            Primitive::I16 => Self::Integer(stored!(i16).into()),
+            Primitive::U16 => Self::Integer(stored!(u16).into()),
+            Primitive::I32 => Self::Integer(stored!(i32).into()),
+            Primitive::U32 => Self::Integer(stored!(u32).into()),
+            Primitive::I64 => Self::Integer(stored!(i64)),
             Primitive::U64 => {
-                let bytes = bytes.try_into().expect("as many bytes as the type has");
-                let stored = if big_endian {
-                    u64::from_be_bytes(bytes)
-                } else {
-                    u64::from_le_bytes(bytes)
-                };
+                let stored = stored!(u64);
                 i64::try_from(stored).map_or(Self::Number(stored as f64), Self::Integer)
             }
-            Primitive::F32 => float!(f32),
-            Primitive::F64 => float!(f64),
+            Primitive::F32 => Self::Number(stored!(f32).into()),
+            Primitive::F64 => Self::Number(stored!(f64)),
         };
     }
 }

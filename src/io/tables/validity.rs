@@ -6,7 +6,7 @@ use crate::compensation::Conditions;
 use crate::figures::extremes;
 use crate::grid::Reach;
 use crate::io::table::Columns;
-use crate::join::{Pairing, Station};
+use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::pipeline::outcome::Outcome;
 
@@ -30,7 +30,7 @@ pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = 
         .training
         .iter()
         .flat_map(|session| &session.joined.stations);
-    stations.filter(|station| station.pairing == Pairing::Paired && station.attained.is_some())
+    stations.filter(|station| station.measured().is_some())
 }
 
 /// Lowest and highest temperature of the stations learnt from, °C.

@@ -6,7 +6,7 @@ use super::StageSettings;
 use super::turns::commanded_turns;
 use crate::fit::Gauge;
 use crate::fit::commanded::CommandedPose;
-use crate::join::{Pairing, Station};
+use crate::join::Station;
 use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::report::driven::{self, DrivenStation};
 
@@ -39,10 +39,7 @@ fn stations(
     let turns = commanded_turns(session, gauge);
     let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let target = &by.file.targets[by.matched.of_command[place]?];
-        let attained = station
-            .attained
-            .as_ref()
-            .filter(|_| station.pairing == Pairing::Paired)?;
+        let attained = station.measured()?;
         let stated: Vector3<f64> = target.command - target.target;
         Some(DrivenStation {
             station: station.number,

@@ -6,7 +6,7 @@ use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorModel, Gauge, Models, Noise, Predictor, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
-use crate::join::{Pairing, Station};
+use crate::join::Station;
 use crate::pipeline::outcome::JoinedSession;
 use crate::progress::Progress;
 
@@ -22,7 +22,7 @@ pub(super) fn grid_stations(
         .stations
         .iter()
         .zip(&session.commanded.poses)
-        .filter(|(station, _)| station.pairing == Pairing::Paired && station.attained.is_some());
+        .filter(|(station, _)| station.measured().is_some());
     let station = |((station, pose), &fold): ((&Station, &Option<CommandedPose>), &usize)| {
         let commanded = pose.map(|pose| pose.position);
         GridStation::of(station, commanded, gauge, &reach, fold)

@@ -12,10 +12,10 @@ use std::collections::BTreeMap;
 use nalgebra::Point3;
 
 use super::StageSettings;
-use crate::fit::commanded::{CommandedPose, Trust};
+use crate::fit::commanded::CommandedPose;
 use crate::fit::{Frames, Gauge, Models};
 use crate::geometry::Transform;
-use crate::join::{Attained, Pairing, Station};
+use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
 use crate::pipeline::outcome::{Driven, JoinedSession};
 use crate::report::iso_9283::{self, Dwell, Iso9283, Orientation, Says, Visit, Visited};
@@ -39,30 +39,23 @@ pub(super) struct Sources<'s> {
 impl Sources<'_> {
     /// The figures of all sessions.
     pub(super) fn figures(&self) -> Vec<Iso9283> {
+        let training: Vec<Visits<'_>> = self.training.iter().map(Visits::of).collect();
+        let test: Vec<Visits<'_>> = self.test.iter().map(Visits::of).collect();
         let mut figures = Vec::new();
-        for (place, session) in self.training.iter().enumerate() {
+        for (place, visits) in training.iter().enumerate() {
             let gauge = self.gauge(self.models.base_target.frames[place]);
-            figures.push(self.base_target(session, &gauge, None));
+            figures.push(self.base_target(visits, &gauge, None));
         }
-        for session in self.test {
-            figures.extend(self.unseen(session));
+        figures.extend(test.iter().filter_map(|visits| self.unseen(visits)));
+        for visits in training.iter().chain(&test) {
+            let sets = self.residuals.iter();
+            let own = sets.filter(|set| set.subject.of_session == visits.session.name);
+            figures.extend(own.filter_map(|set| self.of_residuals(set, visits, None)));
         }
-        for session in self.training.iter().chain(self.test) {
-            let visits = Visits::of(session);
-            let own = self
-                .residuals
-                .iter()
-                .filter(|set| set.subject.of_session == session.name);
-            figures.extend(own.filter_map(|set| self.of_residuals(set, &visits, None)));
-        }
-        if let Some((driven, session)) = self.driven.zip(self.training.last()) {
-            let visits = Visits::of(session);
+        if let Some((driven, visits)) = self.driven.zip(training.last()) {
             let by = Some(driven.key.run.as_str());
-            figures.extend(
-                driven
-                    .sets()
-                    .filter_map(|set| self.of_residuals(set, &visits, by)),
-            );
+            let own = driven.sets();
+            figures.extend(own.filter_map(|set| self.of_residuals(set, visits, by)));
         }
         figures
     }
@@ -78,20 +71,17 @@ impl Sources<'_> {
     }
 
     /// The commands against the tool point, of all stations or of those after the `first`.
-    fn base_target(
-        &self,
-        session: &JoinedSession,
-        gauge: &Gauge<'_>,
-        first: Option<usize>,
-    ) -> Iso9283 {
-        let visits = Visits::of(session);
+    fn base_target(&self, visits: &Visits<'_>, gauge: &Gauge<'_>, first: Option<usize>) -> Iso9283 {
+        let session = visits.session;
         let skipped = first.unwrap_or(0);
         let judged = paired(session).skip(skipped);
         let attained = judged.filter_map(|(station, command, attained)| {
             let command = command?;
             let position = gauge.attained_tool(&station.joints, attained);
             let orientation = gauge.measured_flange(attained).map(|flange| Orientation {
-                commanded: command.orientation.filter(|_| agrees(session)),
+                commanded: command
+                    .orientation
+                    .filter(|_| session.commanded.trust.agrees()),
                 attained: flange * gauge.flange_from_tool().rotation,
             });
             Some((station.number, (command.position, position, orientation)))
@@ -129,11 +119,11 @@ impl Sources<'_> {
 
     /// A session that took no part in the training: the base, and the target where it has one of its own, from its first
     /// stations. `None` where they do not span space.
-    fn unseen(&self, session: &JoinedSession) -> Option<Iso9283> {
+    fn unseen(&self, visits: &Visits<'_>) -> Option<Iso9283> {
         let refit = self.settings.refit;
         let trained = self.models.base_target.frames[0];
         let gauge = self.gauge(trained);
-        let first: Vec<(&Station, &Attained)> = paired(session)
+        let first: Vec<(&Station, &Attained)> = paired(visits.session)
             .take(refit.first)
             .map(|(station, _, attained)| (station, attained))
             .collect();
@@ -153,7 +143,7 @@ impl Sources<'_> {
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
         let oriented = self.settings.noise.orientations && !refit.with_target;
         let gauge = Gauge::new(self.arm, frames, self.settings.flange_from_tool, oriented);
-        Some(self.base_target(session, &gauge, Some(first.len())))
+        Some(self.base_target(visits, &gauge, Some(first.len())))
     }
 
     /// The figures of residuals that are held against a command, where they are evidence and poses were repeated.
@@ -207,16 +197,7 @@ fn paired(
     session: &JoinedSession,
 ) -> impl Iterator<Item = (&Station, Option<&CommandedPose>, &Attained)> {
     let stations = session.joined.stations.iter().zip(&session.commanded.poses);
-    stations.filter_map(|(station, command)| {
-        let attained = station.attained.as_ref();
-        let attained = attained.filter(|_| station.pairing == Pairing::Paired)?;
-        Some((station, command.as_ref(), attained))
-    })
-}
-
-/// Whether commanded orientations are those that were sent.
-const fn agrees(session: &JoinedSession) -> bool {
-    matches!(session.commanded.trust, Trust::Agrees(_))
+    stations.filter_map(|(station, command)| Some((station, command.as_ref(), station.measured()?)))
 }
 
 /// The dwells of a session with the poses they went to.

@@ -7,7 +7,7 @@ use super::turns::commanded_turns;
 use super::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
-use crate::join::{Pairing, Station};
+use crate::join::Station;
 use crate::kinematics::Arm;
 use crate::pipeline::outcome::JoinedSession;
 use crate::progress::Progress;
@@ -202,10 +202,7 @@ pub(super) fn raw_command(
     let residual =
         |((station, pose), turn): ((&Station, &Option<CommandedPose>), &Option<Turn>)| {
             let commanded = pose.as_ref()?.position;
-            let attained = station
-                .attained
-                .as_ref()
-                .filter(|_| station.pairing == Pairing::Paired)?;
+            let attained = station.measured()?;
             Some(Residual {
                 station: station.number,
                 fold: None,

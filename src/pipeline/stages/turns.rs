@@ -3,7 +3,7 @@
 use crate::fit::Gauge;
 use crate::fit::commanded::{CommandedPose, Trust};
 use crate::grid::Verdict;
-use crate::join::{Pairing, Station};
+use crate::join::Station;
 use crate::pipeline::outcome::JoinedSession;
 use crate::report::Model;
 use crate::report::tip::Turn;
@@ -13,14 +13,12 @@ use super::StageSettings;
 /// For each station of a session how the flange stood in the base of `gauge`, and was commanded to stand. Commanded orientations
 /// that were not sent say nothing.
 pub(super) fn commanded_turns(session: &JoinedSession, gauge: &Gauge<'_>) -> Vec<Option<Turn>> {
-    let sent = matches!(session.commanded.trust, Trust::Agrees(_));
+    let sent = session.commanded.trust.agrees();
     let tool_from_flange = gauge.flange_from_tool().rotation.inverse();
     let turn = |(station, pose): (&Station, &Option<CommandedPose>)| {
-        let attained = station.attained.as_ref().filter(|_| sent)?;
+        let attained = station.measured().filter(|_| sent)?;
         Some(Turn {
-            attained: gauge
-                .measured_flange(attained)
-                .filter(|_| station.pairing == Pairing::Paired)?,
+            attained: gauge.measured_flange(attained)?,
             wanted: pose.as_ref()?.orientation? * tool_from_flange,
         })
     };

@@ -19,14 +19,7 @@ const LEAST_MM: f64 = 100.0;
 pub(super) fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     let Some(pair) = furthest(visited) else {
         let remark = format!("no two poses {LEAST_MM} mm apart or more were visited in turn twice");
-        let missing = Figure {
-            characteristic: Characteristic::AdP,
-            pose: None,
-            value: None,
-            n: 0,
-            n_needed: VISITS,
-            remark: Some(remark),
-        };
+        let missing = Figure::missing(Characteristic::AdP, VISITS, &remark);
         return match says {
             Says::Everything => vec![missing],
             Says::Accuracy => Vec::new(),

@@ -65,16 +65,9 @@ pub(super) fn missing(visited: &[Visited]) -> Option<Figure> {
     let all = visited.iter().flat_map(|own| &own.visits);
     let mut measured = all.filter_map(|visit| visit.orientation).peekable();
     let is_missing = measured.peek().is_some() && measured.all(|o| o.commanded.is_none());
-    is_missing.then(|| Figure {
-        characteristic: Characteristic::ApA,
-        pose: None,
-        value: None,
-        n: 0,
-        n_needed: VISITS,
-        remark: Some(
-            "no commanded orientation to hold the attained ones against: the log has none, or not those that were sent"
-                .to_owned(),
-        ),
+    is_missing.then(|| {
+        let remark = "no commanded orientation to hold the attained ones against: the log has none, or not those that were sent";
+        Figure::missing(Characteristic::ApA, VISITS, remark)
     })
 }
 

@@ -44,15 +44,9 @@ pub(super) fn missing(of_poses: &[Figure]) -> Vec<Figure> {
             .any(|figure| figure.characteristic == characteristic)
     };
     let missing = reasons.into_iter().filter(|(c, ..)| is_missing(*c));
-    let figure = |(characteristic, n_needed, remark): (Characteristic, usize, &str)| Figure {
-        characteristic,
-        pose: None,
-        value: None,
-        n: 0,
-        n_needed,
-        remark: Some(remark.to_owned()),
-    };
-    missing.map(figure).collect()
+    missing
+        .map(|(characteristic, n_needed, remark)| Figure::missing(characteristic, n_needed, remark))
+        .collect()
 }
 
 fn by_approach(own: &Visited) -> Option<Figure> {
