@@ -10,20 +10,17 @@ mod enough;
 #[path = "plan/known.rs"]
 mod known;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use common::NOISE;
 use common::trained::{base_refitted, predictions, random_sessions, trained};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 use posegrid::figures::{Coverage, Figures, share_interval};
-use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::{FitSettings, KnownTarget, Observation, start};
 use posegrid::grid::judge::by_nodes;
 use posegrid::grid::{GridStation, TableNode, Verdict};
 use posegrid::ingest::Recording;
-use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::outcome::JoinedSession;
 use posegrid::pipeline::planning::Planning;
@@ -415,20 +412,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
 }
 
 fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSession {
-    let joined = join(recording, arm, &JoinSettings::default()).expect("a sound recording");
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(settings.flange_from_target),
-    };
-    JoinedSession {
-        name: "simulated".to_owned(),
-        log_rejects: vec![],
-        counts: BTreeMap::default(),
-        commanded: commanded(&joined.stations, arm, &frames),
-        sampling_plan: None,
-        driven_by: None,
-        joined,
-    }
+    common::joined("simulated", arm, recording, settings.flange_from_target)
 }
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {

@@ -2,18 +2,14 @@
 
 mod common;
 
-use std::collections::BTreeMap;
-
 use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::figures::Figures;
-use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
-use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::outcome::{JoinedSession, Outcome};
+use posegrid::pipeline::outcome::Outcome;
 use posegrid::pipeline::stages::{self, RawCommandBase, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
@@ -93,20 +89,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
 }
 
 fn outcome<'a>(arm: &'a Arm, simulated: &Simulated) -> Outcome<'a> {
-    let joined = join(&simulated.recording, arm, &JoinSettings::default()).expect("sound");
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool()),
-    };
-    let monday = JoinedSession {
-        name: "monday".to_owned(),
-        log_rejects: vec![],
-        counts: BTreeMap::default(),
-        commanded: commanded(&joined.stations, arm, &frames),
-        sampling_plan: None,
-        driven_by: None,
-        joined,
-    };
+    let monday = common::joined("monday", arm, &simulated.recording, tool());
     stages::run(arm, vec![monday], vec![], &settings(simulated), &Quiet).expect("a sound session")
 }
 

@@ -4,10 +4,11 @@
 
 pub mod trained;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
+use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::{Noise, TrackerUncertainty};
 use posegrid::grid::Reach;
 use posegrid::ingest::{
@@ -15,8 +16,9 @@ use posegrid::ingest::{
     Recording, TimeSource, TrackerSettings,
 };
 use posegrid::io::log::{Limits, SessionLogs, read_session};
-use posegrid::join::{Attained, Command, Pairing, Station};
+use posegrid::join::{Attained, Command, JoinSettings, Pairing, Station, join};
 use posegrid::kinematics::{Arm, RobotFile};
+use posegrid::pipeline::outcome::JoinedSession;
 use posegrid::progress::Quiet;
 use posegrid::units::Stamp;
 
@@ -52,6 +54,29 @@ pub fn recording(path: &str) -> Option<PathBuf> {
         file.display()
     );
     None
+}
+
+/// A recording as a session whose commands are of this tool, in the base frame.
+pub fn joined(
+    name: &str,
+    arm: &Arm,
+    recording: &Recording,
+    flange_from_tool: Isometry3<f64>,
+) -> JoinedSession {
+    let joined = join(recording, arm, &JoinSettings::default()).expect("a sound recording");
+    let frames = CommandFrames {
+        base_from_command: Isometry3::identity(),
+        flange_from_tool: Some(flange_from_tool),
+    };
+    JoinedSession {
+        name: name.to_owned(),
+        log_rejects: vec![],
+        counts: BTreeMap::default(),
+        commanded: commanded(&joined.stations, arm, &frames),
+        sampling_plan: None,
+        driven_by: None,
+        joined,
+    }
 }
 
 /// The nominal arm of a robot file.

@@ -14,12 +14,11 @@ use std::sync::LazyLock;
 use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
 use posegrid::figures::{Figures, share_interval};
-use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, Gauge};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance};
-use posegrid::join::{JoinSettings, Station, join};
+use posegrid::join::Station;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::outcome::JoinedSession;
 use posegrid::pipeline::stages::{self, StageSettings};
@@ -71,21 +70,7 @@ fn session(arm: &Arm, number: u64, seed: u64, count: usize) -> SimulateSettings 
 
 fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
     let simulated = simulate(arm, settings).expect("in reach");
-    let joined =
-        join(&simulated.recording, arm, &JoinSettings::default()).expect("a sound recording");
-    let frames = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: Some(tool()),
-    };
-    JoinedSession {
-        name: "monday".to_owned(),
-        log_rejects: vec![],
-        counts: BTreeMap::default(),
-        commanded: commanded(&joined.stations, arm, &frames),
-        sampling_plan: None,
-        driven_by: None,
-        joined,
-    }
+    common::joined("monday", arm, &simulated.recording, tool())
 }
 
 fn stage_settings(harmonics: usize) -> StageSettings {
