@@ -139,13 +139,13 @@ impl<P: Default> Default for Block<P> {
 impl<P> Block<P> {
     /// Reads what is stored. A chunk above the limit is refused by its header, and never read.
     pub fn read(&mut self, source: &Source, limit: u64) -> io::Result<()> {
-        self.stored.clear();
         let Extent { start, end, .. } = self.extent;
         let chunk = self.extent.chunk.as_ref();
-        if chunk.is_none_or(|chunk| within(chunk, limit).is_ok()) {
-            source.append(start, end - start, &mut self.stored)?;
+        if chunk.is_some_and(|chunk| within(chunk, limit).is_err()) {
+            self.stored.clear();
+            return Ok(());
         }
-        Ok(())
+        source.read(start, end - start, &mut self.stored)
     }
 
     /// Decompresses and walks the block, if it defines nothing new.

@@ -189,11 +189,12 @@ impl<'s> Frames<'s> {
                 })
             }
             op::MESSAGE_INDEX => {
-                let messages = indexed_messages(self.source.peek(start + FRAME_HEADER, 6)?, length);
+                let messages =
+                    indexed_messages(self.source.probe(start + FRAME_HEADER, 6)?, length);
                 messages.map(|messages| Piece::Index { messages })
             }
             op::DATA_END => {
-                let body = self.source.peek(start + FRAME_HEADER, 4)?;
+                let body = self.source.probe(start + FRAME_HEADER, 4)?;
                 let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
                 self.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
                 self.data_end = Some(end);

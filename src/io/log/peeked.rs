@@ -59,8 +59,7 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
     while let Some((opcode, length)) = frame(source.probe(at, HEADER).map_err(at_fault)?) {
         at += FRAME_HEADER;
         if opcode == op::METADATA && length <= MOST_METADATA {
-            body.clear();
-            source.append(at, length, &mut body).map_err(at_fault)?;
+            source.read(at, length, &mut body).map_err(at_fault)?;
             if let Some(found) = MetadataRecord::read(&body).filter(|found| found.name == SESSION) {
                 return Ok(owned(found));
             }

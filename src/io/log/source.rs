@@ -1,7 +1,8 @@
-//! A log file, read by position through one window.
+//! A log file, read by position: through a wide window where records follow one another, through a narrow one from chunk
+//! to chunk.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Seek, SeekFrom};
 use std::os::unix::fs::FileExt as _;
 use std::path::Path;
 
@@ -11,17 +12,25 @@ use crate::progress::Progress;
 
 /// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;
-/// How far behind the window a look moves it.
+/// How far behind the wide window a look moves it.
 const CLOSE: u64 = 4096;
+/// Bytes read at once from chunk to chunk: more than any header.
+const GLANCE: usize = 512;
 
 /// A file of known length. Nothing past the length it had when it was opened is read: it may still be written to.
 #[derive(Debug)]
 pub struct Source {
     file: File,
     length: u64,
-    window: Vec<u8>,
-    window_start: u64,
-    probe: Vec<u8>,
+    wide: Window,
+    narrow: Window,
+}
+
+/// Bytes of the file in memory.
+#[derive(Debug, Default)]
+struct Window {
+    start: u64,
+    bytes: Vec<u8>,
 }
 
 impl Source {
@@ -51,9 +60,8 @@ impl Source {
         Ok(Self {
             file,
             length,
-            window: Vec::new(),
-            window_start: 0,
-            probe: Vec::new(),
+            wide: Window::default(),
+            narrow: Window::default(),
         })
     }
 
@@ -64,67 +72,77 @@ impl Source {
 
     /// Up to `count` bytes (at most a window) at `start`; fewer only at the end of the file.
     pub fn peek(&mut self, start: u64, count: usize) -> io::Result<&[u8]> {
-        let count = count.min(WINDOW);
-        let available = usize::try_from(self.length.saturating_sub(start)).unwrap_or(usize::MAX);
-        let wanted = count.min(available);
-        if !self.holds(start, wanted) {
-            let mut window = std::mem::take(&mut self.window);
-            window.clear();
-            self.append(start, WINDOW as u64, &mut window)?;
-            self.window = window;
-            self.window_start = start;
+        let wanted = self.there(start, count.min(WINDOW));
+        if !self.wide.holds(start, wanted) {
+            let window = std::mem::take(&mut self.wide);
+            self.wide = self.window(window, start, WINDOW)?;
         }
-        let at = usize::try_from(start - self.window_start).expect("within the window");
-        // Fewer than wanted only if the file was cut while it was read.
-        let end = (at + wanted).min(self.window.len());
-        Ok(self.window.get(at..end).unwrap_or_default())
+        Ok(self.wide.part(start, wanted))
     }
 
     /// Like [`Self::peek`] for a few bytes that may be far off: the window stays where it is unless they lie close
     /// behind it.
     pub fn probe(&mut self, start: u64, count: usize) -> io::Result<&[u8]> {
-        let window_end = self.window_start + self.window.len() as u64;
-        let next = start >= self.window_start && start <= window_end + CLOSE;
-        let available = self.length.saturating_sub(start).min(count as u64);
-        if next || self.holds(start, usize::try_from(available).unwrap_or(count)) {
+        let wanted = self.there(start, count);
+        let end = self.wide.start + self.wide.bytes.len() as u64;
+        let next = start >= self.wide.start && start <= end + CLOSE;
+        if next || count > GLANCE || self.wide.holds(start, wanted) {
             return self.peek(start, count);
         }
-        let mut probe = std::mem::take(&mut self.probe);
-        probe.clear();
-        self.append(start, count as u64, &mut probe)?;
-        self.probe = probe;
-        Ok(&self.probe)
+        if !self.narrow.holds(start, wanted) {
+            let window = std::mem::take(&mut self.narrow);
+            self.narrow = self.window(window, start, GLANCE)?;
+        }
+        Ok(self.narrow.part(start, wanted))
     }
 
-    fn holds(&self, start: u64, count: usize) -> bool {
-        let within = start
-            .checked_sub(self.window_start)
-            .and_then(|at| usize::try_from(at).ok());
-        within.is_some_and(|at| {
-            at.checked_add(count)
-                .is_some_and(|end| end <= self.window.len())
-        })
+    /// How many of so many bytes there are.
+    fn there(&self, start: u64, count: usize) -> usize {
+        let behind = self.length.saturating_sub(start);
+        usize::try_from(behind).map_or(count, |behind| behind.min(count))
     }
 
-    /// Appends `count` bytes at `start`, or what there is of them, without asking for memory for more than there is.
-    pub fn append(&self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
+    /// Moves a window.
+    fn window(&self, window: Window, start: u64, count: usize) -> io::Result<Window> {
+        let mut bytes = window.bytes;
+        self.read(start, count as u64, &mut bytes)?;
+        Ok(Window { start, bytes })
+    }
+
+    /// Fills `to` with `count` bytes at `start`, or what there is of them, without asking for memory for more than there
+    /// is.
+    pub fn read(&self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
         let count = count.min(self.length.saturating_sub(start));
-        let file = &self.file;
-        From { file, start }.take(count).read_to_end(to)?;
+        let count = usize::try_from(count).map_err(io::Error::other)?;
+        // What stands in it is overwritten: only what it grows by has to be zeroed.
+        to.reserve_exact(count.saturating_sub(to.len()));
+        to.resize(count, 0);
+        let mut filled = 0;
+        while filled < count {
+            match self.file.read_at(&mut to[filled..], start + filled as u64) {
+                // The file was cut while it was read.
+                Ok(0) => break,
+                Ok(more) => filled += more,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        to.truncate(filled);
         Ok(())
     }
 }
 
-/// A file from a byte on. It has a place of its own, so that several threads may read the file.
-struct From<'f> {
-    file: &'f File,
-    start: u64,
-}
+impl Window {
+    fn holds(&self, start: u64, count: usize) -> bool {
+        let at = start.checked_sub(self.start);
+        let end = at.and_then(|at| usize::try_from(at).ok()?.checked_add(count));
+        end.is_some_and(|end| end <= self.bytes.len())
+    }
 
-impl Read for From<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let count = self.file.read_at(buffer, self.start)?;
-        self.start += count as u64;
-        Ok(count)
+    /// Bytes that it holds; fewer than `count` only if the file was cut while it was read.
+    fn part(&self, start: u64, count: usize) -> &[u8] {
+        let at = usize::try_from(start - self.start).expect("within the window");
+        let end = (at + count).min(self.bytes.len());
+        self.bytes.get(at..end).unwrap_or_default()
     }
 }

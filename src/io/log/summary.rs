@@ -73,7 +73,7 @@ fn footer(source: &mut Source) -> io::Result<Option<Footer>> {
         return Ok(None);
     };
     let mut tail = Vec::new();
-    source.append(at, TAIL, &mut tail)?;
+    source.read(at, TAIL, &mut tail)?;
     Ok(read_footer(at, &tail))
 }
 
@@ -133,7 +133,7 @@ impl Definitions {
 
 /// Frames of the schemas and channels in a summary; indexes, which can be long, are stepped over.
 fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
-    let mut found = Vec::new();
+    let (mut found, mut frame) = (Vec::new(), Vec::new());
     let mut at = range.start;
     while at < range.end {
         let header = source.peek(at, 9)?;
@@ -149,7 +149,8 @@ fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
             if found.len() as u64 + (end - at) > MOST_DEFINITIONS as u64 {
                 break;
             }
-            source.append(at, end - at, &mut found)?;
+            source.read(at, end - at, &mut frame)?;
+            found.extend_from_slice(&frame);
         }
         at = end;
     }
@@ -164,8 +165,7 @@ impl Source {
         let mut at = range.start;
         while at < range.end {
             let count = PIECE.min(range.end - at);
-            bytes.clear();
-            self.append(at, count, &mut bytes)?;
+            self.read(at, count, &mut bytes)?;
             hasher.update(&bytes);
             at += count;
         }
