@@ -14,6 +14,7 @@
 //! be the right one has its stretches found at once.
 
 mod finder;
+mod lengths;
 mod levels;
 mod plateau;
 mod quads;
@@ -65,7 +66,7 @@ pub struct Still {
 }
 
 /// Where the samples rest, and by which threshold.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Rest {
     /// In time order; they do not overlap.
     pub stretches: Vec<Still>,

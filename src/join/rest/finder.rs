@@ -6,7 +6,7 @@
 //! 3. At the end the threshold is chosen, and the stretches by it are the result.
 
 use super::levels::{Levels, Samples};
-use super::plateau::{self, Ladder};
+use super::plateau::Ladder;
 use super::quads::{self, Quad, groups};
 use super::quantum::Steps;
 use super::ranges::Ranges;
@@ -134,7 +134,7 @@ impl Finder {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {
             let quantum = self.steps.iter().map(Steps::quantum).fold(0.0, f64::max);
-            let count = |rung| plateau::count(pace.levels.lengths(self.ladder.rungs()[rung]));
+            let count = |rung| pace.levels.lengths(self.ladder.rungs()[rung]).count();
             self.ladder.choose(quantum, pace.top, count)
         })
     }

@@ -5,17 +5,20 @@
 //! stretch that ended goes on when the next still window overlaps it.
 //!
 //! Most thresholds will not be the right one. When their stretches grow too many, only those by the thresholds near the
-//! one that would be right so far are kept; of the others it is known how long they are.
+//! one that would be right so far are kept, each time by fewer; of the others it is known how long they are.
 
 use std::ops::Range;
 
+use super::lengths::Lengths;
 use super::sums::{Sum, Sums, means};
 use super::{Still, Stretch};
 
 /// Stretches that are kept before some are forgotten.
 const MOST_STRETCHES: usize = 50_000;
-/// Thresholds kept on either side of the one that would be right so far: two rungs of the ladder.
+/// Thresholds kept at first on either side of the one that would be right so far: two rungs of the ladder.
 const NEAR: usize = 6;
+/// Thresholds kept on either side of it at last.
+const NEAREST: usize = 1;
 
 /// The samples that a window may ask for.
 #[derive(Debug, Clone, Default)]
@@ -52,6 +55,7 @@ pub struct Levels {
     window: usize,
     min_stretch_ns: i64,
     kept: Range<usize>,
+    near: usize,
     most_stretches: usize,
 }
 
@@ -61,7 +65,7 @@ struct ByThreshold {
     open: Option<Open>,
     sums_before: Vec<Sum>,
     sums_to_end: Vec<Sum>,
-    lengths: Vec<usize>,
+    lengths: Lengths,
     stretches: Vec<Still>,
 }
 
@@ -92,6 +96,7 @@ impl Levels {
             thresholds,
             window,
             min_stretch_ns,
+            near: NEAR,
             most_stretches: MOST_STRETCHES,
         }
     }
@@ -151,7 +156,7 @@ impl Levels {
     }
 
     /// Lengths of the stretches by a threshold, in samples less one.
-    pub fn lengths(&self, threshold: f64) -> &[usize] {
+    pub fn lengths(&self, threshold: f64) -> &Lengths {
         &self.by[self.place(threshold)].lengths
     }
 
@@ -175,7 +180,7 @@ impl Levels {
     /// Keeps only the stretches by the thresholds near this one.
     pub fn forget_all_but(&mut self, threshold: f64) {
         let place = self.place(threshold);
-        let near = place.saturating_sub(NEAR)..place + NEAR + 1;
+        let near = place.saturating_sub(self.near)..place + self.near + 1;
         self.kept = near.start.max(self.kept.start)..near.end.min(self.kept.end);
         let mut left = 0;
         for (place, by) in self.by.iter_mut().enumerate() {
@@ -184,7 +189,11 @@ impl Levels {
             }
             left += by.stretches.len();
         }
-        self.most_stretches = self.most_stretches.max(2 * left);
+        // The more is known, the less the threshold moves: the next time fewer are kept, if that would help.
+        self.near = (self.near / 2).max(NEAREST);
+        if self.near == NEAREST {
+            self.most_stretches = self.most_stretches.max(2 * left);
+        }
     }
 }
 
@@ -223,7 +232,7 @@ impl ByThreshold {
         if !open.lasts(end, min_stretch_ns) {
             return;
         }
-        self.lengths.push(end.last - open.first);
+        self.lengths.add(end.last - open.first);
         if keep {
             let count = end.last - open.first + 1;
             let sums = self.sums_before.iter().zip(&self.sums_to_end);
@@ -343,6 +352,6 @@ mod tests {
         // Six thresholds on either side of 20.
         assert!(near.take(14.0).is_some() && near.take(26.0).is_some());
         assert!(near.take(13.0).is_none() && near.take(27.0).is_none());
-        assert!(!near.lengths(13.0).is_empty());
+        assert_ne!(*near.lengths(13.0), Lengths::default());
     }
 }

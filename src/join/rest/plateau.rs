@@ -68,17 +68,6 @@ impl Ladder {
     }
 }
 
-/// How many stretches of such lengths count: those not shorter than half of the long ones (their 90 % quantile).
-/// Turning points of moves look like rest for a moment.
-pub fn count(lengths: &[usize]) -> usize {
-    if lengths.is_empty() {
-        return 0;
-    }
-    let mut sorted = lengths.to_vec();
-    let long = *sorted.select_nth_unstable(lengths.len() * 9 / 10).1;
-    lengths.iter().filter(|&&length| 2 * length >= long).count()
-}
-
 /// First and last rung of the plateau to stand on: the lowest of those at least [`PLATEAU_RUNGS`] wide that have the
 /// dwells of a session and half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
 /// their own above the right one, columns frozen for a while below it.
@@ -139,12 +128,5 @@ mod tests {
             (0.025 * 6.0..0.025 * 9.0 + 1e-9).contains(&chosen),
             "{chosen}"
         );
-    }
-
-    #[test]
-    fn short_stretches_are_turning_points() {
-        // The 90 % quantile of eleven is 40: 12 is shorter than half of it.
-        assert_eq!(count(&[40, 40, 40, 40, 40, 40, 40, 40, 40, 40, 12]), 10);
-        assert_eq!(count(&[]), 0);
     }
 }
