@@ -8,7 +8,7 @@ use std::time::Instant;
 use posegrid::io::inspect::inspect;
 use posegrid::io::lake::Lake;
 use posegrid::io::log::{
-    Limits, SessionLogs, decode, read_dwells, read_dwells_beside, read_recording,
+    Limits, SessionLogs, SessionRead, decode, read_dwells, read_dwells_beside, read_recording,
 };
 use posegrid::io::memory::keep_what_is_freed;
 use posegrid::io::tables::logs::{LogTable, logs, parts};
@@ -157,40 +157,50 @@ fn dwells(log: &Path) -> u64 {
     let logs = SessionLogs::of_two(log, log);
     let rule = JoinSettings::default().arm_rule();
     let read = read_dwells(&logs, &mapping(), Limits::default(), &rule, &Quiet);
-    let (recording, rest) = read.expect("a sound log");
+    let SessionRead {
+        recording, joints, ..
+    } = read.expect("a sound log");
     assert!(recording.joints.stamps.is_empty(), "no sample is kept");
-    assert_eq!(recording.counts["joints.kept"], rest.samples as u64);
-    rest.samples as u64
+    assert_eq!(recording.counts["joints.kept"], joints.samples as u64);
+    joints.samples as u64
 }
 
 /// From the log to the Parquet table of its samples on disk, and to dwells, as `posegrid run` does it.
 fn tables(log: &Path, folder: &Path) -> u64 {
-    let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
-    let lake = Lake::new(lake.path());
+    let lake = new_lake(folder);
     let mut run = lake.start(&key()).expect("a lake").expect("a new run");
     let logs = SessionLogs::of_two(log, log);
     let rule = JoinSettings::default().arm_rule();
     let mut table = LogTable::new(&run, "session");
     let (mapping, limits) = (mapping(), Limits::default());
     let read = read_dwells_beside(&logs, &mapping, limits, &rule, &mut table, &Quiet);
-    let (recording, _) = read.expect("a sound log");
-    let table = table.finish(&recording).expect("space on disk");
+    let read = read.expect("a sound log");
+    let table = table.finish(&read.recording, &*read.readings);
+    let table = table.expect("space on disk");
     run.keep(table.expect("many samples"));
     run.publish_kept().expect("a new run");
-    every_sample(run.written()[0].rows, &recording.counts)
+    every_sample(run.written()[0].rows, &read.recording.counts)
 }
 
 /// As it was done before samples were written while the log is read, and still is where they are far out of order.
 fn tables_at_the_end(log: &Path, folder: &Path) -> u64 {
-    let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
-    let lake = Lake::new(lake.path());
+    let lake = new_lake(folder);
     let mut run = lake.start(&key()).expect("a lake").expect("a new run");
     let recording =
         read_recording(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
     let key = key();
-    run.publish_parts(parts(&recording), |part| logs(&recording, part, &key))
-        .expect("space on disk");
+    let readings = &recording.readings;
+    run.publish_parts(parts(&recording, readings), |part| {
+        logs(&recording, readings, part, &key)
+    })
+    .expect("space on disk");
     every_sample(run.written()[0].rows, &recording.counts)
+}
+
+/// It is removed with the folder, when nothing is timed any more.
+fn new_lake(folder: &Path) -> Lake {
+    let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
+    Lake::new(lake.keep())
 }
 
 fn every_sample(rows: u64, counts: &std::collections::BTreeMap<String, u64>) -> u64 {

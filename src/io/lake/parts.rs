@@ -13,7 +13,7 @@ use super::temporary::Temporary;
 use crate::io::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::manifest::Written;
 
-/// Parts of a table that are encoded at the same time, at most: each takes some 20 MB meanwhile.
+/// Parts of a table that are in memory at the same time: each takes some 20 MB meanwhile.
 const PARTS_AT_ONCE: usize = 4;
 
 /// A table of a run, being written part by part. Dropped, it leaves nothing.
@@ -73,7 +73,7 @@ impl<'r> OpenTable<'r> {
         let begun = self.begun.as_mut().expect("by its first part");
         let mut ready = Vec::new();
         loop {
-            let next: Vec<P> = parts.by_ref().take(at_once()).collect();
+            let next: Vec<P> = parts.by_ref().take(PARTS_AT_ONCE).collect();
             if next.is_empty() && ready.is_empty() {
                 return Ok(());
             }
@@ -152,9 +152,4 @@ impl Begun {
             written,
         })
     }
-}
-
-/// As many as there are threads to encode them.
-fn at_once() -> usize {
-    rayon::current_num_threads().min(PARTS_AT_ONCE)
 }

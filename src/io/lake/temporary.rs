@@ -2,11 +2,14 @@
 //!
 //! The temporary stands beside the file, as `.FILE.tmp-HOST-PID-START-N`: START is when the process began, so leftovers of
 //! a process that is gone can be told from the work of one that is alive, even when its number was given away again.
+//!
+//! A large file goes to the disk while more of it is made ([`Disk`]), so that little is left to wait for at its end.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use tempfile::TempDir;
@@ -20,6 +23,9 @@ const OLD: Duration = Duration::from_hours(24);
 /// What is written and digested at once: BLAKE3 takes sixteen blocks of 1 KiB side by side, and large writes are few.
 const AT_ONCE: usize = 256 << 10;
 
+/// Bytes that are written before they are brought to the disk.
+const UNTIL_DISK: u64 = 16 << 20;
+
 /// A file under a temporary name; removed when dropped.
 #[derive(Debug)]
 pub struct Temporary {
@@ -32,6 +38,42 @@ pub struct Temporary {
 struct Digested {
     file: File,
     hasher: blake3::Hasher,
+    disk: Disk,
+}
+
+/// What brings a file to the disk while it is written.
+#[derive(Debug, Default)]
+struct Disk {
+    /// Bytes written since it was asked to.
+    waiting: u64,
+    at_work: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Disk {
+    /// So many bytes more were written.
+    fn wrote(&mut self, bytes: usize, file: &File) -> io::Result<()> {
+        self.waiting += bytes as u64;
+        let busy = self
+            .at_work
+            .as_ref()
+            .is_some_and(|work| !work.is_finished());
+        if self.waiting < UNTIL_DISK || busy {
+            return Ok(());
+        }
+        self.finish()?;
+        self.waiting = 0;
+        let file = file.try_clone()?;
+        self.at_work = Some(std::thread::spawn(move || file.sync_data()));
+        Ok(())
+    }
+
+    /// Waits for what it is at. The system tells an error once only, so it must not be lost here.
+    fn finish(&mut self) -> io::Result<()> {
+        let work = self.at_work.take().map(JoinHandle::join);
+        work.map_or(Ok(()), |done| {
+            done.unwrap_or_else(|_| Err(io::Error::other("a thread ended")))
+        })
+    }
 }
 
 impl Temporary {
@@ -48,8 +90,12 @@ impl Temporary {
         );
         let path = target.with_file_name(name);
         let file = File::options().write(true).create_new(true).open(&path)?;
-        let hasher = blake3::Hasher::new();
-        let file = BufWriter::with_capacity(AT_ONCE, Digested { file, hasher });
+        let digested = Digested {
+            file,
+            hasher: blake3::Hasher::new(),
+            disk: Disk::default(),
+        };
+        let file = BufWriter::with_capacity(AT_ONCE, digested);
         Ok(Self { path, file })
     }
 
@@ -62,7 +108,8 @@ impl Temporary {
     /// Brings everything to the disk, under the temporary name still, and gives the BLAKE3 digest, hexadecimal.
     pub(crate) fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;
-        let Digested { file, hasher } = self.file.get_ref();
+        let Digested { file, hasher, disk } = self.file.get_mut();
+        disk.finish()?;
         file.sync_all()?;
         Ok(hasher.finalize().to_hex().to_string())
     }
@@ -87,6 +134,7 @@ impl Write for Digested {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let written = self.file.write(bytes)?;
         self.hasher.update(&bytes[..written]);
+        self.disk.wrote(written, &self.file)?;
         Ok(written)
     }
 
@@ -273,6 +321,25 @@ mod tests {
             "the temporary is left, hidden from readers by its dot"
         );
         assert!(files(folder.path())[0].starts_with(".table.tmp-"));
+    }
+
+    #[test]
+    fn a_file_that_goes_to_the_disk_in_pieces_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("table");
+        let mut temporary = Temporary::beside(&target).unwrap();
+        let piece: Vec<u8> = (0..=250).cycle().take(1 << 20).collect();
+        let mut expected = blake3::Hasher::new();
+        for _ in 0..40 {
+            temporary.write_all(&piece).unwrap();
+            expected.update(&piece);
+        }
+        assert!(temporary.file.get_ref().disk.at_work.is_some());
+        let digest = temporary.sync().unwrap();
+        assert_eq!(digest, expected.finalize().to_hex().as_str());
+        temporary.replace(&target).unwrap();
+        let written = fs::read(&target).unwrap();
+        assert_eq!(blake3::hash(&written).to_hex().as_str(), digest);
     }
 
     #[test]
