@@ -11,6 +11,7 @@
 mod column;
 mod encoder;
 mod levels;
+mod lists;
 mod properties;
 
 use std::io::Write;
@@ -109,6 +110,70 @@ mod tests {
         let groups = reader.metadata().row_groups().iter();
         let found: Vec<_> = groups.map(RowGroupMetaData::num_rows).collect();
         assert_eq!(found, [65_536, 1000]);
+    }
+
+    /// Joint samples, the angles by row and joint.
+    fn joints(rows: usize, joints: usize, angle: impl Fn(usize, usize) -> f64) -> Table {
+        let columns: Vec<Vec<f64>> = (0..joints)
+            .map(|joint| (0..rows).map(|row| angle(row, joint)).collect())
+            .collect();
+        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let absent = [
+            "x_mm",
+            "y_mm",
+            "z_mm",
+            "qx",
+            "qy",
+            "qz",
+            "qw",
+            "temperature_c",
+        ];
+        let covariances = ["xx", "xy", "xz", "yy", "yz", "zz"];
+        let covariances = covariances.map(|part| format!("stated_cov_{part}_mm2"));
+        let table = Columns::new(schema::find("logs").unwrap(), rows)
+            .key(&RunKey::new("ur10", "grid", "00ff"))
+            .same("source", "joints")
+            .column("sample", 0..rows)
+            .column("stamp_ns", 0..rows)
+            .across("joints_rad", &columns)
+            .absent(absent);
+        let table = covariances
+            .iter()
+            .fold(table, |table, name| table.absent([name]));
+        table.finish().unwrap()
+    }
+
+    #[test]
+    fn lists_of_one_length_come_back_whether_their_numbers_repeat_or_not() {
+        // One and several pages, whole and broken bytes of levels, several row groups.
+        let sizes = [
+            (600, 6),
+            (4104, 1),
+            (4999, 3),
+            (17_000, 6),
+            (66_000, 7),
+            (16_391, 9),
+        ];
+        for (rows, number) in sizes {
+            for repeats in [rows * number, 100] {
+                let angle = |row, joint| ((row * number + joint) % repeats) as f64 / 7.0;
+                let table = joints(rows, number, angle);
+                let mut file = tempfile::NamedTempFile::new().unwrap();
+                file.write_all(&write(&table, Vec::new()).unwrap()).unwrap();
+                assert_eq!(read(file.path(), table.schema()).unwrap(), table);
+                let reader = SerializedFileReader::new(file.reopen().unwrap()).unwrap();
+                let column = reader.metadata().row_group(0).columns();
+                let column = column
+                    .iter()
+                    .find(|c| c.column_path().string().contains("list"));
+                let dictionary = column.unwrap().dictionary_page_offset();
+                assert_eq!(
+                    dictionary.is_some(),
+                    repeats == 100 || rows == 600,
+                    "{rows}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -15,6 +15,7 @@ use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
 use parquet::schema::types::ColumnDescPtr;
 
 use super::levels::Levels;
+use super::lists;
 
 /// A column of a row group as it stands in the file.
 pub(super) struct EncodedColumn {
@@ -28,10 +29,14 @@ pub(super) fn encode(
     properties: WriterPropertiesPtr,
     array: &ArrayRef,
 ) -> Result<EncodedColumn, ParquetError> {
+    if let Some(encoded) = lists::encode(&column, &properties, array) {
+        return encoded;
+    }
     let levels = Levels::of(&column, array);
     let values = present(array)?;
     let plain = values.to_data().get_slice_memory_size()?;
-    let mut pages = TrackedWrite::new(Vec::with_capacity(plain));
+    // What stands before the values takes little.
+    let mut pages = TrackedWrite::new(Vec::with_capacity(plain + plain / 32));
     let sink = Box::new(SerializedPageWriter::new(&mut pages));
     let close = write(
         get_column_writer(column, properties, sink),

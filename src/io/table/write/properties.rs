@@ -13,7 +13,7 @@ use crate::io::table::Table;
 /// Bytes of a dictionary of numbers: 4096 of them. Where more differ in a row group nearly all do, and a dictionary costs
 /// time and room: on a log of noisy angles half of the time to write and a tenth of the file, on angles that each stand
 /// for 90 samples it saves as much as a larger one.
-const REPEATED_FLOATS: usize = 32 << 10;
+pub(super) const REPEATED_FLOATS: usize = 32 << 10;
 
 /// Values between two looks at whether a page is full, which is so at a million bytes: the crate's own 1024 are looked at
 /// more often than needed.
