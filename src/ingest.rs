@@ -8,6 +8,8 @@
 
 mod decoded;
 mod in_order;
+mod poses;
+mod readings;
 mod rows;
 mod settings;
 
@@ -16,7 +18,8 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
-pub use in_order::{JointAccount, JointsInOrder};
+pub use in_order::{HELD_BACK, Held, HeldJoints, HeldReadings, InOrder, StreamAccount};
+pub use readings::Readings;
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
     Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,
@@ -206,12 +209,21 @@ pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestEr
     ingest_beside(decoded, mapping, None)
 }
 
-/// The same where the joint states were given on in order while the log was read: the recording is without them, but
-/// accounts for them as `joints` says.
+/// What became of the two long streams where their samples were given on in order while the logs were read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GivenOn {
+    /// Of the joint states.
+    pub joints: StreamAccount,
+    /// Of the target's readings.
+    pub readings: StreamAccount,
+}
+
+/// The same where joint states and readings were given on while the logs were read: the recording is without them, but
+/// accounts for them as `given_on` says.
 pub fn ingest_beside(
     mut decoded: Decoded,
     mapping: &Mapping,
-    joints: Option<JointAccount>,
+    given_on: Option<GivenOn>,
 ) -> Result<Recording, IngestError> {
     let mut recording = Recording {
         rejects: std::mem::take(&mut decoded.rejects),
@@ -219,8 +231,9 @@ pub fn ingest_beside(
         counts: std::mem::take(&mut decoded.counts),
         ..Recording::default()
     };
+    let (joints, readings) = given_on.map(|on| (on.joints, on.readings)).unzip();
     match joints {
-        Some(account) => recording.account("joints", account.counts, account.rejects),
+        Some(account) => recording.account_for("joints", account),
         None => recording.joints = self::joints(decoded.joints, mapping, &mut recording)?,
     }
     if let (Some(poses), Some(settings)) = (decoded.commands, &mapping.commanded) {
@@ -231,21 +244,10 @@ pub fn ingest_beside(
             orientations: poses.orientations,
         };
     }
-    let settings = &mapping.tracker;
-    let ignore_orientation = settings.ignore_orientation;
-    let poses = self::poses(
-        decoded.readings,
-        settings.unit,
-        ignore_orientation,
-        "readings",
-        &mut recording,
-    )?;
-    recording.readings = TargetReadings {
-        stamps: stamps(poses.stamps),
-        positions: poses.positions,
-        orientations: poses.orientations,
-        covariances: poses.covariances,
-    };
+    match readings {
+        Some(account) => recording.account_for("readings", account),
+        None => recording.readings = self::readings(decoded.readings, mapping, &mut recording)?,
+    }
     if let Some(temperatures) = decoded.temperatures {
         recording.temperatures = self::temperatures(temperatures, &mut recording);
     }
@@ -281,6 +283,28 @@ fn joints(
     Ok(samples)
 }
 
+fn readings(
+    decoded: DecodedPoses,
+    mapping: &Mapping,
+    recording: &mut Recording,
+) -> Result<TargetReadings, IngestError> {
+    let settings = &mapping.tracker;
+    let ignore_orientation = settings.ignore_orientation;
+    let poses = self::poses(
+        decoded,
+        settings.unit,
+        ignore_orientation,
+        "readings",
+        recording,
+    )?;
+    Ok(TargetReadings {
+        stamps: stamps(poses.stamps),
+        positions: poses.positions,
+        orientations: poses.orientations,
+        covariances: poses.covariances,
+    })
+}
+
 /// Positions in mm, unit quaternions.
 fn poses(
     mut decoded: DecodedPoses,
@@ -297,32 +321,27 @@ fn poses(
         _ => SpanClock::Tracker,
     };
     let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
-        pose_fault(&decoded, row)
+        poses::fault(
+            decoded.positions[row],
+            decoded.orientations.as_ref().map(|all| &all[row]),
+            decoded.covariances.as_ref().map(|all| &all[row]),
+        )
     });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
     let to_mm = unit.to_mm();
     let mut positions = rows.of(decoded.positions);
-    positions
-        .as_flattened_mut()
-        .iter_mut()
-        .for_each(|x| *x *= to_mm);
+    poses::scale(&mut positions, to_mm);
     let covariances = decoded.covariances.map(|column| {
         let mut column = rows.of(column);
-        column
-            .as_flattened_mut()
-            .iter_mut()
-            .for_each(|x| *x *= to_mm * to_mm);
+        poses::scale(&mut column, to_mm * to_mm);
         column
     });
     let orientations = decoded.orientations.map(|column| {
         let mut column = rows.of(column);
-        let far = column
-            .iter_mut()
-            .filter_map(normalise)
-            .filter(|&norm| (norm - 1.0).abs() > 1e-3);
+        let not_unit = poses::normalise_all(&mut column);
         recording
             .counts
-            .insert(format!("{stream}.quaternions_not_unit"), far.count() as u64);
+            .insert(format!("{stream}.{}", poses::NOT_UNIT), not_unit);
         column
     });
     let poses = DecodedPoses {
@@ -334,50 +353,6 @@ fn poses(
     };
     recording.account(stream, rows.counts, rows.rejects);
     Ok(poses)
-}
-
-fn pose_fault(decoded: &DecodedPoses, row: usize) -> Option<RowFault> {
-    let position = decoded.positions[row];
-    let covariance = decoded.covariances.as_ref().map(|column| column[row]);
-    if !position
-        .iter()
-        .chain(covariance.iter().flatten())
-        .all(|x| x.is_finite())
-    {
-        return Some(RowFault::Position);
-    }
-    let quaternion = decoded.orientations.as_ref()?[row];
-    if !quaternion.iter().all(|x| x.is_finite()) {
-        return Some(RowFault::Orientation);
-    }
-    // All zeros is how a missing reflector is written; the join wants to see and count it.
-    let reads_something = position.iter().any(|&x| x != 0.0);
-    let zero = quaternion
-        .iter()
-        .all(|x| x.abs() < f64::MIN_POSITIVE.sqrt());
-    (reads_something && zero).then_some(RowFault::ZeroQuaternion)
-}
-
-/// Makes a unit quaternion and tells the norm it had; a zero one becomes the identity.
-fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
-    let largest = quaternion
-        .iter()
-        .fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    if largest < f64::MIN_POSITIVE.sqrt() {
-        *quaternion = [0.0, 0.0, 0.0, 1.0];
-        return None;
-    }
-    // Scaled first: squares of very large components overflow.
-    let norm = largest
-        * quaternion
-            .iter()
-            .map(|x| (x / largest).powi(2))
-            .sum::<f64>()
-            .sqrt();
-    for x in quaternion.iter_mut() {
-        *x /= norm;
-    }
-    Some(norm)
 }
 
 fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {
@@ -432,6 +407,13 @@ impl Rows {
 }
 
 impl Recording {
+    fn account_for(&mut self, stream: &str, account: StreamAccount) {
+        self.account(stream, account.counts, account.rejects);
+        for (name, count) in account.further {
+            self.counts.insert(format!("{stream}.{name}"), count);
+        }
+    }
+
     fn account(&mut self, stream: &str, counts: StreamCounts, rejects: Vec<LogReject>) {
         let mut add = |name: &str, count: u64| {
             *self.counts.entry(format!("{stream}.{name}")).or_default() += count;

@@ -2,7 +2,7 @@
 //!
 //! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. METHOD.md 8.
 //!
-//! 1. [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
+//! 1. [`sighting`], [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
 //! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
 //! 4. [`clock`]: offset and drift on the matched edges.
@@ -25,6 +25,7 @@ pub mod rest;
 mod scene;
 mod settings;
 pub mod settle;
+pub mod sighting;
 #[cfg(test)]
 mod troubles;
 
@@ -32,11 +33,12 @@ use nalgebra::{Point3, UnitQuaternion};
 
 use self::decide::Decision;
 use self::dwell::ArmDwell;
-use self::fate::{Fate, Why};
+use self::fate::{Fate, Fates, Why};
 use self::observe::Observation;
 use self::pattern::Relation;
 use self::rest::Rest;
-use crate::ingest::Recording;
+use self::sighting::Sightings;
+use crate::ingest::{Readings, Recording};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
@@ -216,25 +218,29 @@ pub fn join(
 ) -> Result<Joined, JoinError> {
     settings.check()?;
     let joints = observe::joints_at_rest(&recording.joints, arm, settings)?;
-    join_at_rest(recording, &joints, arm, settings)
+    observe::check_readings(&recording.readings)?;
+    join_at_rest(recording, &joints, &recording.readings, arm, settings)
 }
 
-/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`]; the
-/// recording's own joint samples are not looked at.
+/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`], and the readings
+/// are kept elsewhere, in order of time; the recording's own joint samples and readings are not looked at.
 pub fn join_at_rest(
     recording: &Recording,
     joints: &Rest,
+    readings: &dyn Readings,
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Joined, JoinError> {
     settings.check()?;
-    let seen = observe::observe(recording, joints, arm, settings)?;
+    observe::check_others(recording)?;
+    let sightings = Sightings::find(readings, settings)?;
+    let seen = observe::observe(&sightings, joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(joints.span_ns.0);
-    let (clock, relation) = estimate_clock(&seen, &decision, recording, origin);
+    let (clock, relation) = estimate_clock(&seen, &decision, origin);
     let evidence = pair::Evidence {
-        recording,
-        measured: &seen.measured,
+        sightings: &sightings,
+        temperatures: &recording.temperatures,
         target: &seen.target,
         clock: clock.model,
         placement: decision.placement,
@@ -243,18 +249,22 @@ pub fn join_at_rest(
             .max(GATE_REACH * decision.median_mm),
         same_mm: SAME_REACH * seen.still_mm,
         usual_mm: seen.usual_scatter_mm(),
-        settle_s: settings
-            .settle_s
-            .unwrap_or_else(|| settle::settling_s(&seen, &decision.support, relation)),
+        settle_s: match settings.settle_s {
+            Some(settle_s) => settle_s,
+            None => settle::settling_s(&seen, &sightings, &decision.support, relation)?,
+        },
         settings,
     };
-    let mut fates = first_fates(recording.readings.stamps.len(), &seen);
-    let stations = stations(recording, &seen.arm, &evidence, &mut fates);
+    let mut fates = first_fates(&sightings, &seen);
+    let stations = stations(recording, &seen.arm, &evidence, &mut fates)?;
+    for rows in sightings.missing() {
+        fates.set(rows, Fate::Missing);
+    }
     Ok(Joined {
         stations,
         clock,
-        rejects: fate::rejects(&fates, &recording.readings.stamps),
-        counts: fate::counts(&fates),
+        rejects: fates.rejects(&sightings)?,
+        counts: fates.counts(),
         found: Found {
             still_rad: seen.still_rad,
             still_mm: seen.still_mm,
@@ -272,13 +282,11 @@ const SAME_REACH: f64 = 2.0;
 fn estimate_clock(
     seen: &Observation,
     decision: &Decision,
-    recording: &Recording,
     origin: Stamp<Controller>,
 ) -> (ClockEstimate, Relation) {
     let refined = clock::refine(seen.dwells(), &decision.support, seen.sampling_s);
     let relation = refined.relation;
-    let first_reading = recording.readings.stamps[seen.measured[0]];
-    let apart_ns = first_reading.ns().saturating_sub(origin.ns());
+    let apart_ns = seen.first_measured.ns().saturating_sub(origin.ns());
     let estimate = ClockEstimate {
         model: ClockModel {
             origin,
@@ -310,16 +318,12 @@ fn method(decision: &Decision, by_edges: bool) -> String {
     )
 }
 
-/// Before pairing: missing, moving, or at rest with no station yet.
-fn first_fates(readings: usize, seen: &Observation) -> Vec<Fate> {
-    let mut fates = vec![Fate::Missing; readings];
-    for &index in &seen.measured {
-        fates[index] = Fate::Moving;
-    }
+/// Before pairing: moving, or at rest with no station yet.
+fn first_fates(sightings: &Sightings<'_>, seen: &Observation) -> Fates {
+    let mut fates = Fates::new(sightings.count());
     for dwell in &seen.target {
-        for &index in &seen.measured[dwell.stretch.first..=dwell.stretch.last] {
-            fates[index] = Fate::Unpaired(Why::NoArmDwell);
-        }
+        let rows = dwell.stretch.first..dwell.stretch.last + 1;
+        fates.set(rows, Fate::Unpaired(Why::NoArmDwell));
     }
     fates
 }
@@ -328,8 +332,8 @@ fn stations(
     recording: &Recording,
     dwells: &[ArmDwell],
     evidence: &pair::Evidence,
-    fates: &mut [Fate],
-) -> Vec<Station> {
+    fates: &mut Fates,
+) -> Result<Vec<Station>, JoinError> {
     let occasion = |dwell: &ArmDwell| command::Occasion {
         start: dwell.start,
         end: dwell.end,
@@ -338,8 +342,8 @@ fn stations(
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
     let commands = command::in_force(&recording.commands, &occasions);
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
-        let (pairing, attained) = evidence.verdict(dwell, fates);
-        Station {
+        let (pairing, attained) = evidence.verdict(dwell, fates)?;
+        Ok(Station {
             number,
             start: dwell.start,
             end: dwell.end,
@@ -348,7 +352,7 @@ fn stations(
             command,
             attained,
             pairing,
-        }
+        })
     };
     dwells
         .iter()

@@ -2,7 +2,7 @@
 
 mod common;
 
-use posegrid::io::log::{Limits, read_dwells, read_session};
+use posegrid::io::log::{Limits, SessionRead, read_dwells, read_session};
 use posegrid::join::{JoinSettings, Joined, Pairing, join, join_at_rest};
 use posegrid::progress::Quiet;
 use posegrid::units::NS_PER_S;
@@ -113,12 +113,17 @@ fn streaming_into_dwells_gives_the_same_stations_clocks_and_rejects_to_the_last_
         let (mapping, limits) = (common::mapping(&arm), Limits::default());
         let whole = read_session(&logs, &mapping, limits, &Quiet).expect("a sound recording");
         let rule = settings.arm_rule();
-        let (recording, joints) =
-            read_dwells(&logs, &mapping, limits, &rule, &Quiet).expect("a sound recording");
+        let SessionRead {
+            recording,
+            joints,
+            readings,
+        } = read_dwells(&logs, &mapping, limits, &rule, &Quiet).expect("a sound recording");
         assert_eq!(recording.joints.stamps, [], "no sample is kept");
         assert_eq!(recording.counts, whole.counts);
         assert_eq!(recording.rejects, whole.rejects);
-        let streamed = join_at_rest(&recording, &joints, &arm, &settings).expect(truth.name);
+        assert_eq!(recording.readings.stamps, [], "no reading is kept");
+        let streamed = join_at_rest(&recording, &joints, &*readings, &arm, &settings);
+        let streamed = streamed.expect(truth.name);
         let joined = join(&whole, &arm, &settings).expect(truth.name);
         assert_eq!(joined.stations.len(), truth.stations);
         assert!(streamed.stations == joined.stations, "{}", truth.name);

@@ -448,7 +448,12 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        let publish = || run.publish_parts(parts(&recording), |part| logs(&recording, part, &key));
+        let readings = &recording.readings;
+        let publish = || {
+            run.publish_parts(parts(&recording, readings), |part| {
+                logs(&recording, readings, part, &key)
+            })
+        };
         pool.install(publish).unwrap();
         let written = run.written()[0].clone();
         let table = lake.read("logs", &key).unwrap();
@@ -492,7 +497,10 @@ fn a_part_that_breaks_the_contract_leaves_no_file() {
     let lake = Lake::new(folder.path());
     let key = hostile_work().key();
     let mut run = lake.start(&key).unwrap().unwrap();
-    let published = run.publish_parts(parts(&recording), |part| logs(&recording, part, &key));
+    let readings = &recording.readings;
+    let published = run.publish_parts(parts(&recording, readings), |part| {
+        logs(&recording, readings, part, &key)
+    });
     let error = published.unwrap_err().to_string();
     assert!(
         error.contains("\"joints_rad\", row 7: NaN is not a finite number"),

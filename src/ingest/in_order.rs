@@ -1,21 +1,58 @@
-//! Joint angles, block by block in the order of the file → in order of time, while the log is read.
+//! Samples of one stream, block by block in the order of the file → in order of time, while the log is read.
 //!
 //! Keeps and orders what [`Rows`] keeps and orders of a whole log, with the same account of it. Stamps that go back are
 //! put in their place as long as it is among the samples held back; where one belongs before a sample that was given on
 //! already, the log has to be read as a whole.
 
-use super::decoded::{DecodedJoints, Origin, Origins};
-use super::rows::Rows;
-use super::{AngleUnit, LogReject, Mapping, RowFault, SpanClock, StreamCounts};
+mod joints;
+mod readings;
 
-/// Joint angles on their way.
+use std::ops::Range;
+
+pub use joints::HeldJoints;
+pub use readings::HeldReadings;
+
+use super::decoded::{Origin, Origins};
+use super::rows::Rows;
+use super::{LogReject, Mapping, StreamCounts};
+
+/// Samples of one stream that are held back, in the units of a recording.
+pub trait Held: Sized {
+    /// The columns that the rows of a block are decoded into.
+    type Block;
+    /// Nothing held yet.
+    fn none(mapping: &Mapping) -> Self;
+    /// The topic that they come from.
+    fn topic(mapping: &Mapping) -> &str;
+    /// Time of each row of a block, ns.
+    fn stamps_of(block: &Self::Block) -> &[i64];
+    /// Which rows of a block are kept.
+    fn judge(&self, block: &Self::Block, origins: &Origins) -> Rows;
+    /// Adds the kept rows of a block; tells whether they are of one kind with those before.
+    fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
+    /// Time of each sample, ns.
+    fn stamps(&self) -> &[i64];
+    /// Puts the samples in this order.
+    fn reorder(&mut self, order: &[usize]);
+    /// Lets the first ones go.
+    fn let_go(&mut self, count: usize);
+    /// Further counts of the whole stream.
+    fn further_counts(&self) -> Vec<(&'static str, u64)> {
+        Vec::new()
+    }
+}
+
+/// The samples of a stream on their way.
 #[derive(Debug)]
-pub struct JointsInOrder {
-    unit: AngleUnit,
+pub struct InOrder<H> {
     /// Samples that are given on together.
     piece: usize,
     topic: String,
-    held: Held,
+    held: H,
+    /// Whether those held are out of order.
+    unsorted: bool,
+    /// Stamp of the sample given on last.
+    given_on: Option<i64>,
     /// Stamp of the last row of the block before.
     before: Option<i64>,
     /// Whether some stamp is set.
@@ -27,37 +64,26 @@ pub struct JointsInOrder {
     fits: bool,
 }
 
-/// Samples held back, in rad.
-#[derive(Debug, Default)]
-struct Held {
-    stamps: Vec<i64>,
-    angles: Vec<Vec<f64>>,
-    unsorted: bool,
-    /// Stamp of the sample given on last.
-    given_on: Option<i64>,
-}
-
-/// What became of the joint states that were given on.
+/// What became of the messages of a stream whose samples were given on.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JointAccount {
+pub struct StreamAccount {
     pub(super) counts: StreamCounts,
+    pub(super) further: Vec<(&'static str, u64)>,
     pub(super) rejects: Vec<LogReject>,
 }
 
-impl JointsInOrder {
-    /// Samples held back: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
-    pub const HELD_BACK: usize = 16_384;
+/// Samples held back: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
+pub const HELD_BACK: usize = 16_384;
 
+impl<H: Held> InOrder<H> {
     /// Nothing read yet; samples will be given on in pieces of so many, but for the last.
     pub fn new(mapping: &Mapping, piece: usize) -> Self {
         Self {
-            unit: mapping.controller.unit,
             piece,
-            topic: mapping.controller.topic.clone(),
-            held: Held {
-                angles: vec![Vec::new(); mapping.joints.len()],
-                ..Held::default()
-            },
+            topic: H::topic(mapping).to_owned(),
+            held: H::none(mapping),
+            unsorted: false,
+            given_on: None,
             before: None,
             stamped: false,
             counts: StreamCounts::default(),
@@ -67,28 +93,22 @@ impl JointsInOrder {
         }
     }
 
-    /// Takes the rows of one block of `file`, from byte to byte, and calls `give_on` with stamps and angles (rad, a column a joint) that no
-    /// later row can come before.
+    /// Takes the rows of one block of `file`, from byte to byte, and calls `give_on` with those rows of the samples that
+    /// no later one can come before.
     pub fn push(
         &mut self,
-        block: &DecodedJoints,
+        block: &H::Block,
         file: &str,
         place: (u64, u64),
-        mut give_on: impl FnMut(&[i64], &[&[f64]]),
+        mut give_on: impl FnMut(&H, Range<usize>),
     ) {
-        let stamps = &block.stamps;
+        let stamps = H::stamps_of(block);
         let (Some(&first), Some(&last)) = (stamps.first(), stamps.last()) else {
             return;
         };
-        let origins = self.origins(stamps.len(), file, place);
-        let faulty = RowFault::in_angles(&block.angles);
-        let rows = Rows::judge(stamps, &origins, SpanClock::Controller, |row| {
-            if faulty {
-                RowFault::of_angles(&block.angles, row)
-            } else {
-                None
-            }
-        });
+        let rows = self
+            .held
+            .judge(block, &self.origins(stamps.len(), file, place));
         self.counts.kept += rows.counts.kept;
         self.counts.rejected += rows.counts.rejected;
         let backward = self.before.is_some_and(|before| first < before);
@@ -96,21 +116,25 @@ impl JointsInOrder {
         self.before = Some(last);
         self.stamped |= stamps.iter().any(|&stamp| stamp != 0);
         self.note_file(file, stamps);
-        self.held.take(&rows, block, self.unit);
+        let held = self.held.stamps().len();
+        self.fits &= self.held.take(&rows, block);
+        let edge = self.held.stamps().get(held.saturating_sub(1)..=held);
+        self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
         self.rejects.extend(rows.rejects);
-        let due = |held: usize| held.saturating_sub(Self::HELD_BACK) / self.piece * self.piece;
-        self.give_on(due(self.held.stamps.len()), &mut give_on);
+        let due = self.held.stamps().len().saturating_sub(HELD_BACK) / self.piece * self.piece;
+        self.give_on(due, &mut give_on);
     }
 
     /// Gives on what is left; `None` where the log has to be read as a whole, to be put in order or to say why nothing
     /// of it can be used.
-    pub fn finish(mut self, mut give_on: impl FnMut(&[i64], &[&[f64]])) -> Option<JointAccount> {
-        self.give_on(self.held.stamps.len(), &mut give_on);
+    pub fn finish(mut self, mut give_on: impl FnMut(&H, Range<usize>)) -> Option<StreamAccount> {
+        self.give_on(self.held.stamps().len(), &mut give_on);
         // Files are put in the order of their earliest stamps.
         let in_order = self.files.windows(2).all(|pair| pair[0].1 < pair[1].1);
         let usable = self.counts.kept > 0 && self.stamped;
-        (self.fits && in_order && usable).then_some(JointAccount {
+        (self.fits && in_order && usable).then_some(StreamAccount {
             counts: self.counts,
+            further: self.held.further_counts(),
             rejects: self.rejects,
         })
     }
@@ -139,43 +163,21 @@ impl JointsInOrder {
     }
 
     /// Gives on the earliest `count` of the samples held back.
-    fn give_on(&mut self, count: usize, give_on: &mut impl FnMut(&[i64], &[&[f64]])) {
+    fn give_on(&mut self, count: usize, give_on: &mut impl FnMut(&H, Range<usize>)) {
         if count == 0 {
             return;
         }
-        let held = &mut self.held;
-        held.sort();
-        let (first, last) = (held.stamps[0], held.stamps[count - 1]);
-        self.fits &= held.given_on.is_none_or(|given_on| given_on <= first);
-        let stamps = &held.stamps[..count];
+        self.sort();
+        let stamps = &self.held.stamps()[..count];
+        let (first, last) = (stamps[0], stamps[count - 1]);
+        self.fits &= self.given_on.is_none_or(|given_on| given_on <= first);
         let repeated = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        self.counts.duplicate_stamps += repeated as u64 + u64::from(held.given_on == Some(first));
+        self.counts.duplicate_stamps += repeated as u64 + u64::from(self.given_on == Some(first));
         for from in (0..count).step_by(self.piece).take_while(|_| self.fits) {
-            let piece = from..(from + self.piece).min(count);
-            let columns = held.angles.iter().map(|column| &column[piece.clone()]);
-            give_on(&stamps[piece.clone()], &columns.collect::<Vec<_>>());
+            give_on(&self.held, from..(from + self.piece).min(count));
         }
-        held.given_on = Some(last);
-        held.stamps.drain(..count);
-        for column in &mut held.angles {
-            column.drain(..count);
-        }
-    }
-}
-
-impl Held {
-    fn take(&mut self, rows: &Rows, block: &DecodedJoints, unit: AngleUnit) {
-        let held = self.stamps.len();
-        rows.append(&block.stamps, &mut self.stamps);
-        for (column, more) in self.angles.iter_mut().zip(&block.angles) {
-            rows.append(more, column);
-            if unit != AngleUnit::Rad {
-                let to_rad = unit.to_rad();
-                column[held..].iter_mut().for_each(|angle| *angle *= to_rad);
-            }
-        }
-        let edge = self.stamps.get(held.saturating_sub(1)..=held);
-        self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
+        self.given_on = Some(last);
+        self.held.let_go(count);
     }
 
     /// By stamp; equal ones stay in the order of the file.
@@ -183,11 +185,14 @@ impl Held {
         if !std::mem::take(&mut self.unsorted) {
             return;
         }
-        let mut order: Vec<usize> = (0..self.stamps.len()).collect();
-        order.sort_by_key(|&row| self.stamps[row]);
-        self.stamps = order.iter().map(|&row| self.stamps[row]).collect();
-        for column in &mut self.angles {
-            *column = order.iter().map(|&row| column[row]).collect();
-        }
+        let stamps = self.held.stamps();
+        let mut order: Vec<usize> = (0..stamps.len()).collect();
+        order.sort_by_key(|&row| stamps[row]);
+        self.held.reorder(&order);
     }
+}
+
+/// A column in another order.
+fn reordered<T: Copy>(column: &[T], order: &[usize]) -> Vec<T> {
+    order.iter().map(|&row| column[row]).collect()
 }

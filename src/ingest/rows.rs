@@ -54,7 +54,7 @@ impl fmt::Display for RowFault {
 }
 
 /// The rows of one stream that are kept, ordered in time.
-pub(super) struct Rows {
+pub struct Rows {
     /// `None`: all of them, in the order they stand in.
     order: Option<Vec<usize>>,
     pub(super) rejects: Vec<LogReject>,

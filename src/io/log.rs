@@ -9,8 +9,8 @@
 //! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
 //! 5. [`crate::ingest::ingest`] makes the recording.
 //!
-//! Where the joint samples themselves need not be held, they go into dwells as they are decoded ([`read_dwells`]), and to
-//! whoever else wants them in order of time ([`read_dwells_beside`]).
+//! Where a log need not be held, joint samples go into dwells as they are decoded, and readings are put aside
+//! ([`read_dwells`]); whoever else wants the joint samples gets them in order of time ([`read_dwells_beside`]).
 
 mod account;
 mod block;
@@ -25,8 +25,11 @@ mod registry;
 mod scan;
 mod session;
 mod source;
+mod spilled;
 mod streams;
 mod summary;
+mod unnamed;
+mod waiting;
 
 use std::io;
 use std::path::Path;
@@ -40,7 +43,7 @@ use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
-pub use dwells::{JointSink, read_dwells, read_dwells_beside};
+pub use dwells::{JointSink, SessionRead, read_dwells, read_dwells_beside};
 pub use packed::{Packed, PackedFault};
 pub use peeked::{has_no_end, session_record};
 pub use record::MessageRecord;
@@ -186,6 +189,16 @@ pub enum LogError {
         file: String,
         /// The topic.
         topic: String,
+    },
+    /// Nowhere to put readings aside.
+    #[error(
+        "cannot put the tracker's readings aside in {folder}: {source}; let TMPDIR name a folder with room"
+    )]
+    NoRoom {
+        /// The folder for temporary files.
+        folder: String,
+        /// Why.
+        source: io::Error,
     },
     /// What was decoded makes no recording.
     #[error(transparent)]

@@ -102,6 +102,9 @@ pub enum PublishError {
         "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
     )]
     Model(#[from] serde_json::Error),
+    /// Readings that were put aside are not there any more.
+    #[error("the tracker's readings, put aside in a temporary file, cannot be read again: {0}")]
+    Readings(#[from] std::io::Error),
 }
 
 /// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.

@@ -5,10 +5,12 @@
 
 use nalgebra::{Isometry3, Vector3};
 
+use super::JoinError;
 use super::average::robust_sigma;
 use super::rest::{Rest, Still, Stretch};
+use super::sighting::Sightings;
 use crate::kinematics::Arm;
-use crate::units::{Controller, NS_PER_S, Stamp};
+use crate::units::{Controller, NS_PER_S, Stamp, Tracker};
 
 /// When a dwell began and ended in its own clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,8 +80,12 @@ pub struct ArmDwell {
 /// A stretch in which the target is still.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetDwell {
-    /// Readings, counted among those that are measurements.
+    /// Rows of the readings.
     pub stretch: Stretch,
+    /// When the first of them was taken.
+    pub start: Stamp<Tracker>,
+    /// When the last of them was taken.
+    pub end: Stamp<Tracker>,
     /// In tracker seconds.
     pub span: Span,
     /// Median position per axis, mm.
@@ -101,18 +107,19 @@ pub fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
     rest.stretches.iter().map(dwell).collect()
 }
 
-/// The target's dwells: `rest` of the coordinate columns `axes`.
-pub fn target_dwells(axes: &[Vec<f64>; 3], rest: &Rest) -> Vec<TargetDwell> {
+/// The target's dwells.
+pub fn target_dwells(sightings: &Sightings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
+    let rest = sightings.rest();
     let dwell = |still: &Still| {
-        let stretch = still.stretch;
-        let part = |axis: usize| axes[axis][stretch.first..=stretch.last].to_vec();
-        let middle = |axis: usize| median(&mut part(axis));
-        TargetDwell {
-            stretch,
+        let mut axes = sightings.of(still.stretch)?.axes();
+        Ok(TargetDwell {
+            stretch: still.stretch,
+            start: Stamp::from_ns(still.start_ns),
+            end: Stamp::from_ns(still.end_ns),
             span: Span::of(still, rest),
-            position: Vector3::new(middle(0), middle(1), middle(2)),
-            scatter_mm: std::array::from_fn(|axis| robust_sigma(&mut part(axis))),
-        }
+            position: axes.each_mut().map(|axis| median(axis)).into(),
+            scatter_mm: axes.each_mut().map(|axis| robust_sigma(axis)),
+        })
     };
     rest.stretches.iter().map(dwell).collect()
 }

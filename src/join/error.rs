@@ -43,6 +43,12 @@ pub enum JoinError {
         /// First row out of order.
         row: usize,
     },
+    /// Readings that were put aside are not there any more.
+    #[error("the tracker's readings, put aside in a temporary file, cannot be read again: {why}")]
+    Readings {
+        /// What the operating system says.
+        why: String,
+    },
     /// A joint angle that is not a number.
     #[error(
         "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"

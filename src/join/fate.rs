@@ -1,7 +1,10 @@
 //! Fates: what became of each reading → counts, and the runs of readings that no mean took.
 
-use super::{JoinReject, ReadingCounts};
-use crate::units::{Stamp, Tracker};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::sighting::Sightings;
+use super::{JoinError, JoinReject, ReadingCounts};
 
 /// What became of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,37 +60,129 @@ impl Fate {
     }
 }
 
-/// Readings by verdict; the sum is the number of fates.
-pub fn counts(fates: &[Fate]) -> ReadingCounts {
-    let mut counts = ReadingCounts::default();
-    for fate in fates {
-        *match fate {
-            Fate::Kept => &mut counts.kept,
-            Fate::Settling => &mut counts.settling,
-            Fate::Outlier => &mut counts.outlier,
-            Fate::Moving => &mut counts.moving,
-            Fate::Unpaired(_) => &mut counts.unpaired,
-            Fate::Missing => &mut counts.missing,
-        } += 1;
-    }
-    counts
+/// The fate of each reading: runs of rows that share one.
+#[derive(Debug, Clone, Default)]
+pub struct Fates {
+    /// Each from its first row to the next one's.
+    runs: BTreeMap<usize, Fate>,
+    end: usize,
 }
 
-/// One reject for each run of readings with the same fate that were not kept.
-pub fn rejects(fates: &[Fate], stamps: &[Stamp<Tracker>]) -> Vec<JoinReject> {
-    let mut rejects = Vec::new();
-    let mut first = 0;
-    for run in fates.chunk_by(|a, b| a == b) {
-        let end = first + run.len();
-        if run[0] != Fate::Kept {
-            rejects.push(JoinReject {
-                start: stamps[first],
-                end: stamps[end - 1],
-                readings: run.len() as u64,
-                reason: run[0].reason().to_owned(),
-            });
+impl Fates {
+    /// All of so many readings moving.
+    pub fn new(readings: usize) -> Self {
+        Self {
+            runs: BTreeMap::from([(0, Fate::Moving)]),
+            end: readings,
         }
-        first = end;
     }
-    rejects
+
+    /// Gives some rows a fate, whatever they had.
+    pub fn set(&mut self, rows: Range<usize>, fate: Fate) {
+        if rows.is_empty() {
+            return;
+        }
+        let behind = self.runs.range(..=rows.end).next_back();
+        let behind = behind.map(|(_, &fate)| fate);
+        while let Some((&covered, _)) = self.runs.range(rows.clone()).next() {
+            self.runs.remove(&covered);
+        }
+        self.runs.insert(rows.start, fate);
+        if let Some(behind) = behind.filter(|_| rows.end < self.end) {
+            self.runs.entry(rows.end).or_insert(behind);
+        }
+    }
+
+    /// Gives single rows, in order, each a fate of its own.
+    pub fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Fate)>) {
+        let mut run = (0..0, Fate::Moving);
+        for (row, fate) in each {
+            if run.0.end == row && run.1 == fate {
+                run.0.end += 1;
+            } else {
+                self.set(run.0, run.1);
+                run = (row..row + 1, fate);
+            }
+        }
+        self.set(run.0, run.1);
+    }
+
+    /// Runs of rows with the same fate, in order.
+    fn runs(&self) -> Vec<(Range<usize>, Fate)> {
+        let ends = self.runs.keys().skip(1).copied().chain([self.end]);
+        let mut runs: Vec<(Range<usize>, Fate)> = Vec::new();
+        for ((&start, &fate), end) in self.runs.iter().zip(ends) {
+            match runs.last_mut() {
+                Some((rows, before)) if *before == fate => rows.end = end,
+                _ => runs.push((start..end, fate)),
+            }
+        }
+        runs.retain(|(rows, _)| !rows.is_empty());
+        runs
+    }
+
+    /// Readings by verdict; the sum is the number of readings.
+    pub fn counts(&self) -> ReadingCounts {
+        let mut counts = ReadingCounts::default();
+        for (rows, fate) in self.runs() {
+            *match fate {
+                Fate::Kept => &mut counts.kept,
+                Fate::Settling => &mut counts.settling,
+                Fate::Outlier => &mut counts.outlier,
+                Fate::Moving => &mut counts.moving,
+                Fate::Unpaired(_) => &mut counts.unpaired,
+                Fate::Missing => &mut counts.missing,
+            } += rows.len() as u64;
+        }
+        counts
+    }
+
+    /// One reject for each run of readings with the same fate that were not kept.
+    pub fn rejects(&self, sightings: &Sightings<'_>) -> Result<Vec<JoinReject>, JoinError> {
+        let runs = self.runs().into_iter();
+        let rejected = runs.filter(|(_, fate)| *fate != Fate::Kept);
+        let reject = |(rows, fate): (Range<usize>, Fate)| {
+            Ok(JoinReject {
+                start: sightings.stamp(rows.start)?,
+                end: sightings.stamp(rows.end - 1)?,
+                readings: rows.len() as u64,
+                reason: fate.reason().to_owned(),
+            })
+        };
+        rejected.map(reject).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Set at random places, as a fate for each reading would be.
+    #[test]
+    fn runs_are_what_a_fate_for_each_reading_would_be() {
+        const FATES: [Fate; 4] = [Fate::Kept, Fate::Outlier, Fate::Missing, Fate::Settling];
+        let mut state = 1_u64;
+        let mut next = |below: usize| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            usize::try_from(state >> 33).expect("31 bits") % below
+        };
+        for readings in [0, 1, 2, 50] {
+            let (mut fates, mut each) = (Fates::new(readings), vec![Fate::Moving; readings]);
+            for _ in 0..300 {
+                let (a, b) = (next(readings + 1), next(readings + 1));
+                let (rows, fate) = (a.min(b)..a.max(b), FATES[next(FATES.len())]);
+                fates.set(rows.clone(), fate);
+                each[rows].fill(fate);
+                let mut expected = Vec::new();
+                let mut start = 0;
+                for run in each.chunk_by(|a, b| a == b) {
+                    expected.push((start..start + run.len(), run[0]));
+                    start += run.len();
+                }
+                assert_eq!(fates.runs(), expected);
+            }
+        }
+    }
 }

@@ -1,24 +1,19 @@
 //! Observation: a recording → checked columns and the dwells that either log shows.
 
-use nalgebra::Vector3;
-
 use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::{Dwells, MIN_PAIRS};
 use super::rest::{Rest, at_rest};
+use super::sighting::Sightings;
 use super::{JoinError, JoinSettings};
 use crate::ingest::{JointSamples, Recording, TargetReadings};
 use crate::kinematics::Arm;
-use crate::units::{NS_PER_S, Stamp};
+use crate::units::{NS_PER_S, Stamp, Tracker};
 
 /// What the two logs show, each in its own clock.
 #[derive(Debug, Clone)]
 pub struct Observation {
-    /// Indices of the readings that are measurements.
-    pub measured: Vec<usize>,
-    /// When they were taken, s after the first of them.
-    pub times_s: Vec<f64>,
-    /// Their positions, mm.
-    pub positions: Vec<Vector3<f64>>,
+    /// When the first reading that is a measurement was taken.
+    pub first_measured: Stamp<Tracker>,
     /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
     /// Joint motion within the window of rest, rad.
@@ -27,7 +22,7 @@ pub struct Observation {
     pub still_mm: f64,
     /// Dwells of the arm.
     pub arm: Vec<ArmDwell>,
-    /// Dwells of the target, in indices of `measured`.
+    /// Dwells of the target.
     pub target: Vec<TargetDwell>,
 }
 
@@ -42,36 +37,24 @@ pub fn joints_at_rest(
     Ok(at_rest(&stamps_ns, &joints.angles, &settings.arm_rule()))
 }
 
-/// Checks the recording but for its joints, whose rest is known, and finds the dwells of both logs.
+/// Finds the dwells of both logs, where it is known where the joints rest.
 pub fn observe(
-    recording: &Recording,
+    sightings: &Sightings<'_>,
     arm_rest: &Rest,
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    check_others(recording)?;
-    let readings = &recording.readings;
-    check_readings(readings)?;
-    let measured = measured(readings);
     enough("controller", arm_rest, ("rad", "still_rad"), settings)?;
-    let dwells = arm_dwells(arm_rest, arm);
-    let (target_rest, target) = find_target_dwells(readings, &measured, settings)?;
-    let first = readings.stamps[measured[0]];
+    let arm_dwells = arm_dwells(arm_rest, arm);
+    let target_rest = sightings.rest();
+    enough("tracker", target_rest, ("mm", "still_mm"), settings)?;
     Ok(Observation {
-        times_s: measured
-            .iter()
-            .map(|&i| readings.stamps[i].since_s(first))
-            .collect(),
-        positions: measured
-            .iter()
-            .map(|&i| Vector3::from(readings.positions[i]))
-            .collect(),
-        measured,
-        sampling_s: [arm_rest, &target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S),
+        first_measured: Stamp::from_ns(target_rest.span_ns.0),
+        sampling_s: [arm_rest, target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S),
         still_rad: arm_rest.threshold,
         still_mm: target_rest.threshold,
-        arm: dwells,
-        target,
+        arm: arm_dwells,
+        target: target_dwells(sightings)?,
     })
 }
 
@@ -99,8 +82,8 @@ impl Observation {
     }
 }
 
-/// Every column of the readings as long as their stamps.
-fn check_readings(readings: &TargetReadings) -> Result<(), JoinError> {
+/// Every column of the readings as long as their stamps, which do not decrease.
+pub fn check_readings(readings: &TargetReadings) -> Result<(), JoinError> {
     let mut columns = vec![("position", readings.positions.len())];
     columns.extend(
         readings
@@ -137,7 +120,8 @@ fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
     Ok(())
 }
 
-fn check_others(recording: &Recording) -> Result<(), JoinError> {
+/// The same of commands and temperatures.
+pub fn check_others(recording: &Recording) -> Result<(), JoinError> {
     let commands = &recording.commands;
     let mut columns = vec![("position", commands.positions.len())];
     columns.extend(
@@ -173,38 +157,6 @@ fn check_rows<C>(
         }
     }
     Ok(())
-}
-
-/// No tracker reaches this far, mm; numbers beyond it (or none) would only overflow the fits.
-const FARTHEST_MM: f64 = 1e9;
-
-/// Indices of the readings that are measurements: within reach, and not the exact zeros of a missing reflector.
-fn measured(readings: &TargetReadings) -> Vec<usize> {
-    let is_measurement = |position: &[f64; 3]| {
-        position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
-    };
-    (0..readings.positions.len())
-        .filter(|&index| is_measurement(&readings.positions[index]))
-        .collect()
-}
-
-fn find_target_dwells(
-    readings: &TargetReadings,
-    measured: &[usize],
-    settings: &JoinSettings,
-) -> Result<(Rest, Vec<TargetDwell>), JoinError> {
-    let stamps_ns: Vec<i64> = measured.iter().map(|&i| readings.stamps[i].ns()).collect();
-    let axis = |axis: usize| {
-        measured
-            .iter()
-            .map(|&i| readings.positions[i][axis])
-            .collect()
-    };
-    let axes: [Vec<f64>; 3] = std::array::from_fn(axis);
-    let found = at_rest(&stamps_ns, &axes, &settings.target_rule());
-    enough("tracker", &found, ("mm", "still_mm"), settings)?;
-    let dwells = target_dwells(&axes, &found);
-    Ok((found, dwells))
 }
 
 fn enough(

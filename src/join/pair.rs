@@ -12,19 +12,20 @@ use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, mean_and_scatter, mean_orientation};
 use super::dwell::{ArmDwell, TargetDwell};
-use super::fate::{Fate, Why};
+use super::fate::{Fate, Fates, Why};
 use super::placement::Placement;
-use super::{Attained, JoinSettings, Pairing, Unmeasured};
-use crate::ingest::{Recording, TemperatureSamples};
+use super::sighting::{Seen, Sightings};
+use super::{Attained, JoinError, JoinSettings, Pairing, Unmeasured};
+use crate::ingest::TemperatureSamples;
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
 /// Everything a verdict rests on.
 pub struct Evidence<'a> {
-    /// The session.
-    pub recording: &'a Recording,
-    /// Indices of the readings that are measurements.
-    pub measured: &'a [usize],
-    /// The target's dwells, in indices of `measured`.
+    /// The tracker's readings.
+    pub sightings: &'a Sightings<'a>,
+    /// Temperatures.
+    pub temperatures: &'a TemperatureSamples,
+    /// The target's dwells.
     pub target: &'a [TargetDwell],
     /// The clocks.
     pub clock: ClockModel,
@@ -51,34 +52,40 @@ struct Window {
 
 impl Evidence<'_> {
     /// The verdict on one dwell of the arm, and the mean where there is one; writes the fates of its readings.
-    pub fn verdict(&self, dwell: &ArmDwell, fates: &mut [Fate]) -> (Pairing, Option<Attained>) {
+    pub fn verdict(
+        &self,
+        dwell: &ArmDwell,
+        fates: &mut Fates,
+    ) -> Result<(Pairing, Option<Attained>), JoinError> {
         let window = self.window(dwell);
+        let seen = self.sightings.between(window.start, window.end)?;
         let candidates = self.candidates(window);
         if candidates.is_empty() {
-            return (Pairing::Unmeasured(self.why_nothing(window)), None);
+            let why = self.why_nothing(window, &seen)?;
+            return Ok((Pairing::Unmeasured(why), None));
         }
         let predicted = self.placement.predict(&dwell.flange);
         let far = |index: usize| (self.target[index].position - predicted).norm() > self.gate_mm;
         let (wrong, near): (Vec<usize>, Vec<usize>) = candidates.into_iter().partition(|&c| far(c));
         for index in wrong {
-            self.leave(index, window, Why::WrongTarget, fates);
+            fates.set(self.part(index, &seen), Fate::Unpaired(Why::WrongTarget));
         }
         let Some(&first) = near.first() else {
-            return (Pairing::Unmeasured(Unmeasured::WrongTarget), None);
+            return Ok((Pairing::Unmeasured(Unmeasured::WrongTarget), None));
         };
         let apart = |&index: &usize| {
             (self.target[index].position - self.target[first].position).norm() > self.same_mm
         };
         if near.iter().any(apart) {
             for index in near {
-                self.leave(index, window, Why::Ambiguous, fates);
+                fates.set(self.part(index, &seen), Fate::Unpaired(Why::Ambiguous));
             }
-            return (Pairing::Ambiguous, None);
+            return Ok((Pairing::Ambiguous, None));
         }
-        self.attained(&near, window, fates).map_or(
-            (Pairing::Unmeasured(Unmeasured::TooFewReadings), None),
-            |attained| (Pairing::Paired, Some(attained)),
-        )
+        let attained = self.attained(&near, window, &seen, fates);
+        let too_few = Pairing::Unmeasured(Unmeasured::TooFewReadings);
+        let pairing = attained.as_ref().map_or(too_few, |_| Pairing::Paired);
+        Ok((pairing, attained))
     }
 
     /// From edge to edge: half a sample beyond the first and last still joint sample.
@@ -93,30 +100,13 @@ impl Evidence<'_> {
         }
     }
 
-    fn stamp(&self, measured: usize) -> Stamp<Tracker> {
-        self.recording.readings.stamps[self.measured[measured]]
-    }
-
-    /// Measured readings within the window.
-    fn within(&self, window: Window) -> Range<usize> {
-        let stamps = &self.recording.readings.stamps;
-        let first = self
-            .measured
-            .partition_point(|&index| stamps[index] < window.start);
-        let end = self
-            .measured
-            .partition_point(|&index| stamps[index] <= window.end);
-        first..end.max(first)
-    }
-
     fn candidates(&self, window: Window) -> Vec<usize> {
         let from = self
             .target
-            .partition_point(|dwell| self.stamp(dwell.stretch.last) < window.start);
-        let begun = |&index: &usize| self.stamp(self.target[index].stretch.first) <= window.end;
+            .partition_point(|dwell| dwell.end < window.start);
+        let begun = |&index: &usize| self.target[index].start <= window.end;
         let overlaps = |&index: &usize| {
-            let stretch = self.target[index].stretch;
-            let (start, end) = (self.stamp(stretch.first), self.stamp(stretch.last));
+            let TargetDwell { start, end, .. } = self.target[index];
             let common = end.min(window.end).since_ns(start.max(window.start));
             let shorter = end.since_ns(start).min(window.end.since_ns(window.start));
             common > shorter / 2
@@ -127,107 +117,97 @@ impl Evidence<'_> {
             .collect()
     }
 
-    fn why_nothing(&self, window: Window) -> Unmeasured {
-        let readings = self.within(window).len();
-        let stamps = &self.recording.readings.stamps;
-        let outside = stamps.first().is_none_or(|&first| window.end < first)
-            || stamps.last().is_none_or(|&last| window.start > last);
-        match readings {
+    fn why_nothing(&self, window: Window, seen: &Seen) -> Result<Unmeasured, JoinError> {
+        let readings = seen.measured().count();
+        let last = self.sightings.count() - 1;
+        let outside =
+            window.end < self.sightings.stamp(0)? || window.start > self.sightings.stamp(last)?;
+        Ok(match readings {
             0 if outside => Unmeasured::OutsideTrackerLog,
             0 => Unmeasured::NoReadings,
             few if few < self.settings.min_readings => Unmeasured::TooFewReadings,
             _ => Unmeasured::TargetMoved,
-        }
+        })
     }
 
-    /// A target dwell's readings within the window.
-    fn part(&self, target: usize, window: Window) -> Range<usize> {
-        let (stretch, within) = (self.target[target].stretch, self.within(window));
-        let first = stretch.first.max(within.start);
-        first..(stretch.last + 1).min(within.end).max(first)
+    /// Those rows of a target dwell that were seen within the window.
+    fn part(&self, target: usize, seen: &Seen) -> Range<usize> {
+        let stretch = self.target[target].stretch;
+        let first = stretch.first.max(seen.rows.start);
+        first..(stretch.last + 1).min(seen.rows.end).max(first)
     }
 
     /// From the first to the last reading of one sighting: noise and single bad readings break rest, not the dwell.
-    fn span_of(&self, near: &[usize], window: Window) -> Range<usize> {
-        let parts = near.iter().map(|&target| self.part(target, window));
+    fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
+        let parts = near.iter().map(|&target| self.part(target, seen));
         parts
             .reduce(|a, b| a.start.min(b.start)..a.end.max(b.end))
             .unwrap_or(0..0)
     }
 
-    fn leave(&self, target: usize, window: Window, why: Why, fates: &mut [Fate]) {
-        for measured in self.part(target, window) {
-            fates[self.measured[measured]] = Fate::Unpaired(why);
-        }
-    }
-
-    fn attained(&self, near: &[usize], window: Window, fates: &mut [Fate]) -> Option<Attained> {
+    fn attained(
+        &self,
+        near: &[usize],
+        window: Window,
+        seen: &Seen,
+        fates: &mut Fates,
+    ) -> Option<Attained> {
         let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
-        let mut settled = Vec::new();
-        for measured in self.span_of(near, window) {
-            if self.stamp(measured) < settled_at {
-                fates[self.measured[measured]] = Fate::Settling;
-            } else {
-                settled.push(self.measured[measured]);
-            }
-        }
-        let positions: Vec<_> = settled
-            .iter()
-            .map(|&index| self.recording.readings.positions[index])
-            .collect();
+        let span = self.span_of(near, seen);
+        let measured = seen.measured().filter(|row| span.contains(row));
+        let (settled, settling): (Vec<usize>, Vec<usize>) =
+            measured.partition(|&row| seen.stamp(row) >= settled_at);
+        fates.set_each(settling.into_iter().map(|row| (row, Fate::Settling)));
+        let positions: Vec<_> = settled.iter().map(|&row| seen.position(row)).collect();
         let keep = kept(&positions, self.settings.mad_factor, self.usual_mm);
         let enough = keep.iter().filter(|&&keep| keep).count() >= self.settings.min_readings;
-        let mut used = Vec::with_capacity(settled.len());
-        for (&index, keep) in settled.iter().zip(keep) {
-            fates[index] = match (keep, enough) {
-                (false, _) => Fate::Outlier,
-                (true, false) => Fate::Unpaired(Why::TooFew),
-                (true, true) => Fate::Kept,
-            };
-            if keep {
-                used.push(index);
-            }
-        }
-        enough.then(|| self.mean(&used, self.within(window).len()))
+        let fate = |keep| match (keep, enough) {
+            (false, _) => Fate::Outlier,
+            (true, false) => Fate::Unpaired(Why::TooFew),
+            (true, true) => Fate::Kept,
+        };
+        let of_settled = settled.iter().copied().zip(keep.iter().copied());
+        fates.set_each(of_settled.clone().map(|(row, keep)| (row, fate(keep))));
+        let used: Vec<usize> = of_settled
+            .filter(|(_, keep)| *keep)
+            .map(|(row, _)| row)
+            .collect();
+        enough.then(|| self.mean(&used, seen))
     }
 
-    fn mean(&self, used: &[usize], readings: usize) -> Attained {
-        let all = &self.recording.readings;
-        let positions: Vec<_> = used
-            .iter()
-            .map(|&i| Vector3::from(all.positions[i]))
-            .collect();
+    fn mean(&self, used: &[usize], seen: &Seen) -> Attained {
+        let all = &seen.readings;
+        let place = |&row: &usize| row - seen.rows.start;
+        let position = |&row: &usize| Vector3::from(seen.position(row));
+        let positions: Vec<_> = used.iter().map(position).collect();
         let (mean, scatter) = mean_and_scatter(&positions);
         let orientation = all.orientations.as_ref().and_then(|orientations| {
-            let used: Vec<_> = used.iter().map(|&i| orientations[i]).collect();
+            let used: Vec<_> = used.iter().map(|row| orientations[place(row)]).collect();
             mean_orientation(&used)
         });
-        let (first, last) = (all.stamps[used[0]], all.stamps[used[used.len() - 1]]);
+        let stated = |stated: &Vec<[f64; 6]>| {
+            let used: Vec<_> = used.iter().map(|row| stated[place(row)]).collect();
+            mean_covariance(&used)
+        };
+        let (first, last) = (seen.stamp(used[0]), seen.stamp(used[used.len() - 1]));
         Attained {
             position: Point3::from(mean),
             orientation: orientation.map(|(mean, _)| mean),
             scatter_mm: scatter.into(),
             orientation_scatter_rad: orientation.map(|(_, scatter)| scatter),
-            stated_covariance: all
-                .covariances
-                .as_ref()
-                .map(|stated| mean_covariance(stated, used)),
+            stated_covariance: all.covariances.as_ref().map(stated),
             kept: used.len(),
-            readings,
+            readings: seen.measured().count(),
             first,
             last,
-            temperature_c: nearest(
-                &self.recording.temperatures,
-                first.plus_ns(last.since_ns(first) / 2),
-            ),
+            temperature_c: nearest(self.temperatures, first.plus_ns(last.since_ns(first) / 2)),
         }
     }
 }
 
-fn mean_covariance(stated: &[[f64; 6]], used: &[usize]) -> [f64; 6] {
-    std::array::from_fn(|term| {
-        used.iter().map(|&index| stated[index][term]).sum::<f64>() / used.len() as f64
-    })
+fn mean_covariance(stated: &[[f64; 6]]) -> [f64; 6] {
+    let mean = |term: usize| stated.iter().map(|of| of[term]).sum::<f64>() / stated.len() as f64;
+    std::array::from_fn(mean)
 }
 
 /// The temperature nearest in time; of two equally near the earlier one.

@@ -8,9 +8,11 @@
 
 use nalgebra::Vector3;
 
+use super::JoinError;
 use super::dwell::median;
 use super::observe::Observation;
 use super::pattern::{Pair, Relation};
+use super::sighting::Sightings;
 
 /// Ringing below half of the scatter of single readings does not show in their mean.
 const SETTLED: f64 = 1.5;
@@ -22,7 +24,12 @@ const LEAST_AGE_STEP_S: f64 = 0.02;
 const LONGEST_S: f64 = 2.0;
 
 /// The settling time in s, by the dwells of `pairs`.
-pub fn settling_s(seen: &Observation, pairs: &[Pair], relation: Relation) -> f64 {
+pub fn settling_s(
+    seen: &Observation,
+    sightings: &Sightings<'_>,
+    pairs: &[Pair],
+    relation: Relation,
+) -> Result<f64, JoinError> {
     let step_s = seen.sampling_s[1].max(LEAST_AGE_STEP_S);
     let mut by_age: Vec<Vec<f64>> = Vec::new();
     for pair in pairs {
@@ -30,13 +37,13 @@ pub fn settling_s(seen: &Observation, pairs: &[Pair], relation: Relation) -> f64
         let Some(arrived_s) = arm.span.arrived_s else {
             continue;
         };
-        let range = target.stretch.first..target.stretch.last + 1;
         let arrived_s = relation.to_tracker(arrived_s);
-        for (age_s, ratio) in early_ratios(
-            &seen.times_s[range.clone()],
-            &seen.positions[range],
-            arrived_s,
-        ) {
+        let readings = sightings.of(target.stretch)?;
+        let time_s = |row| readings.stamp(row).since_s(seen.first_measured);
+        let times_s: Vec<f64> = readings.measured().map(time_s).collect();
+        let position = |row| Vector3::from(readings.position(row));
+        let positions: Vec<_> = readings.measured().map(position).collect();
+        for (age_s, ratio) in early_ratios(&times_s, &positions, arrived_s) {
             let Some(bin) = age_bin(age_s, step_s) else {
                 continue;
             };
@@ -54,7 +61,7 @@ pub fn settling_s(seen: &Observation, pairs: &[Pair], relation: Relation) -> f64
         .position(|ratios| !rings(ratios))
         .unwrap_or(0);
     let sparse = (0..settled).all(|bin| 2 * by_age[bin].len() < most);
-    if sparse { 0.0 } else { settled as f64 * step_s }
+    Ok(if sparse { 0.0 } else { settled as f64 * step_s })
 }
 
 /// Age (s) and distance, in usual distances, of each reading in the earlier half of a dwell.

@@ -23,13 +23,12 @@ use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::ingest::Recording;
 use crate::io::lake::{Commit, Lake, LakeError, OpenRun};
-use crate::io::log::{LogError, read_dwells, read_dwells_beside, read_metadata};
+use crate::io::log::{LogError, SessionRead, read_dwells, read_dwells_beside, read_metadata};
 use crate::io::page::Said;
 use crate::io::store::Place;
 use crate::io::tables::logs::LogTable;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::io::targets::TargetsError;
-use crate::join::rest::Rest;
 use crate::join::{JoinError, join_at_rest};
 use crate::manifest::{self, Input, RunKey, Work};
 use crate::progress::Progress;
@@ -367,24 +366,21 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
     })
 }
 
-/// A session's recording and where its joints rest.
-type Read = (Recording, Rest);
-
 /// Reads a session, and meanwhile writes its decoded samples, where they are to be published.
 fn read_for(
     plan: &Plan,
     files: &SessionFiles,
     run: &mut OpenRun<'_>,
     progress: &dyn Progress,
-) -> Result<Read, RunError> {
+) -> Result<SessionRead, RunError> {
     if !plan.logs {
         return read(plan, files, progress);
     }
     let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
     let mut samples = LogTable::new(run, &files.name);
     let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
-    within(plan, files, &read.0)?;
-    if let Some(table) = samples.finish(&read.0)? {
+    within(plan, files, &read.recording)?;
+    if let Some(table) = samples.finish(&read.recording, &*read.readings)? {
         run.keep(table);
     }
     Ok(read)
@@ -395,10 +391,10 @@ pub(super) fn read(
     plan: &Plan,
     files: &SessionFiles,
     progress: &dyn Progress,
-) -> Result<Read, RunError> {
+) -> Result<SessionRead, RunError> {
     let rule = plan.join.arm_rule();
     let read = read_dwells(&files.logs, &plan.mapping, plan.limits, &rule, progress)?;
-    within(plan, files, &read.0)?;
+    within(plan, files, &read.recording)?;
     Ok(read)
 }
 
@@ -427,13 +423,19 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
 pub(super) fn joined(
     plan: &Plan,
     files: &SessionFiles,
-    (recording, rest): Read,
+    read: SessionRead,
 ) -> Result<JoinedSession, RunError> {
     let wrong = |source| RunError::Join {
         session: files.name.clone(),
         source: Box::new(source),
     };
-    let joined = join_at_rest(&recording, &rest, &plan.arm, &plan.join).map_err(wrong)?;
+    let SessionRead {
+        recording,
+        joints,
+        readings,
+    } = read;
+    let joined = join_at_rest(&recording, &joints, &*readings, &plan.arm, &plan.join);
+    let joined = joined.map_err(wrong)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,

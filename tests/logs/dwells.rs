@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use mcap::{Compression, WriteOptions};
 use posegrid::ingest::{JointSamples, Recording};
-use posegrid::io::log::{Limits, LogError, SessionLogs, read_dwells, read_session};
+use posegrid::io::log::{Limits, LogError, SessionLogs, SessionRead, read_dwells, read_session};
 use posegrid::join::JoinSettings;
 use posegrid::join::rest::{Rest, at_rest};
 use posegrid::progress::{Progress, Quiet};
@@ -38,19 +38,33 @@ fn states() -> Vec<State> {
 
 /// A log of these joint states, with one command and one reading.
 fn log(states: &[State]) -> Vec<u8> {
+    let reading = [(states[0].0, [3.0, 0.0, 4.0])];
+    log_with(states, "PointStamped", &reading)
+}
+
+/// The same with these readings: stamps and the numbers behind them, a reading for each joint state as long as there are
+/// some.
+fn log_with<const N: usize>(
+    states: &[State],
+    reading_type: &str,
+    readings: &[(i64, [f64; N])],
+) -> Vec<u8> {
     let options = WriteOptions::new()
         .compression(Some(Compression::Zstd))
         .chunk_size(Some(100_000));
     let mut log = Log::with(options);
     let joints = log.channel("/joints", "JointState");
     let command = log.channel("/command", "PoseStamped");
-    let reading = log.channel("/reading", "PointStamped");
+    let reading = log.channel("/reading", reading_type);
     let stamp = states[0].0;
     let pose = Cdr::stamped(stamp).numbers(&[0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
     log.write(command, 0, &pose.done());
-    let point = Cdr::stamped(stamp).numbers(&[3.0, 0.0, 4.0]);
-    log.write(reading, 0, &point.done());
+    let mut readings = readings.iter();
     for (place, (stamp, angles)) in (0..).zip(states) {
+        if let Some((stamp, numbers)) = readings.next() {
+            let message = Cdr::stamped(*stamp).numbers(numbers).done();
+            log.write(reading, place, &message);
+        }
         let message = Cdr::stamped(*stamp).joints(&["a", "b"], angles).done();
         log.write(joints, place, &message);
     }
@@ -77,6 +91,14 @@ fn whole(logs: &SessionLogs) -> Result<(Recording, Rest), LogError> {
     Ok((recording, rest))
 }
 
+/// The same with the readings in memory.
+fn in_memory(read: SessionRead) -> (Recording, Rest) {
+    let mut recording = read.recording;
+    let readings = read.readings.read(0..read.readings.count());
+    recording.readings = readings.expect("put aside before");
+    (recording, read.joints)
+}
+
 /// Reads both ways, compares, and tells how many files were begun and how many dwells found.
 fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
     let logs = SessionLogs {
@@ -85,7 +107,7 @@ fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
     };
     let begun = Begun::default();
     let rule = JoinSettings::default().arm_rule();
-    let streamed = read_dwells(&logs, &mapping(), Limits::default(), &rule, &begun);
+    let streamed = read_dwells(&logs, &mapping(), Limits::default(), &rule, &begun).map(in_memory);
     let whole = whole(&logs);
     assert_eq!(format!("{streamed:?}"), format!("{whole:?}"));
     tables::same_both_ways(&logs, &mapping());
@@ -181,4 +203,52 @@ fn a_split_recording_streams_if_its_parts_are_given_in_order() {
     let backwards = parts.map(|path| Path::new(&path).to_owned());
     let backwards: Vec<_> = backwards.into_iter().rev().collect();
     assert_eq!(both_ways(&backwards), (4, DWELLS));
+}
+
+/// 5 ms apart.
+fn readings() -> Vec<(i64, [f64; 7])> {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let reading = |i: i32| {
+        let stamp = 7_000_000_000 + i64::from(i) * 5_000_000;
+        let x = f64::from(i) / 3.0;
+        (stamp, [x, -x, 4.0, half, 0.0, 0.0, half])
+    };
+    (0..60_000).map(reading).collect()
+}
+
+fn with_readings(readings: &[(i64, [f64; 7])]) -> (usize, usize) {
+    let folder = Folder::new();
+    let log = log_with(&states(), "PoseStamped", readings);
+    both_ways(&[folder.file("log.mcap", &log)])
+}
+
+#[test]
+fn readings_are_put_aside_in_order_whatever_is_wrong_with_some() {
+    let mut readings = readings();
+    readings[5_000..20_000]
+        .chunks_mut(89)
+        .for_each(<[_]>::reverse);
+    readings[30_000..38_000].rotate_left(2000);
+    for place in (40_000..45_000).step_by(10) {
+        readings[place].0 = readings[place - 1].0;
+    }
+    readings[9].1[2] = f64::NAN;
+    readings[10].1[5] = f64::INFINITY;
+    readings[11].1[3..].fill(0.0); // a zero quaternion
+    readings[12].1.fill(0.0); // a missing reflector
+    readings[50_000].1[6] = 2.0; // not of unit length
+    assert_eq!(with_readings(&readings), (1, DWELLS));
+}
+
+#[test]
+fn readings_far_out_of_order_and_none_that_can_be_used_are_read_as_a_whole() {
+    let mut late = readings();
+    late.rotate_left(20_000);
+    assert_eq!(with_readings(&late), (2, DWELLS));
+    let mut none = readings();
+    none.truncate(100);
+    for reading in &mut none {
+        reading.1[0] = f64::NAN;
+    }
+    assert_eq!(with_readings(&none), (2, 0)); // read again, for the error
 }

@@ -39,8 +39,9 @@ fn while_read(logs: &SessionLogs, mapping: &Mapping) -> Published {
     published(|run| {
         let mut table = LogTable::new(run, "session");
         let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
-        let (recording, _) = read_dwells_beside(logs, mapping, limits, &rule, &mut table, &Quiet)?;
-        let table = table.finish(&recording).expect("room on the disk");
+        let read = read_dwells_beside(logs, mapping, limits, &rule, &mut table, &Quiet)?;
+        let table = table.finish(&read.recording, &*read.readings);
+        let table = table.expect("room on the disk");
         run.keep(table.expect("samples"));
         assert!(run.written().is_empty(), "not in its place yet");
         run.publish_kept().expect("a new run");
@@ -51,8 +52,9 @@ fn while_read(logs: &SessionLogs, mapping: &Mapping) -> Published {
 fn at_the_end(logs: &SessionLogs, mapping: &Mapping) -> Published {
     published(|run| {
         let recording = read_session(logs, mapping, Limits::default(), &Quiet)?;
-        let table = |part| rows(&recording, part, &key());
-        run.publish_parts(parts(&recording), table)
+        let readings = &recording.readings;
+        let table = |part| rows(&recording, readings, part, &key());
+        run.publish_parts(parts(&recording, readings), table)
             .expect("room on the disk");
         Ok(())
     })
@@ -116,7 +118,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     let mut table = LogTable::new(&run, "session");
     let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
     let read = read_dwells_beside(&logs, &mapping(), limits, &rule, &mut table, &Quiet);
-    let (recording, _) = read.expect("a sound log");
+    let read = read.expect("a sound log");
     let files = || {
         let path = lake.path(schema::find("logs").expect("a table"), &key());
         let path = path.expect("short names");
@@ -128,7 +130,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     drop(table);
     assert_eq!(files(), 0);
     // Whole, but the run comes to nothing.
-    let table = LogTable::new(&run, "session").finish(&recording);
+    let table = LogTable::new(&run, "session").finish(&read.recording, &*read.readings);
     run.keep(
         table
             .expect("room on the disk")
@@ -149,7 +151,8 @@ fn what_breaks_the_contract_is_told_at_the_end_and_leaves_no_file() {
     table.take(&[1, 2], &[&[0.0, 1.0]]);
     table.take(&[3, 4], &[&[0.0, f64::NAN]]);
     table.take(&[5], &[&[0.0]]);
-    let error = table.finish(&posegrid::ingest::Recording::default());
+    let nothing = posegrid::ingest::Recording::default();
+    let error = table.finish(&nothing, &nothing.readings);
     let error = error.expect_err("no angle is NaN").to_string();
     assert!(error.contains("\"joints_rad\", row 1: NaN"), "{error}");
     let found: Vec<Table> = lake.read("logs", &key()).into_iter().collect();

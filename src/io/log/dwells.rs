@@ -1,18 +1,23 @@
-//! Joint samples while the log is read: joint states → where the joints rest, and no sample kept.
+//! The long streams while the log is read: joint states → where the joints rest, and no sample kept; readings → put aside.
 //!
-//! 1. The rows of each block wait until the next blocks are being opened ([`JointDwells::take`]); meanwhile
-//!    ([`JointDwells::work`]) they are checked and put in order of time ([`JointsInOrder`]);
-//! 2. those that none can come before any more go to the [`Finder`] and to whoever else wants them ([`JointSink`]);
+//! 1. The rows of each block wait until the next blocks are being opened ([`LongStreams::take`]); meanwhile
+//!    ([`LongStreams::work`]) they are checked and put in order of time ([`InOrder`]);
+//! 2. joint samples that none can come before any more go to the [`Finder`] and to whoever else wants them
+//!    ([`JointSink`]); such readings are put aside ([`SpilledReadings`]), as the join needs to see them again;
 //! 3. where the right threshold shows too late, the log is read again with it alone; where a row comes too late, it is read
 //!    again as a whole. What is found is the same, to the last bit.
 
+use std::io;
 use std::sync::PoisonError;
 
 use super::block::Extent;
 use super::session::{SessionLogs, decode_all};
+use super::spilled::SpilledReadings;
+use super::waiting::Waiting;
 use super::{Limits, LogError, read_session};
 use crate::ingest::{
-    DecodedJoints, JointAccount, JointSamples, JointsInOrder, Mapping, Recording, ingest_beside,
+    DecodedJoints, DecodedPoses, GivenOn, HELD_BACK, HeldJoints, HeldReadings, InOrder,
+    JointSamples, Mapping, Readings, Recording, StreamAccount, ingest_beside,
 };
 use crate::io::table::ROW_GROUP_ROWS;
 use crate::join::rest::{Finder, Forgotten, Rest, RestRule, at_rest};
@@ -35,21 +40,41 @@ impl JointSink for () {
     fn take(&mut self, _: &[i64], _: &[&[f64]]) {}
 }
 
-/// The joints' dwells, being found.
-pub struct JointDwells<'s> {
-    in_order: JointsInOrder,
-    finder: Finder,
-    sink: &'s mut dyn JointSink,
-    waiting: Vec<BlockRows>,
-    /// Buffers for the rows of blocks to come.
-    spare: Vec<DecodedJoints>,
+/// Readings that are put aside together.
+const READINGS: usize = 4096;
+
+/// What was read of a session whose long streams are not in memory.
+#[derive(Debug)]
+pub struct SessionRead {
+    /// All but joint samples and readings; it accounts for both.
+    pub recording: Recording,
+    /// Where the joints rest.
+    pub joints: Rest,
+    /// The target's readings.
+    pub readings: Box<dyn Readings>,
 }
 
-/// The rows of one block, and where it lies.
-struct BlockRows {
-    rows: DecodedJoints,
-    file: String,
-    place: (u64, u64),
+/// Joint states and readings of a session, being read.
+pub struct LongStreams<'s> {
+    joints: JointDwells<'s>,
+    readings: AsideReadings,
+}
+
+/// The joints' dwells, being found.
+struct JointDwells<'s> {
+    in_order: InOrder<HeldJoints>,
+    finder: Finder,
+    sink: &'s mut dyn JointSink,
+    waiting: Waiting<DecodedJoints>,
+}
+
+/// Readings, being put aside.
+struct AsideReadings {
+    in_order: InOrder<HeldReadings>,
+    spilled: SpilledReadings,
+    waiting: Waiting<DecodedPoses>,
+    /// Whether there was room for all of them so far.
+    room: io::Result<()>,
 }
 
 /// Why what was found while reading cannot stand.
@@ -57,53 +82,116 @@ struct BlockRows {
 enum Again {
     /// The threshold was found too late to keep the stretches by it.
     With(Forgotten),
-    /// The samples cannot be put in order of time, or none can be used.
+    /// Samples cannot be put in order of time, or none can be used.
     AsAWhole,
 }
 
-impl<'s> JointDwells<'s> {
+impl<'s> LongStreams<'s> {
     fn new(mapping: &Mapping, rule: &RestRule, sink: &'s mut dyn JointSink) -> Self {
         Self {
-            in_order: JointsInOrder::new(mapping, PIECE),
-            finder: Finder::new(mapping.joints.len(), rule),
-            sink,
-            waiting: Vec::new(),
-            spare: Vec::new(),
+            joints: JointDwells {
+                in_order: InOrder::new(mapping, PIECE),
+                finder: Finder::new(mapping.joints.len(), rule),
+                sink,
+                waiting: Waiting::default(),
+            },
+            readings: AsideReadings {
+                in_order: InOrder::new(mapping, READINGS),
+                spilled: SpilledReadings::default(),
+                waiting: Waiting::default(),
+                room: Ok(()),
+            },
         }
     }
 
-    /// Takes the rows of a block of `file`, and leaves a buffer for those of another.
-    pub fn take(&mut self, rows: &mut DecodedJoints, file: &str, extent: &Extent) {
-        if rows.stamps.is_empty() {
-            return;
+    /// Takes the rows of a block of `file`, and leaves buffers for those of another.
+    pub fn take(
+        &mut self,
+        joints: &mut DecodedJoints,
+        readings: &mut DecodedPoses,
+        file: &str,
+        extent: &Extent,
+    ) {
+        if !joints.stamps.is_empty() {
+            self.joints.waiting.take(joints, file, extent);
         }
-        let spare = self.spare.pop().unwrap_or_default();
-        self.waiting.push(BlockRows {
-            rows: std::mem::replace(rows, spare),
-            file: file.to_owned(),
-            place: (extent.start, extent.end),
-        });
+        if !readings.stamps.is_empty() {
+            self.readings.waiting.take(readings, file, extent);
+        }
     }
 
     /// Works on the rows that wait, in the order they came in.
     pub fn work(&mut self) {
-        let (finder, sink) = (&mut self.finder, &mut *self.sink);
-        for BlockRows { rows, file, place } in self.waiting.drain(..) {
-            self.in_order.push(&rows, &file, place, |stamps, angles| {
-                give_on(finder, sink, stamps, angles);
-            });
-            self.spare.push(rows);
-        }
+        self.joints.work();
+        self.readings.work();
     }
 
-    fn finish(mut self) -> Result<(JointAccount, Rest), Again> {
+    fn finish(mut self) -> Result<Result<(GivenOn, Rest, SpilledReadings), Again>, LogError> {
         self.work();
+        let joints = self.joints.finish();
+        let (readings, spilled) = self.readings.finish()?;
+        let Some(readings) = readings else {
+            return Ok(Err(Again::AsAWhole));
+        };
+        Ok(joints.map(|(joints, rest)| (GivenOn { joints, readings }, rest, spilled)))
+    }
+}
+
+impl JointDwells<'_> {
+    fn work(&mut self) {
+        let (in_order, finder) = (&mut self.in_order, &mut self.finder);
+        let sink = &mut *self.sink;
+        self.waiting.work(|block| {
+            in_order.push(&block.rows, &block.file, block.place, |held, rows| {
+                let (stamps, angles) = held.rows(rows);
+                give_on(finder, sink, stamps, &angles);
+            });
+        });
+    }
+
+    fn finish(mut self) -> Result<(StreamAccount, Rest), Again> {
         let (finder, sink) = (&mut self.finder, self.sink);
-        let account = self.in_order.finish(|stamps, angles| {
-            give_on(finder, sink, stamps, angles);
+        let account = self.in_order.finish(|held, rows| {
+            let (stamps, angles) = held.rows(rows);
+            give_on(finder, sink, stamps, &angles);
         });
         let rest = self.finder.finish();
         Ok((account.ok_or(Again::AsAWhole)?, rest.map_err(Again::With)?))
+    }
+}
+
+impl AsideReadings {
+    fn work(&mut self) {
+        let (in_order, spilled, room) = (&mut self.in_order, &mut self.spilled, &mut self.room);
+        self.waiting.work(|block| {
+            in_order.push(&block.rows, &block.file, block.place, |held, rows| {
+                put_aside(spilled, room, held, rows);
+            });
+        });
+    }
+
+    fn finish(mut self) -> Result<(Option<StreamAccount>, SpilledReadings), LogError> {
+        let (spilled, room) = (&mut self.spilled, &mut self.room);
+        let account = self
+            .in_order
+            .finish(|held, rows| put_aside(spilled, room, held, rows));
+        self.room.map_err(|source| LogError::NoRoom {
+            folder: std::env::temp_dir().display().to_string(),
+            source,
+        })?;
+        Ok((account, self.spilled))
+    }
+}
+
+/// What is wrong is told at the end.
+fn put_aside(
+    spilled: &mut SpilledReadings,
+    room: &mut io::Result<()>,
+    held: &HeldReadings,
+    rows: std::ops::Range<usize>,
+) {
+    if room.is_ok() {
+        *room = spilled.append(&held.rows(rows));
     }
 }
 
@@ -111,15 +199,15 @@ fn give_on(finder: &mut Finder, sink: &mut dyn JointSink, stamps: &[i64], angles
     rayon::join(|| finder.push(stamps, angles), || sink.take(stamps, angles));
 }
 
-/// Reads all logs of a session as [`read_session`] does, but for the joint samples: of them only the rest by `rule` is
-/// returned, and memory does not grow with them.
+/// Reads all logs of a session as [`read_session`] does, but holds neither joint samples nor readings in memory: of the
+/// joints only the rest by `rule` is returned, and readings are put aside. Memory grows with the dwells, not with the log.
 pub fn read_dwells(
     logs: &SessionLogs,
     mapping: &Mapping,
     limits: Limits,
     rule: &RestRule,
     progress: &dyn Progress,
-) -> Result<(Recording, Rest), LogError> {
+) -> Result<SessionRead, LogError> {
     read_dwells_beside(logs, mapping, limits, rule, &mut (), progress)
 }
 
@@ -131,7 +219,7 @@ pub fn read_dwells_beside(
     rule: &RestRule,
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
-) -> Result<(Recording, Rest), LogError> {
+) -> Result<SessionRead, LogError> {
     let reading = Reading {
         logs,
         mapping,
@@ -160,37 +248,41 @@ struct Reading<'a> {
     progress: &'a dyn Progress,
 }
 
-/// What was read, or why it has to be read again.
-type Streamed = Result<(Recording, Rest), Again>;
-
 impl Reading<'_> {
-    /// Each joint sample is looked at once and let go.
-    fn streamed(&self, rule: &RestRule, sink: &mut dyn JointSink) -> Result<Streamed, LogError> {
-        let mut dwells = Some(JointDwells::new(self.mapping, rule, sink).into());
+    /// Each sample is looked at once and let go, or put aside.
+    fn streamed(
+        &self,
+        rule: &RestRule,
+        sink: &mut dyn JointSink,
+    ) -> Result<Result<SessionRead, Again>, LogError> {
+        let mut long = Some(LongStreams::new(self.mapping, rule, sink).into());
         let (logs, mapping) = (self.logs, self.mapping);
-        let decoded = decode_all(logs, mapping, self.limits, &mut dwells, self.progress)?;
-        let dwells = dwells.expect("given back by each file").into_inner();
-        Ok(
-            match dwells.unwrap_or_else(PoisonError::into_inner).finish() {
-                Ok((account, rest)) => Ok((ingest_beside(decoded, mapping, Some(account))?, rest)),
-                Err(again) => Err(again),
-            },
-        )
+        let decoded = decode_all(logs, mapping, self.limits, &mut long, self.progress)?;
+        let long = long.expect("given back by each file").into_inner();
+        let long = long.unwrap_or_else(PoisonError::into_inner);
+        let (given_on, joints, spilled) = match long.finish()? {
+            Ok(found) => found,
+            Err(again) => return Ok(Err(again)),
+        };
+        Ok(Ok(SessionRead {
+            recording: ingest_beside(decoded, mapping, Some(given_on))?,
+            joints,
+            readings: Box::new(spilled),
+        }))
     }
 
-    /// All joint samples are held in memory, to be put in order.
+    /// All samples are held in memory, to be put in order.
     fn as_a_whole(
         &self,
         rule: &RestRule,
         sink: &mut dyn JointSink,
-    ) -> Result<(Recording, Rest), LogError> {
+    ) -> Result<SessionRead, LogError> {
         let mut recording = read_session(self.logs, self.mapping, self.limits, self.progress)?;
         if recording.joints.stamps.len() > 1 {
             tracing::warn!(
-                "{}: joint states are far out of order in time, over more than {} of them or from one file to the next: they \
-             were read again, and held in memory to be put in order",
-                self.logs.controller_names(),
-                JointsInOrder::HELD_BACK
+                "{}: messages are far out of order in time, over more than {HELD_BACK} of a topic or from one file to the \
+                 next: they were read again, and held in memory to be put in order",
+                self.logs.names(),
             );
         }
         let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
@@ -201,6 +293,10 @@ impl Reading<'_> {
             let angles: Vec<&[f64]> = angles.iter().map(|joint| &joint[piece.clone()]).collect();
             sink.take(&stamps_ns[piece], &angles);
         }
-        Ok((recording, at_rest(&stamps_ns, &angles, rule)))
+        Ok(SessionRead {
+            readings: Box::new(std::mem::take(&mut recording.readings)),
+            joints: at_rest(&stamps_ns, &angles, rule),
+            recording,
+        })
     }
 }

@@ -3,13 +3,13 @@
 //! A log is read by position, so it is decompressed first: in one pass, in bounded memory whatever the file says, into a
 //! file that no name leads to and that is gone with the process. What comes before damage is kept.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use mcap::MAGIC;
 use zstd::stream::read::Decoder;
 
+use super::unnamed::unnamed;
 use super::{FileError, Limits};
 use crate::progress::Progress;
 
@@ -99,21 +99,6 @@ fn decoder(file: File) -> io::Result<Decoder<'static, BufReader<File>>> {
     let mut decoder = Decoder::with_buffer(BufReader::new(file))?;
     decoder.window_log_max(WINDOW_LOG)?;
     Ok(decoder)
-}
-
-/// A file in the folder for temporaries that no name leads to.
-fn unnamed() -> io::Result<File> {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let count = COUNT.fetch_add(1, Ordering::Relaxed);
-    let name = format!(".posegrid-unpacked-{}-{count}", std::process::id());
-    let path = std::env::temp_dir().join(name);
-    let file = OpenOptions::new()
-        .read(true)
-        .write(true)
-        .create_new(true)
-        .open(&path)?;
-    fs::remove_file(&path)?;
-    Ok(file)
 }
 
 /// Fills `piece` as far as the input goes; an error comes after the bytes before it.

@@ -14,7 +14,7 @@ use std::sync::Mutex;
 
 use super::account::Account;
 use super::block::Extent;
-use super::dwells::JointDwells;
+use super::dwells::LongStreams;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, scan};
@@ -44,12 +44,10 @@ impl SessionLogs {
         }
     }
 
-    /// The controller's files, in words.
-    pub(super) fn controller_names(&self) -> String {
-        let names = self
-            .controller
-            .iter()
-            .map(|path| path.display().to_string());
+    /// The files, in words.
+    pub(super) fn names(&self) -> String {
+        let files = self.files().into_iter();
+        let names = files.map(|file| file.path.display().to_string());
         names.collect::<Vec<_>>().join(", ")
     }
 
@@ -122,12 +120,12 @@ pub fn decode_session(
     decode_all(logs, mapping, limits, &mut None, progress)
 }
 
-/// The same; joint states go to `dwells`, where there are such, instead of into columns.
+/// The same; joint states and readings go to `long`, where there is such, instead of into columns.
 pub(super) fn decode_all<'m>(
     logs: &SessionLogs,
     mapping: &'m Mapping,
     limits: Limits,
-    dwells: &mut Option<Mutex<JointDwells<'m>>>,
+    long: &mut Option<Mutex<LongStreams<'m>>>,
     progress: &dyn Progress,
 ) -> Result<Decoded, LogError> {
     let (of_controller, of_tracker) = wanted(mapping);
@@ -139,7 +137,7 @@ pub(super) fn decode_all<'m>(
     for file in logs.files() {
         let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
         let wanted = wanted.collect();
-        parts.push(read(&file, wanted, mapping, limits, dwells, progress)?);
+        parts.push(read(&file, wanted, mapping, limits, long, progress)?);
     }
     for (side, wanted) in &by_side {
         require(*side, wanted, &parts)?;
@@ -200,7 +198,7 @@ fn read<'m>(
     wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     limits: Limits,
-    dwells: &mut Option<Mutex<JointDwells<'m>>>,
+    long: &mut Option<Mutex<LongStreams<'m>>>,
     progress: &dyn Progress,
 ) -> Result<Part<'m>, LogError> {
     let name = file.path.display().to_string();
@@ -215,9 +213,9 @@ fn read<'m>(
         });
     }
     let mut streams = Streams::new(&name, wanted, mapping);
-    streams.dwells = dwells.take();
+    streams.long = long.take();
     let account = scan(&file.path, &name, limits, &mut streams, progress)?;
-    *dwells = streams.dwells.take();
+    *long = streams.long.take();
     Ok(Part {
         role: file.role(),
         sides: file.sides.clone(),

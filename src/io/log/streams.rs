@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
 use super::block::Extent;
-use super::dwells::JointDwells;
+use super::dwells::LongStreams;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
@@ -62,8 +62,8 @@ pub struct Streams<'m> {
     met: BTreeSet<Stream>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
-    /// Where joint states go instead of into columns, if anywhere.
-    pub dwells: Option<Mutex<JointDwells<'m>>>,
+    /// Where joint states and readings go instead of into columns, if anywhere.
+    pub long: Option<Mutex<LongStreams<'m>>>,
     pub joints: DecodedJoints,
     pub commands: DecodedPoses,
     pub readings: DecodedPoses,
@@ -93,7 +93,7 @@ impl<'m> Streams<'m> {
             mapping,
             met: BTreeSet::new(),
             paths: BTreeMap::new(),
-            dwells: None,
+            long: None,
             joints: DecodedJoints {
                 origins: origins(Stream::Joints),
                 angles: vec![Vec::new(); mapping.joints.len()],
@@ -233,22 +233,21 @@ impl Visitor for Streams<'_> {
     }
 
     fn meanwhile(&self) {
-        if let Some(dwells) = &self.dwells {
-            let mut dwells = dwells.lock().unwrap_or_else(PoisonError::into_inner);
-            dwells.work();
+        if let Some(long) = &self.long {
+            let mut long = long.lock().unwrap_or_else(PoisonError::into_inner);
+            long.work();
         }
     }
 
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
-        match &mut self.dwells {
-            Some(dwells) => {
-                let dwells = dwells.get_mut().unwrap_or_else(PoisonError::into_inner);
-                dwells.take(&mut part.joints, &self.file, extent);
-            }
-            None => append_joints(&mut self.joints, &mut part.joints, extent),
+        if let Some(long) = &mut self.long {
+            let long = long.get_mut().unwrap_or_else(PoisonError::into_inner);
+            long.take(&mut part.joints, &mut part.readings, &self.file, extent);
+        } else {
+            append_joints(&mut self.joints, &mut part.joints, extent);
+            append_poses(&mut self.readings, &mut part.readings, extent);
         }
         append_poses(&mut self.commands, &mut part.commands, extent);
-        append_poses(&mut self.readings, &mut part.readings, extent);
         self.temperatures
             .celsius
             .append(&mut part.temperatures.celsius);

@@ -1,10 +1,12 @@
 //! `logs`: the decoded samples of both logs, in parts of one row group each, so that only a few are in memory as rows.
 //!
 //! Joint samples come first in the table and are by far the most: they are written while the logs are read
-//! ([`LogTable`]). All others stand in the [`Recording`] anyway, and follow at the end ([`parts`]).
+//! ([`LogTable`]). All others follow at the end ([`parts`]).
 
 use super::PublishError;
-use crate::ingest::{CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples};
+use crate::ingest::{
+    CommandSamples, JointSamples, Readings, Recording, TargetReadings, TemperatureSamples,
+};
 use crate::io::lake::{OpenRun, OpenTable, WholeTable};
 use crate::io::log::JointSink;
 use crate::io::schema;
@@ -64,11 +66,17 @@ impl<'r> LogTable<'r> {
         }
     }
 
-    /// Writes the samples that the recording has behind the joint samples given before, for [`OpenRun::keep`]; `None`
-    /// where there are none at all.
-    pub fn finish(self, recording: &Recording) -> Result<Option<WholeTable>, PublishError> {
+    /// Writes the other samples of the recording and the readings behind the joint samples given before, for
+    /// [`OpenRun::keep`]; `None` where there are none at all.
+    pub fn finish(
+        self,
+        recording: &Recording,
+        readings: &dyn Readings,
+    ) -> Result<Option<WholeTable>, PublishError> {
         let mut table = self.table?;
-        table.append_all(parts(recording), |part| logs(recording, part, &self.key))?;
+        table.append_all(parts(recording, readings), |part| {
+            logs(recording, readings, part, &self.key)
+        })?;
         Ok(table.finish()?)
     }
 }
@@ -102,11 +110,11 @@ impl JointSink for LogTable<'_> {
 }
 
 /// The parts of the table, in the order of its rows.
-pub fn parts(recording: &Recording) -> Vec<Part> {
+pub fn parts(recording: &Recording, readings: &dyn Readings) -> Vec<Part> {
     let samples = [
         (Source::Joints, recording.joints.stamps.len()),
         (Source::Command, recording.commands.stamps.len()),
-        (Source::Target, recording.readings.stamps.len()),
+        (Source::Target, readings.count()),
         (Source::Temperature, recording.temperatures.stamps.len()),
     ];
     let of_source = |(source, samples): (Source, usize)| {
@@ -120,7 +128,12 @@ pub fn parts(recording: &Recording) -> Vec<Part> {
 }
 
 /// One part of the table.
-pub fn logs(recording: &Recording, part: Part, key: &RunKey) -> Result<Table, PublishError> {
+pub fn logs(
+    recording: &Recording,
+    readings: &dyn Readings,
+    part: Part,
+    key: &RunKey,
+) -> Result<Table, PublishError> {
     let rows = part.rows;
     match part.source {
         Source::Joints => {
@@ -129,7 +142,7 @@ pub fn logs(recording: &Recording, part: Part, key: &RunKey) -> Result<Table, Pu
             joint_rows(rows.clone(), in_ns(&stamps[rows]), &angles, key)
         }
         Source::Command => command_rows(&recording.commands, rows, key),
-        Source::Target => target_rows(&recording.readings, rows, key),
+        Source::Target => target_rows(&readings.read(rows.clone())?, rows, key),
         Source::Temperature => temperature_rows(&recording.temperatures, rows, key),
     }
 }
@@ -167,13 +180,9 @@ fn command_rows(
     let table = columns(key, "command", rows.clone(), stamps_ns)?
         .absent(["joints_rad", "temperature_c"])
         .absent(COVARIANCE);
-    Ok(placed(
-        table,
-        &commands.positions,
-        commands.orientations.as_deref(),
-        rows,
-    )
-    .finish()?)
+    let orientations = commands.orientations.as_ref();
+    let orientations = orientations.map(|all| &all[rows.clone()]);
+    Ok(placed(table, &commands.positions[rows], orientations).finish()?)
 }
 
 /// Further joint samples, as many as a part `like` this one has.
@@ -207,20 +216,19 @@ fn joint_rows(
 }
 
 fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Table, PublishError> {
-    let stamps_ns = in_ns(&readings.stamps[rows.clone()]);
+    let TargetReadings {
+        stamps,
+        positions,
+        orientations,
+        covariances,
+    } = readings;
     let table =
-        columns(key, "target", rows.clone(), stamps_ns)?.absent(["joints_rad", "temperature_c"]);
-    let table = match &readings.covariances {
+        columns(key, "target", rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
+    let table = match covariances {
         None => table.absent(COVARIANCE),
-        Some(covariances) => table.group(COVARIANCE, covariances[rows.clone()].iter().copied()),
+        Some(covariances) => table.group(COVARIANCE, covariances.iter().copied()),
     };
-    Ok(placed(
-        table,
-        &readings.positions,
-        readings.orientations.as_deref(),
-        rows,
-    )
-    .finish()?)
+    Ok(placed(table, positions, orientations.as_deref()).finish()?)
 }
 
 fn temperature_rows(
@@ -238,15 +246,10 @@ fn temperature_rows(
     Ok(table.finish()?)
 }
 
-fn placed(
-    table: Columns,
-    positions: &[[f64; 3]],
-    orientations: Option<&[[f64; 4]]>,
-    rows: Rows,
-) -> Columns {
-    let table = table.group(POSITION, positions[rows.clone()].iter().copied());
+fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4]]>) -> Columns {
+    let table = table.group(POSITION, positions.iter().copied());
     match orientations {
         None => table.absent(ORIENTATION),
-        Some(orientations) => table.group(ORIENTATION, orientations[rows].iter().copied()),
+        Some(orientations) => table.group(ORIENTATION, orientations.iter().copied()),
     }
 }

@@ -1,0 +1,145 @@
+//! Readings of the target that are held back.
+
+use std::ops::Range;
+
+use super::super::decoded::{DecodedPoses, Origins};
+use super::super::poses;
+use super::super::rows::Rows;
+use super::super::{LengthUnit, Mapping, SpanClock, TargetReadings};
+use super::{Held, reordered};
+use crate::units::Stamp;
+
+/// Readings, in mm.
+#[derive(Debug)]
+pub struct HeldReadings {
+    unit: LengthUnit,
+    ignore_orientation: bool,
+    stamps: Vec<i64>,
+    positions: Vec<[f64; 3]>,
+    /// `None` where no message has any, once there was one.
+    orientations: Option<Vec<[f64; 4]>>,
+    covariances: Option<Vec<[f64; 6]>>,
+    /// Whether messages have orientations and covariances.
+    kind: Option<(bool, bool)>,
+    not_unit: u64,
+}
+
+impl HeldReadings {
+    /// Some of them.
+    pub fn rows(&self, rows: Range<usize>) -> TargetReadings {
+        let stamps = self.stamps[rows.clone()].iter();
+        TargetReadings {
+            stamps: stamps.map(|&ns| Stamp::from_ns(ns)).collect(),
+            positions: self.positions[rows.clone()].to_vec(),
+            orientations: self
+                .orientations
+                .as_ref()
+                .map(|all| all[rows.clone()].to_vec()),
+            covariances: self.covariances.as_ref().map(|all| all[rows].to_vec()),
+        }
+    }
+
+    /// Orientations as far as they are wanted.
+    fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
+        let orientations = block.orientations.as_ref();
+        orientations.filter(|_| !self.ignore_orientation)
+    }
+}
+
+impl Held for HeldReadings {
+    type Block = DecodedPoses;
+
+    fn none(mapping: &Mapping) -> Self {
+        Self {
+            unit: mapping.tracker.unit,
+            ignore_orientation: mapping.tracker.ignore_orientation,
+            stamps: Vec::new(),
+            positions: Vec::new(),
+            orientations: None,
+            covariances: None,
+            kind: None,
+            not_unit: 0,
+        }
+    }
+
+    fn topic(mapping: &Mapping) -> &str {
+        &mapping.tracker.topic
+    }
+
+    fn stamps_of(block: &DecodedPoses) -> &[i64] {
+        &block.stamps
+    }
+
+    fn judge(&self, block: &DecodedPoses, origins: &Origins) -> Rows {
+        let orientations = self.orientations(block);
+        Rows::judge(&block.stamps, origins, SpanClock::Tracker, |row| {
+            poses::fault(
+                block.positions[row],
+                orientations.and_then(|all| all.get(row)),
+                block.covariances.as_ref().and_then(|all| all.get(row)),
+            )
+        })
+    }
+
+    fn take(&mut self, rows: &Rows, block: &DecodedPoses) -> bool {
+        let orientations = self.orientations(block);
+        let count = block.stamps.len();
+        let of_all = |found: Option<usize>| found.is_none_or(|found| found == count);
+        let found = (
+            orientations.map(Vec::len),
+            block.covariances.as_ref().map(Vec::len),
+        );
+        let kind = (found.0.is_some(), found.1.is_some());
+        if !of_all(found.0) || !of_all(found.1) || *self.kind.get_or_insert(kind) != kind {
+            return false;
+        }
+        let held = self.stamps.len();
+        rows.append(&block.stamps, &mut self.stamps);
+        rows.append(&block.positions, &mut self.positions);
+        let to_mm = self.unit.to_mm();
+        poses::scale(&mut self.positions[held..], to_mm);
+        if let Some(more) = orientations {
+            let all = self.orientations.get_or_insert_default();
+            rows.append(more, all);
+            self.not_unit += poses::normalise_all(&mut all[held..]);
+        }
+        if let Some(more) = &block.covariances {
+            let all = self.covariances.get_or_insert_default();
+            rows.append(more, all);
+            poses::scale(&mut all[held..], to_mm * to_mm);
+        }
+        true
+    }
+
+    fn stamps(&self) -> &[i64] {
+        &self.stamps
+    }
+
+    fn reorder(&mut self, order: &[usize]) {
+        self.stamps = reordered(&self.stamps, order);
+        self.positions = reordered(&self.positions, order);
+        if let Some(column) = &mut self.orientations {
+            *column = reordered(column, order);
+        }
+        if let Some(column) = &mut self.covariances {
+            *column = reordered(column, order);
+        }
+    }
+
+    fn let_go(&mut self, count: usize) {
+        self.stamps.drain(..count);
+        self.positions.drain(..count);
+        if let Some(column) = &mut self.orientations {
+            column.drain(..count);
+        }
+        if let Some(column) = &mut self.covariances {
+            column.drain(..count);
+        }
+    }
+
+    fn further_counts(&self) -> Vec<(&'static str, u64)> {
+        let oriented = self.kind.is_some_and(|(orientations, _)| orientations);
+        let not_unit = oriented.then_some((poses::NOT_UNIT, self.not_unit));
+        not_unit.into_iter().collect()
+    }
+}

@@ -1,0 +1,195 @@
+//! Readings of the target, put aside while the log is read: row by row in an unnamed temporary file, but for the last ones.
+//!
+//! A row is the stamp, the position and, where the readings have them, orientation and covariance: numbers of eight bytes,
+//! the least significant first. A short log stays in memory; a long one takes no more of it than that.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
+
+use super::unnamed::unnamed;
+use crate::ingest::{Readings, TargetReadings};
+use crate::units::Stamp;
+
+/// Bytes that are kept in memory before they are written.
+const IN_MEMORY: usize = 4 << 20;
+/// Bytes of a number.
+const NUMBER: usize = 8;
+
+/// Readings that were put aside.
+#[derive(Debug)]
+pub struct SpilledReadings {
+    form: Form,
+    /// The first rows, where there were too many for memory.
+    file: Option<File>,
+    in_file: usize,
+    /// The rows behind them.
+    latest: Vec<u8>,
+    /// Bytes of those at which they are written.
+    most: usize,
+}
+
+/// Which columns the readings have.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Form {
+    orientations: bool,
+    covariances: bool,
+}
+
+impl Form {
+    const fn row_bytes(self) -> usize {
+        let numbers = 4 + 4 * self.orientations as usize + 6 * self.covariances as usize;
+        numbers * NUMBER
+    }
+}
+
+impl Default for SpilledReadings {
+    fn default() -> Self {
+        Self::keeping(IN_MEMORY)
+    }
+}
+
+impl SpilledReadings {
+    /// None yet; rows of so many bytes are kept in memory.
+    fn keeping(most: usize) -> Self {
+        Self {
+            form: Form::default(),
+            file: None,
+            in_file: 0,
+            latest: Vec::new(),
+            most,
+        }
+    }
+
+    /// Puts further readings aside; all have the same columns.
+    pub fn append(&mut self, readings: &TargetReadings) -> io::Result<()> {
+        let form = Form {
+            orientations: readings.orientations.is_some(),
+            covariances: readings.covariances.is_some(),
+        };
+        if self.count() == 0 {
+            self.form = form;
+        }
+        debug_assert_eq!(form, self.form, "of one kind");
+        for (row, stamp) in readings.stamps.iter().enumerate() {
+            self.latest.extend_from_slice(&stamp.ns().to_le_bytes());
+            let orientation = readings.orientations.as_ref().map(|all| all[row]);
+            let covariance = readings.covariances.as_ref().map(|all| all[row]);
+            let numbers = readings.positions[row].into_iter();
+            let numbers = numbers.chain(orientation.into_iter().flatten());
+            for number in numbers.chain(covariance.into_iter().flatten()) {
+                self.latest.extend_from_slice(&number.to_le_bytes());
+            }
+        }
+        if self.latest.len() >= self.most {
+            self.spill()?;
+        }
+        Ok(())
+    }
+
+    fn spill(&mut self) -> io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(unnamed()?),
+        };
+        file.write_all(&self.latest)?;
+        self.in_file += self.latest.len() / self.form.row_bytes();
+        self.latest.clear();
+        Ok(())
+    }
+
+    /// The bytes of some rows.
+    fn bytes(&self, rows: &Range<usize>) -> io::Result<Vec<u8>> {
+        let row_bytes = self.form.row_bytes();
+        let from_file = rows.start.min(self.in_file)..rows.end.min(self.in_file);
+        let mut bytes = vec![0; from_file.len() * row_bytes];
+        if let Some(file) = &self.file {
+            file.read_exact_at(&mut bytes, (from_file.start * row_bytes) as u64)?;
+        }
+        let place = |row: usize| row.saturating_sub(self.in_file) * row_bytes;
+        let latest = self.latest.get(place(rows.start)..place(rows.end));
+        bytes.extend_from_slice(latest.ok_or_else(|| io::Error::other("there is no such row"))?);
+        Ok(bytes)
+    }
+}
+
+impl Readings for SpilledReadings {
+    fn count(&self) -> usize {
+        self.in_file + self.latest.len() / self.form.row_bytes()
+    }
+
+    fn read(&self, rows: Range<usize>) -> io::Result<TargetReadings> {
+        let bytes = self.bytes(&rows)?;
+        let (numbers, _) = bytes.as_chunks::<NUMBER>();
+        let mut found = TargetReadings::default();
+        for row in numbers.chunks_exact(self.form.row_bytes() / NUMBER) {
+            let number = |place: usize| f64::from_le_bytes(row[place]);
+            found
+                .stamps
+                .push(Stamp::from_ns(i64::from_le_bytes(row[0])));
+            found.positions.push([1, 2, 3].map(number));
+            if self.form.orientations {
+                let orientations = found.orientations.get_or_insert_default();
+                orientations.push([4, 5, 6, 7].map(number));
+            }
+            if self.form.covariances {
+                let first = if self.form.orientations { 8 } else { 4 };
+                let covariances = found.covariances.get_or_insert_default();
+                covariances.push(std::array::from_fn(|term| number(first + term)));
+            }
+        }
+        Ok(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readings whose every number is another one.
+    fn readings(rows: Range<i32>, orientations: bool, covariances: bool) -> TargetReadings {
+        fn column<const N: usize>(rows: &Range<i32>, first: usize) -> Vec<[f64; N]> {
+            let number = |row: i32, place: usize| f64::from(row).mul_add(20.0, place as f64) / 7.0;
+            let row = |row| std::array::from_fn(|place| number(row, first + place));
+            rows.clone().map(row).collect()
+        }
+        TargetReadings {
+            stamps: rows
+                .clone()
+                .map(|row| Stamp::from_ns(i64::from(row) - 3))
+                .collect(),
+            positions: column(&rows, 1),
+            orientations: orientations.then(|| column(&rows, 4)),
+            covariances: covariances.then(|| column(&rows, 8)),
+        }
+    }
+
+    #[test]
+    fn what_was_put_aside_comes_back_from_memory_from_the_file_and_from_both() {
+        for (orientations, covariances) in
+            [(false, false), (true, false), (false, true), (true, true)]
+        {
+            let of = |rows| readings(rows, orientations, covariances);
+            // In memory; three times to the file, some left; all in the file.
+            for most in [IN_MEMORY, 700, 1] {
+                let mut spilled = SpilledReadings::keeping(most);
+                for first in (0..60).step_by(5) {
+                    spilled.append(&of(first..first + 5)).expect("room");
+                }
+                assert_eq!(spilled.count(), 60);
+                for (first, end) in [(0, 60), (0, 1), (59, 60), (20, 20), (7, 51), (40, 60)] {
+                    let rows = usize::try_from(first).unwrap()..usize::try_from(end).unwrap();
+                    let mut expected = of(first..end);
+                    if rows.is_empty() {
+                        (expected.orientations, expected.covariances) = (None, None);
+                    }
+                    assert_eq!(spilled.read(rows.clone()).expect("there"), expected);
+                    assert!(of(0..60).read(rows).is_ok());
+                }
+                assert!(spilled.read(59..61).is_err());
+                assert_eq!(spilled.stamp(59).expect("there").ns(), 56);
+            }
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! Sightings: the tracker's readings, looked at piece by piece → which of them are measurements, and where the target rests.
+//!
+//! Readings may be too many for memory, so they are looked at a few at a time ([`Readings`]): once to find rest, then
+//! dwell by dwell.
+
+use std::ops::Range;
+
+use super::rest::{Finder, Forgotten, Rest, RestRule, Stretch};
+use super::{JoinError, JoinSettings};
+use crate::ingest::{Readings, TargetReadings};
+use crate::units::{Stamp, Tracker};
+
+/// Readings looked at together.
+const PIECE: usize = 4096;
+/// No tracker reaches this far, mm; numbers beyond it (or none) would only overflow the fits.
+const FARTHEST_MM: f64 = 1e9;
+
+/// Whether a reading is a measurement: within reach, and not the exact zeros of a missing reflector.
+pub fn is_measurement(position: &[f64; 3]) -> bool {
+    position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
+}
+
+/// The tracker's readings and where the target rests.
+#[derive(Debug)]
+pub struct Sightings<'a> {
+    readings: &'a dyn Readings,
+    /// Stretches in rows of the readings.
+    rest: Rest,
+    missing: Missing,
+    /// The stamp of each first reading of a piece.
+    firsts: Vec<Stamp<Tracker>>,
+}
+
+/// Rows of the readings and their columns.
+#[derive(Debug)]
+pub struct Seen {
+    /// Which rows.
+    pub rows: Range<usize>,
+    /// Their columns.
+    pub readings: TargetReadings,
+}
+
+/// Readings that are no measurements.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+struct Missing {
+    runs: Vec<Run>,
+}
+
+/// A run of rows that are no measurements.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Run {
+    start: usize,
+    end: usize,
+    /// How many are missing up to its end.
+    missing: usize,
+}
+
+impl<'a> Sightings<'a> {
+    /// Looks at all readings, which have to be in order of time.
+    pub fn find(readings: &'a dyn Readings, settings: &JoinSettings) -> Result<Self, JoinError> {
+        let mut seen = Self {
+            readings,
+            rest: Rest::default(),
+            missing: Missing::default(),
+            firsts: Vec::new(),
+        };
+        let rule = settings.target_rule();
+        let rest = match seen.look(&rule)? {
+            Ok(rest) => rest,
+            Err(Forgotten { threshold }) => {
+                let threshold = Some(threshold);
+                let given = RestRule { threshold, ..rule };
+                let found = seen.look(&given)?;
+                found.expect("with one threshold no stretch is forgotten")
+            }
+        };
+        seen.rest = rest;
+        for still in &mut seen.rest.stretches {
+            still.stretch = Stretch {
+                first: seen.missing.row(still.stretch.first),
+                last: seen.missing.row(still.stretch.last),
+            };
+        }
+        Ok(seen)
+    }
+
+    fn look(&mut self, rule: &RestRule) -> Result<Result<Rest, Forgotten>, JoinError> {
+        let mut finder = Finder::new(3, rule);
+        (self.missing, self.firsts) = (Missing::default(), Vec::new());
+        let count = self.readings.count();
+        for first in (0..count).step_by(PIECE) {
+            let seen = self.read(first..(first + PIECE).min(count))?;
+            self.firsts.extend(seen.readings.stamps.first());
+            self.missing.extend(&seen);
+            let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
+            finder.push(&stamps, &seen.axes().each_ref().map(Vec::as_slice));
+        }
+        Ok(finder.finish())
+    }
+
+    /// How many readings there are.
+    pub fn count(&self) -> usize {
+        self.readings.count()
+    }
+
+    /// Where the target rests, in rows of the readings.
+    pub const fn rest(&self) -> &Rest {
+        &self.rest
+    }
+
+    /// Runs of rows that are no measurements.
+    pub fn missing(&self) -> impl Iterator<Item = Range<usize>> {
+        self.missing.runs.iter().map(|run| run.start..run.end)
+    }
+
+    /// Some of the readings.
+    pub fn read(&self, rows: Range<usize>) -> Result<Seen, JoinError> {
+        let readings = self.readings.read(rows.clone())?;
+        Ok(Seen { rows, readings })
+    }
+
+    /// The readings of a stretch.
+    pub fn of(&self, stretch: Stretch) -> Result<Seen, JoinError> {
+        self.read(stretch.first..stretch.last + 1)
+    }
+
+    /// When a reading was taken.
+    pub fn stamp(&self, row: usize) -> Result<Stamp<Tracker>, JoinError> {
+        Ok(self.readings.stamp(row)?)
+    }
+
+    /// The readings from `start` to `end`.
+    pub fn between(&self, start: Stamp<Tracker>, end: Stamp<Tracker>) -> Result<Seen, JoinError> {
+        let first = self.row_after(|stamp| stamp < start)?;
+        let behind = self.row_after(|stamp| stamp <= end)?;
+        self.read(first..behind.max(first))
+    }
+
+    /// The first row behind those whose stamps are `before`.
+    fn row_after(&self, before: impl Fn(Stamp<Tracker>) -> bool) -> Result<usize, JoinError> {
+        let piece = self.firsts.partition_point(|&first| before(first));
+        let Some(piece) = piece.checked_sub(1) else {
+            return Ok(0);
+        };
+        let first = piece * PIECE;
+        let seen = self.read(first..(first + PIECE).min(self.count()))?;
+        Ok(first + seen.readings.stamps.partition_point(|&stamp| before(stamp)))
+    }
+}
+
+impl Seen {
+    /// Those of its rows that are measurements.
+    pub fn measured(&self) -> impl Iterator<Item = usize> {
+        let rows = self.rows.clone();
+        rows.filter(|&row| is_measurement(&self.position(row)))
+    }
+
+    /// The coordinates of its measurements, mm, a column an axis.
+    pub fn axes(&self) -> [Vec<f64>; 3] {
+        let axis = |axis: usize| {
+            let measured = self.measured().map(|row| self.position(row)[axis]);
+            measured.collect()
+        };
+        std::array::from_fn(axis)
+    }
+
+    /// When a row was taken.
+    pub fn stamp(&self, row: usize) -> Stamp<Tracker> {
+        self.readings.stamps[row - self.rows.start]
+    }
+
+    /// The position of a row, mm.
+    pub fn position(&self, row: usize) -> [f64; 3] {
+        self.readings.positions[row - self.rows.start]
+    }
+}
+
+impl Missing {
+    fn extend(&mut self, seen: &Seen) {
+        let missing = |row: &usize| !is_measurement(&seen.position(*row));
+        for row in seen.rows.clone().filter(missing) {
+            match self.runs.last_mut() {
+                Some(run) if run.end == row => {
+                    run.end += 1;
+                    run.missing += 1;
+                }
+                last => {
+                    let before = last.map_or(0, |run| run.missing);
+                    self.runs.push(Run {
+                        start: row,
+                        end: row + 1,
+                        missing: before + 1,
+                    });
+                }
+            }
+        }
+    }
+
+    /// The row of a reading that is counted among the measurements only.
+    fn row(&self, measured: usize) -> usize {
+        // Before a run stand as many measurements as its end has rows that are not missing.
+        let runs = self
+            .runs
+            .partition_point(|run| run.end - run.missing <= measured);
+        measured + self.runs[..runs].last().map_or(0, |run| run.missing)
+    }
+}
+
+impl From<std::io::Error> for JoinError {
+    fn from(error: std::io::Error) -> Self {
+        Self::Readings {
+            why: error.to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn measurements_are_told_from_what_is_missing_between_them() {
+        let missing = [0, 1, 5, 6, 7, 9];
+        let position = |row: usize| {
+            let x = if missing.contains(&row) { 0.0 } else { 1.0 };
+            [x, 0.0, 0.0]
+        };
+        let readings = TargetReadings {
+            stamps: (0..12).map(Stamp::from_ns).collect(),
+            positions: (0..12).map(position).collect(),
+            ..TargetReadings::default()
+        };
+        let mut found = Missing::default();
+        for rows in [0..6, 6..12] {
+            found.extend(&Seen {
+                readings: readings.read(rows.clone()).expect("in memory"),
+                rows,
+            });
+        }
+        let runs: Vec<_> = found.runs.iter().map(|run| (run.start, run.end)).collect();
+        assert_eq!(runs, [(0, 2), (5, 8), (9, 10)]);
+        let rows: Vec<_> = (0..6).map(|measured| found.row(measured)).collect();
+        assert_eq!(rows, [2, 3, 4, 8, 10, 11]);
+    }
+}
