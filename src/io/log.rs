@@ -13,6 +13,7 @@
 //! ([`read_dwells`]); whoever else wants the joint samples gets them in order of time ([`read_dwells_beside`]).
 
 mod account;
+mod aside;
 mod block;
 mod chunk;
 mod dwells;

@@ -83,8 +83,8 @@ impl Progress for Begun {
     fn end(&self) {}
 }
 
-fn whole(logs: &SessionLogs) -> Result<(Recording, Rest), LogError> {
-    let mut recording = read_session(logs, &mapping(), Limits::default(), &Quiet)?;
+fn whole(logs: &SessionLogs, limits: Limits) -> Result<(Recording, Rest), LogError> {
+    let mut recording = read_session(logs, &mapping(), limits, &Quiet)?;
     let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
     let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
     let rest = at_rest(&stamps_ns, &angles, &JoinSettings::default().arm_rule());
@@ -99,6 +99,21 @@ fn in_memory(read: SessionRead) -> (Recording, Rest) {
     (recording, read.joints)
 }
 
+/// Reads a session while its samples are let go, and holds that against the whole of it in memory.
+pub fn streamed_as_whole(
+    logs: &SessionLogs,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<(Recording, Rest), LogError> {
+    let rule = JoinSettings::default().arm_rule();
+    let streamed = read_dwells(logs, &mapping(), limits, &rule, progress).map(in_memory);
+    assert_eq!(
+        format!("{streamed:?}"),
+        format!("{:?}", whole(logs, limits))
+    );
+    streamed
+}
+
 /// Reads both ways, compares, and tells how many files were begun and how many dwells found.
 fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
     let logs = SessionLogs {
@@ -106,10 +121,7 @@ fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
         tracker: parts.to_vec(),
     };
     let begun = Begun::default();
-    let rule = JoinSettings::default().arm_rule();
-    let streamed = read_dwells(&logs, &mapping(), Limits::default(), &rule, &begun).map(in_memory);
-    let whole = whole(&logs);
-    assert_eq!(format!("{streamed:?}"), format!("{whole:?}"));
+    let streamed = streamed_as_whole(&logs, Limits::default(), &begun);
     tables::same_both_ways(&logs, &mapping());
     let dwells = streamed.map_or(0, |(_, rest)| rest.stretches.len());
     (begun.0.into_inner(), dwells)

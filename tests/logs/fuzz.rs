@@ -16,12 +16,13 @@ use std::time::{Duration, Instant};
 
 use mcap::Compression;
 use posegrid::io::inspect::inspect;
-use posegrid::io::log::{Limits, read_recording, suggest};
+use posegrid::io::log::{Limits, SessionLogs, read_recording, suggest};
 use posegrid::io::message::{FieldPath, MessageSchema, Row};
 use posegrid::pipeline::plan::{Overrides, Plan};
 use posegrid::progress::Quiet;
 
 use crate::build::{Folder, mapping, session_log};
+use crate::dwells::streamed_as_whole;
 use crate::mutator::log::Log;
 use crate::{conformance, encodings};
 
@@ -197,7 +198,7 @@ fn without_numbers(text: &str) -> String {
     words.join(" ").chars().take(300).collect()
 }
 
-/// Reads a log in both ways; what goes in comes out or is counted.
+/// Reads a log in all ways; what goes in comes out or is counted, and is the same whether or not it is held in memory.
 fn read_log(path: &Path) -> String {
     let mut outcome = String::new();
     match inspect(path, LIMITS, &Quiet) {
@@ -227,6 +228,8 @@ fn read_log(path: &Path) -> String {
             assert!(recording.joints.stamps.is_sorted());
         }
     }
+    let logs = SessionLogs::of_two(path, path);
+    let _ = streamed_as_whole(&logs, LIMITS, &Quiet);
     outcome
 }
 

@@ -3,21 +3,21 @@
 //! 1. The rows of each block wait until the next blocks are being opened ([`LongStreams::take`]); meanwhile
 //!    ([`LongStreams::work`]) they are checked and put in order of time ([`InOrder`]);
 //! 2. joint samples that none can come before any more go to the [`Finder`] and to whoever else wants them
-//!    ([`JointSink`]); such readings are put aside ([`SpilledReadings`]), as the join needs to see them again;
+//!    ([`JointSink`]); such readings are put aside ([`AsideReadings`]), as the join needs to see them again;
 //! 3. where the right threshold shows too late, the log is read again with it alone; where a row comes too late, it is read
 //!    again as a whole. What is found is the same, to the last bit.
 
-use std::io;
 use std::sync::PoisonError;
 
+use super::aside::AsideReadings;
 use super::block::Extent;
 use super::session::{SessionLogs, decode_all};
 use super::spilled::SpilledReadings;
 use super::waiting::Waiting;
 use super::{Limits, LogError, read_session};
 use crate::ingest::{
-    DecodedJoints, DecodedPoses, GivenOn, HELD_BACK, HeldJoints, HeldReadings, InOrder,
-    JointSamples, Mapping, Readings, Recording, StreamAccount, ingest_beside,
+    DecodedJoints, DecodedPoses, GivenOn, HELD_BACK, HeldJoints, InOrder, JointSamples, Mapping,
+    Readings, Recording, StreamAccount, ingest_beside,
 };
 use crate::io::table::ROW_GROUP_ROWS;
 use crate::join::rest::{Finder, Forgotten, Rest, RestRule, at_rest};
@@ -39,9 +39,6 @@ impl JointSink for () {
     fn begin_again(&mut self) {}
     fn take(&mut self, _: &[i64], _: &[&[f64]]) {}
 }
-
-/// Readings that are put aside together.
-const READINGS: usize = 4096;
 
 /// What was read of a session whose long streams are not in memory.
 #[derive(Debug)]
@@ -68,15 +65,6 @@ struct JointDwells<'s> {
     waiting: Waiting<DecodedJoints>,
 }
 
-/// Readings, being put aside.
-struct AsideReadings {
-    in_order: InOrder<HeldReadings>,
-    spilled: SpilledReadings,
-    waiting: Waiting<DecodedPoses>,
-    /// Whether there was room for all of them so far.
-    room: io::Result<()>,
-}
-
 /// Why what was found while reading cannot stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Again {
@@ -95,12 +83,7 @@ impl<'s> LongStreams<'s> {
                 sink,
                 waiting: Waiting::default(),
             },
-            readings: AsideReadings {
-                in_order: InOrder::new(mapping, READINGS),
-                spilled: SpilledReadings::default(),
-                waiting: Waiting::default(),
-                room: Ok(()),
-            },
+            readings: AsideReadings::new(mapping),
         }
     }
 
@@ -116,7 +99,7 @@ impl<'s> LongStreams<'s> {
             self.joints.waiting.take(joints, file, extent);
         }
         if !readings.stamps.is_empty() {
-            self.readings.waiting.take(readings, file, extent);
+            self.readings.take(readings, file, extent);
         }
     }
 
@@ -157,41 +140,6 @@ impl JointDwells<'_> {
         });
         let rest = self.finder.finish();
         Ok((account.ok_or(Again::AsAWhole)?, rest.map_err(Again::With)?))
-    }
-}
-
-impl AsideReadings {
-    fn work(&mut self) {
-        let (in_order, spilled, room) = (&mut self.in_order, &mut self.spilled, &mut self.room);
-        self.waiting.work(|block| {
-            in_order.push(&block.rows, &block.file, block.place, |held, rows| {
-                put_aside(spilled, room, held, rows);
-            });
-        });
-    }
-
-    fn finish(mut self) -> Result<(Option<StreamAccount>, SpilledReadings), LogError> {
-        let (spilled, room) = (&mut self.spilled, &mut self.room);
-        let account = self
-            .in_order
-            .finish(|held, rows| put_aside(spilled, room, held, rows));
-        self.room.map_err(|source| LogError::NoRoom {
-            folder: std::env::temp_dir().display().to_string(),
-            source,
-        })?;
-        Ok((account, self.spilled))
-    }
-}
-
-/// What is wrong is told at the end.
-fn put_aside(
-    spilled: &mut SpilledReadings,
-    room: &mut io::Result<()>,
-    held: &HeldReadings,
-    rows: std::ops::Range<usize>,
-) {
-    if room.is_ok() {
-        *room = spilled.append(&held.rows(rows));
     }
 }
 
