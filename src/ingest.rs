@@ -19,7 +19,7 @@ use thiserror::Error;
 
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
 pub use in_order::{HELD_BACK, Held, HeldJoints, HeldReadings, InOrder, StreamAccount};
-pub use readings::Readings;
+pub use readings::{Readings, ReadingsError};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
     Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,

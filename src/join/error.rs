@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::ingest::ReadingsError;
+
 /// Why two logs cannot be joined.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum JoinError {
@@ -44,11 +46,8 @@ pub enum JoinError {
         row: usize,
     },
     /// Readings that were put aside are not there any more.
-    #[error("the tracker's readings, put aside in a temporary file, cannot be read again: {why}")]
-    Readings {
-        /// What the operating system says.
-        why: String,
-    },
+    #[error(transparent)]
+    Readings(#[from] ReadingsError),
     /// A joint angle that is not a number.
     #[error(
         "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"

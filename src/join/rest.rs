@@ -22,6 +22,8 @@ mod quantum;
 mod ranges;
 mod sums;
 
+use std::convert::Infallible;
+
 pub use finder::{Finder, Forgotten};
 
 /// What counts as rest.
@@ -82,17 +84,32 @@ pub struct Rest {
 
 /// The stretches at rest of `columns` (each as long as `stamps_ns`, which do not decrease).
 pub fn at_rest(stamps_ns: &[i64], columns: &[Vec<f64>], rule: &RestRule) -> Rest {
-    let find = |rule: &RestRule| {
-        let mut finder = Finder::new(columns.len(), rule);
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let found = rest_of(columns.len(), rule, |finder| {
         finder.push(stamps_ns, &columns);
-        finder.finish()
+        Ok::<_, Infallible>(())
+    });
+    found.unwrap_or_else(|never| match never {})
+}
+
+/// The stretches at rest of the samples of so many columns that `give` gives a finder: all of them again where the
+/// threshold shows too late.
+pub fn rest_of<E>(
+    columns: usize,
+    rule: &RestRule,
+    mut give: impl FnMut(&mut Finder) -> Result<(), E>,
+) -> Result<Rest, E> {
+    let mut find = |rule: &RestRule| {
+        let mut finder = Finder::new(columns, rule);
+        give(&mut finder)?;
+        Ok(finder.finish())
     };
-    find(rule).unwrap_or_else(|Forgotten { threshold }| {
-        let threshold = Some(threshold);
-        let given = RestRule { threshold, ..*rule };
-        find(&given).expect("with one threshold no stretch is forgotten")
-    })
+    let threshold = match find(rule)? {
+        Ok(rest) => return Ok(rest),
+        Err(Forgotten { threshold }) => Some(threshold),
+    };
+    let given = RestRule { threshold, ..*rule };
+    Ok(find(&given)?.expect("with one threshold no stretch is forgotten"))
 }
 
 #[cfg(test)]

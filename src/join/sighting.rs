@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::rest::{Finder, Forgotten, Rest, RestRule, Stretch};
+use super::rest::{Finder, Rest, Stretch, rest_of};
 use super::{JoinError, JoinSettings};
 use crate::ingest::{Readings, TargetReadings};
 use crate::units::{Stamp, Tracker};
@@ -65,16 +65,7 @@ impl<'a> Sightings<'a> {
             firsts: Vec::new(),
         };
         let rule = settings.target_rule();
-        let rest = match seen.look(&rule)? {
-            Ok(rest) => rest,
-            Err(Forgotten { threshold }) => {
-                let threshold = Some(threshold);
-                let given = RestRule { threshold, ..rule };
-                let found = seen.look(&given)?;
-                found.expect("with one threshold no stretch is forgotten")
-            }
-        };
-        seen.rest = rest;
+        seen.rest = rest_of(3, &rule, |finder| seen.look(finder))?;
         for still in &mut seen.rest.stretches {
             still.stretch = Stretch {
                 first: seen.missing.row(still.stretch.first),
@@ -84,8 +75,8 @@ impl<'a> Sightings<'a> {
         Ok(seen)
     }
 
-    fn look(&mut self, rule: &RestRule) -> Result<Result<Rest, Forgotten>, JoinError> {
-        let mut finder = Finder::new(3, rule);
+    /// Gives a finder all that are measurements, and notes the others.
+    fn look(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         (self.missing, self.firsts) = (Missing::default(), Vec::new());
         let count = self.readings.count();
         for first in (0..count).step_by(PIECE) {
@@ -95,7 +86,7 @@ impl<'a> Sightings<'a> {
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
             finder.push(&stamps, &seen.axes().each_ref().map(Vec::as_slice));
         }
-        Ok(finder.finish())
+        Ok(())
     }
 
     /// How many readings there are.
@@ -203,14 +194,6 @@ impl Missing {
             .runs
             .partition_point(|run| run.end - run.missing <= measured);
         measured + self.runs[..runs].last().map_or(0, |run| run.missing)
-    }
-}
-
-impl From<std::io::Error> for JoinError {
-    fn from(error: std::io::Error) -> Self {
-        Self::Readings {
-            why: error.to_string(),
-        }
     }
 }
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 
 use super::unnamed::unnamed;
-use crate::ingest::{Readings, TargetReadings};
+use crate::ingest::{Readings, ReadingsError, TargetReadings};
 use crate::units::Stamp;
 
 /// Bytes that are kept in memory before they are written.
@@ -119,7 +119,7 @@ impl Readings for SpilledReadings {
         self.in_file + self.latest.len() / self.form.row_bytes()
     }
 
-    fn read(&self, rows: Range<usize>) -> io::Result<TargetReadings> {
+    fn read(&self, rows: Range<usize>) -> Result<TargetReadings, ReadingsError> {
         let bytes = self.bytes(&rows)?;
         let (numbers, _) = bytes.as_chunks::<NUMBER>();
         let mut found = TargetReadings::default();
