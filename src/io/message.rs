@@ -19,6 +19,7 @@ pub mod ros2msg;
 mod row;
 mod schema;
 mod value;
+mod wording;
 
 pub use cdr_plan::CdrPlan;
 pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};

@@ -4,8 +4,9 @@
 //! 0.2 M points, zstd: 615 MB of records) into a temporary
 //! folder, once with joints that always move and once with joints that go from rest to rest, and prints user, system and
 //! wall seconds, the ratio of user seconds to those of plain decompression, and peak memory of each step, each taken in a
-//! process of its own. `-- long` does the same on a log ten times as long, side by side. Without `--bench` (as `cargo test`
-//! calls it) a small log shows that it works.
+//! process of its own. `-- long` does the same on a log ten times as long, side by side. Messages per CPU second in protobuf
+//! and JSON follow; `-- forms` measures them alone. Without `--bench` (as `cargo test` calls it) a small log shows that it
+//! works.
 
 mod forms;
 #[expect(
@@ -51,7 +52,9 @@ fn main() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let lengths = if has("long") { &[1, 10][..] } else { &[1] };
     let lengths: Vec<u64> = lengths.iter().map(|times| times * joint_states).collect();
-    steps::measure_all(folder.path(), &lengths);
+    if !has("forms") {
+        steps::measure_all(folder.path(), &lengths);
+    }
     forms::measure_all(folder.path(), joint_states / 4);
 }
 

@@ -9,7 +9,8 @@ mod hostile;
 mod mapping;
 mod messages;
 mod proto;
-mod sample;
+pub mod sample;
+pub mod worded;
 
 use posegrid::ingest::Recording;
 

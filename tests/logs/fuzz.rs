@@ -23,6 +23,8 @@ use posegrid::progress::Quiet;
 
 use crate::build::{Folder, mapping, session_log};
 use crate::dwells::streamed_as_whole;
+use crate::encodings::sample::Noise;
+use crate::encodings::worded::{Seen, compare};
 use crate::mutator::log::Log;
 use crate::{conformance, encodings};
 
@@ -276,7 +278,18 @@ fn packed_form(form: u8, name: &str, schema: &[u8], message: &[u8]) -> Vec<u8> {
     [&head[..], name.as_bytes(), schema, message].concat()
 }
 
-/// Reads every value of a message that its schema knows of.
+/// Fields of the messages in JSON, whose schemas tell none.
+const JSON_PATHS: [&str; 7] = [
+    "header.stamp.sec",
+    "name",
+    "position[1]",
+    "joints[].name",
+    "joints[].position",
+    "timestamp.nsec",
+    "point.y",
+];
+
+/// Reads every value of a message that its schema knows of; a row that read such messages before reads them as a new one.
 fn read_message(bytes: &[u8]) -> String {
     let Some((&[form, name_length, low, high], rest)) = bytes.split_first_chunk() else {
         return "short".to_owned();
@@ -292,8 +305,10 @@ fn read_message(bytes: &[u8]) -> String {
         Some(Err(error)) => return error.to_string(),
         Some(Ok(schema)) => schema,
     };
+    let known = JSON_PATHS.map(str::to_owned).into_iter();
     let paths = schema.leaves().into_iter().take(20);
     let paths: Vec<_> = paths
+        .chain(known.filter(|_| encoding == "json"))
         .filter_map(|path| FieldPath::parse(&path).ok())
         .collect();
     let plan = match schema.plan(&paths) {
@@ -308,6 +323,9 @@ fn read_message(bytes: &[u8]) -> String {
             .collect(),
         Err(_) => Vec::new(),
     };
+    let mut noise = Noise(message.iter().map(|&byte| u64::from(byte)).sum());
+    let wanted = (&plan, paths.len());
+    compare(wanted, (message, 20), &mut noise, &mut Seen::default());
     format!(
         "{encoding} {language} {read:?} {values:?} {}",
         suggested.is_some()

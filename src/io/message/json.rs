@@ -6,15 +6,21 @@
 //!
 //! 1. [`JsonPlan::new`]: paths → tree.
 //! 2. [`JsonPlan::read`]: payload → the wanted values in a row.
+//!
+//! Of a message worded as the one before, only the numbers are read ([`wording`](super::wording)).
 
 mod bytes;
+mod number;
 mod read;
 mod scan;
 mod schema;
 
+use std::sync::Arc;
+
 use super::FieldPath;
 use super::path::{Segment, Want};
 
+pub(super) use read::Gap;
 pub use schema::JsonSchema;
 
 /// How to read the wanted values of messages.
@@ -23,6 +29,8 @@ pub struct JsonPlan {
     /// The first one is the message itself.
     nodes: Vec<Node>,
     wanted: usize,
+    /// Tells whether a message was read by this plan.
+    identity: Arc<()>,
 }
 
 /// What is wanted of one value on the way.
@@ -46,6 +54,7 @@ impl JsonPlan {
         let mut plan = Self {
             nodes: vec![Node::default()],
             wanted: wanted.len(),
+            identity: Arc::new(()),
         };
         for (slot, path) in wanted.iter().enumerate() {
             plan.add(0, path.want(slot));

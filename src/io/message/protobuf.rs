@@ -9,6 +9,8 @@
 //! 1. [`Descriptors::read`]: descriptor set → message types.
 //! 2. [`ProtobufPlan::resolve`]: types + paths → for each message type on the way, what to do with which field number.
 //! 3. [`ProtobufPlan::read`]: payload → the wanted values in a row.
+//!
+//! Of a message worded as the one before, only the numbers are read ([`wording`](super::wording)).
 
 mod descriptor;
 mod plan;
@@ -17,3 +19,4 @@ mod wire;
 
 pub use descriptor::Descriptors;
 pub use plan::ProtobufPlan;
+pub(super) use read::Gap;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::cdr::Layout;
 use super::value::{Gathered, Text};
+use super::wording::Wording;
 use super::{MessageFault, Numbers, Primitive, Texts, Value};
 
 /// Elements of an array that are gathered one by one: far more than an arm has joints.
@@ -23,6 +24,8 @@ pub struct Row {
     filled: u64,
     /// How the message was laid out, where it was in CDR.
     layout: Layout,
+    /// How the message was worded, where it was in protobuf or JSON.
+    pub(super) wording: Wording,
 }
 
 /// What was found for one wanted path; places are byte ranges of the message, in which a message has to be shorter than
@@ -63,6 +66,31 @@ pub(super) struct Span {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct List(Vec<Cell>);
 
+/// Where a single value stands in a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place {
+    slot: usize,
+    /// In the slot's list.
+    element: Option<usize>,
+}
+
+/// A row's cells and lists, lent out to be written.
+pub(super) struct CellsMut<'r> {
+    cells: &'r mut [Cell],
+    lists: &'r mut [List],
+}
+
+impl CellsMut<'_> {
+    /// The cell at a place, which is one of the row.
+    #[inline]
+    pub(super) fn at(&mut self, place: Place) -> &mut Cell {
+        match place.element {
+            Some(element) => &mut self.lists[place.slot].0[element],
+            None => &mut self.cells[place.slot],
+        }
+    }
+}
+
 /// A place in a message, whose length [`Row::begin`] has looked at.
 #[expect(
     clippy::cast_possible_truncation,
@@ -78,6 +106,24 @@ impl Span {
             start: place(start),
             end: place(end),
             escaped,
+        }
+    }
+
+    /// The same span in what begins at `start`.
+    pub(super) const fn counted_from(self, start: usize) -> Self {
+        Self {
+            start: self.start - place(start),
+            end: self.end - place(start),
+            ..self
+        }
+    }
+
+    /// The same span in a message in which as many bytes stand before it.
+    pub(super) const fn moved_on(self, bytes: usize) -> Self {
+        Self {
+            start: self.start + place(bytes),
+            end: self.end + place(bytes),
+            ..self
         }
     }
 
@@ -175,6 +221,7 @@ impl Row {
     #[inline]
     pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
         self.layout.forget();
+        self.wording.forget();
         self.filled += 1;
         if u32::try_from(message.len()).is_err() {
             return Err(MessageFault::Long);
@@ -197,7 +244,14 @@ impl Row {
         alike
     }
 
-    /// Changes whenever it is filled with anything but single numbers: while it stays, texts and the lengths of arrays do.
+    /// Fills it from a message worded as the one before, which the same plan read; tells whether it is.
+    #[inline]
+    pub(super) fn fill_as_worded_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
+        let (cells, lists) = (&mut self.cells, &mut self.lists);
+        self.wording.read(plan, message, CellsMut { cells, lists })
+    }
+
+    /// Changes whenever it is filled with anything but numbers: while it stays, texts and the lengths of arrays do.
     #[inline]
     pub const fn filled(&self) -> u64 {
         self.filled
@@ -216,6 +270,17 @@ impl Row {
 
     pub(super) fn put_layout(&mut self, layout: Layout) {
         self.layout = layout;
+    }
+
+    /// Notes for the wording what the slot, or the list in it, got last; it was read up to `end`.
+    #[inline]
+    pub(super) fn taken(&mut self, slot: usize, end: usize) {
+        let (mut cell, mut element) = (self.cells[slot], None);
+        if cell == Cell::List {
+            let last = self.lists[slot].len().saturating_sub(1);
+            (cell, element) = (self.lists[slot].element(last), Some(last));
+        }
+        self.wording.taken(cell, end, Place { slot, element });
     }
 
     /// Whether some list was begun.

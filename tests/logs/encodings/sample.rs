@@ -51,7 +51,7 @@ pub fn word(value: &Value<'_>) -> String {
 }
 
 /// A value's elements for the other reader: bits of numbers, texts, null.
-fn elements(value: &Value<'_>) -> Vec<serde_json::Value> {
+pub fn elements(value: &Value<'_>) -> Vec<serde_json::Value> {
     let number = |number: f64| serde_json::json!({ "bits": bits(number) });
     match value {
         Value::Absent => vec![serde_json::Value::Null],
@@ -82,7 +82,7 @@ fn elements(value: &Value<'_>) -> Vec<serde_json::Value> {
 }
 
 /// Numbers without a pattern; the same in every run.
-struct Noise(u64);
+pub struct Noise(pub u64);
 
 impl Noise {
     fn next(&mut self) -> u64 {
@@ -94,7 +94,7 @@ impl Noise {
         self.0.rotate_left(32)
     }
 
-    fn below(&mut self, limit: u64) -> u64 {
+    pub fn below(&mut self, limit: u64) -> u64 {
         self.next() % limit
     }
 
@@ -114,7 +114,7 @@ impl Noise {
         }
     }
 
-    fn place(&mut self, count: u64) -> usize {
+    pub fn place(&mut self, count: u64) -> usize {
         usize::try_from(self.below(count)).expect("small")
     }
 
@@ -141,7 +141,7 @@ const PRIMITIVES: [(&str, &str, usize); 12] = [
 ];
 
 /// The schemas of `samples/All` in both languages, and the fields.
-fn ros_schemas() -> (String, String, Vec<String>) {
+pub fn ros_schemas() -> (String, String, Vec<String>) {
     let (mut message, mut typedefs, mut members) = (String::new(), String::new(), String::new());
     let mut paths = Vec::new();
     writeln!(
@@ -203,7 +203,7 @@ fn ros_schemas() -> (String, String, Vec<String>) {
 
 /// How a CDR message is laid out.
 #[derive(Clone, Copy)]
-struct Layout {
+pub struct Layout {
     encapsulation: u8,
     version_2: bool,
     delimited: bool,
@@ -334,7 +334,7 @@ const KINDS: [(&str, u64, u8); 15] = [
     ("sint64", 18, 0),
 ];
 
-fn protobuf_schema() -> (Vec<u8>, Vec<String>) {
+pub fn protobuf_schema() -> (Vec<u8>, Vec<String>) {
     let (mut fields, mut paths) = (Vec::new(), Vec::new());
     let names: Vec<_> = KINDS
         .iter()
@@ -411,7 +411,7 @@ fn protobuf_inner(noise: &mut Noise) -> Proto {
     inner
 }
 
-fn protobuf_message(noise: &mut Noise) -> Vec<u8> {
+pub fn protobuf_message(noise: &mut Noise) -> Vec<u8> {
     let mut message = Proto::default();
     for (number, kind) in (1..).zip(KINDS) {
         // Now and then twice, or not at all.
@@ -446,7 +446,7 @@ fn protobuf_message(noise: &mut Noise) -> Vec<u8> {
     message.0
 }
 
-const JSON_PATHS: [&str; 9] = [
+pub const JSON_PATHS: [&str; 9] = [
     "x", "a.x", "a.b[1].x", "list", "list[].x", "names", "a.b[].s", "\"", "tall",
 ];
 
@@ -476,7 +476,7 @@ fn json_value(noise: &mut Noise, levels: u64) -> serde_json::Value {
     }
 }
 
-fn json_message(noise: &mut Noise) -> Vec<u8> {
+pub fn json_message(noise: &mut Noise) -> Vec<u8> {
     let mut message = serde_json::json!({
         "x": json_value(noise, 0),
         "a": { "x": json_value(noise, 0), "b": [json_value(noise, 3), { "x": noise.double(), "s": noise.text() }] },

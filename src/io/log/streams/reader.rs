@@ -253,9 +253,12 @@ impl JointOrder {
             return Err(RowFault::UnequalArrays);
         }
         // The order hardly ever changes, so the names are looked at only when their bytes do.
-        if self.places.len() != joint_names.len() || !names.are(&self.names) {
+        let filled = Some(values.row.filled());
+        let seen = self.seen_in == filled || names.are(&self.names);
+        if self.places.len() != joint_names.len() || !seen {
             self.find(&names, joint_names)?;
         }
+        self.seen_in = filled;
         for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
             match angles.get(place) {
                 Some(angle) => column.push(angle),

@@ -59,15 +59,15 @@ const POWERS: [f64; EXACT_DIGITS + 1] = [
 ];
 
 /// A number of few digits and without an exponent: digits and power of ten are exact, so their quotient is rounded once,
-/// as it has to be (W. D. Clinger, "How to read floating point numbers accurately"). `None`: not so short.
+/// as it has to be (W. D. Clinger, "How to read floating point numbers accurately"). False: not so short.
 #[inline]
-pub(super) fn short_number(written: &[u8], whole: bool) -> Option<Cell> {
+pub(super) fn take_short_number(written: &[u8], whole: bool, cell: &mut Cell) -> bool {
     let (negative, unsigned) = match written {
         [b'-', rest @ ..] => (true, rest),
         rest => (false, rest),
     };
     if unsigned.len() > EXACT_DIGITS + 1 {
-        return None;
+        return false;
     }
     let (mut digits, mut behind_point, mut fraction) = (0_u32, 0, 0_i64);
     let mut pointed = false;
@@ -79,22 +79,29 @@ pub(super) fn short_number(written: &[u8], whole: bool) -> Option<Cell> {
                 behind_point += usize::from(pointed);
             }
             b'.' => pointed = true,
-            _ => return None,
+            _ => return false,
         }
     }
     if digits as usize > EXACT_DIGITS {
-        return None;
+        return false;
     }
-    if whole {
-        return Some(Cell::Integer(if negative { -fraction } else { fraction }));
-    }
-    let number = fraction as f64 / POWERS[behind_point];
-    Some(Cell::Number(if negative { -number } else { number }))
+    *cell = if whole {
+        Cell::Integer(if negative { -fraction } else { fraction })
+    } else {
+        let number = fraction as f64 / POWERS[behind_point];
+        Cell::Number(if negative { -number } else { number })
+    };
+    true
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn short_number(written: &[u8], whole: bool) -> Option<Cell> {
+        let mut cell = Cell::Absent;
+        take_short_number(written, whole, &mut cell).then_some(cell)
+    }
 
     #[test]
     fn places_are_those_found_byte_by_byte() {

@@ -1,9 +1,9 @@
 //! A message's bytes → the wanted values.
 
 use super::scan::{MOST_LEVELS, Scan};
-use super::{JsonPlan, Node, unescaped};
+use super::{JsonPlan, Node, number, unescaped};
 use crate::io::message::row::{Cell, Span};
-use crate::io::message::{MessageFault, Row};
+use crate::io::message::{MessageFault, Row, wording};
 
 /// Some writers put it before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
@@ -13,6 +13,9 @@ impl JsonPlan {
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
+        if row.fill_as_worded_before(&self.identity, message) {
+            return Ok(());
+        }
         row.begin(message, self.wanted)?;
         let mut scan = Scan {
             bytes: message,
@@ -23,7 +26,9 @@ impl JsonPlan {
             },
         };
         self.value(&self.nodes[0], &mut scan, row, MOST_LEVELS)?;
-        scan.finish()
+        scan.finish()?;
+        row.wording.keep(&self.identity, message);
+        Ok(())
     }
 
     /// Reads the value that comes next, of which something is wanted.
@@ -34,24 +39,26 @@ impl JsonPlan {
         row: &mut Row,
         levels: usize,
     ) -> Result<(), MessageFault> {
-        let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
+        let inner = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
         match scan.peek()? {
             b'{' => scan.members(|scan, name| match self.member(node, scan.bytes, name) {
                 Some(child) => {
                     child.forget(row);
-                    self.value(child, scan, row, levels)
+                    self.value(child, scan, row, inner)
                 }
-                None => scan.skip(levels),
+                None => skip(scan, row, inner),
             }),
-            b'[' => self.array(node, scan, row, levels),
+            b'[' => self.array(node, scan, row, inner),
+            _ if node.slots.is_empty() => skip(scan, row, levels),
             _ => {
-                let cell = scan.scalar()?;
+                let cell = single(scan, row)?;
                 for &(slot, each) in &node.slots {
                     if each {
                         row.list(slot).set_last(cell);
                     } else {
                         row.set(slot, cell);
                     }
+                    row.taken(slot, scan.at);
                 }
                 Ok(())
             }
@@ -78,36 +85,98 @@ impl JsonPlan {
         levels: usize,
     ) -> Result<(), MessageFault> {
         // An array inside an element of another one is no single value.
-        let whole = node.slots.iter().find(|(_, each)| !each);
+        let whole = || node.slots.iter().filter(|(_, each)| !each);
         let lists = node.each.iter().flat_map(|(_, lists)| lists);
-        for &slot in lists.chain(whole.map(|(slot, _)| slot)) {
+        for &slot in lists.chain(whole().map(|(slot, _)| slot)) {
             row.list(slot);
         }
         scan.elements(|scan, index| {
-            if let Some(&(slot, _)) = whole {
-                if !matches!(scan.peek()?, b'{' | b'[') {
-                    let cell = scan.scalar()?;
-                    return row.list(slot).push(cell);
-                }
-                row.list(slot).begin_element()?;
-            }
+            let is_single = !matches!(scan.peek()?, b'{' | b'[');
             let start = scan.at;
-            let mut read = false;
+            for &(slot, _) in whole() {
+                again_from(start, scan, row);
+                row.list(slot).begin_element()?;
+                if is_single {
+                    let cell = single(scan, row)?;
+                    row.list(slot).set_last(cell);
+                    row.taken(slot, scan.at);
+                }
+            }
             if let Some((child, lists)) = &node.each {
+                again_from(start, scan, row);
                 for &slot in lists {
                     row.list(slot).begin_element()?;
                 }
                 self.value(&self.nodes[*child], scan, row, levels)?;
-                read = true;
             }
             if let Some((_, child)) = node.elements.iter().find(|(known, _)| *known == index) {
-                // Read once more where each element is wanted too.
-                scan.at = start;
+                again_from(start, scan, row);
                 self.value(&self.nodes[*child], scan, row, levels)?;
-                read = true;
             }
-            if read { Ok(()) } else { scan.skip(levels) }
+            if scan.at == start {
+                skip(scan, row, levels)?;
+            }
+            Ok(())
         })
+    }
+}
+
+/// Reads a number, string, truth value or null of which something is wanted.
+#[inline]
+fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
+    let (start, is_number) = (scan.at, scan.is_number());
+    let cell = scan.scalar()?;
+    if is_number {
+        let gap = wording::Gap::Json(Gap::Number);
+        row.wording.gap(scan.bytes, start, scan.at, gap);
+    }
+    Ok(cell)
+}
+
+/// Passes over a value of which nothing is wanted.
+#[inline]
+fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), MessageFault> {
+    let start = scan.at;
+    scan.skip(levels)?;
+    let gap = wording::Gap::Json(Gap::Unwanted { levels });
+    row.wording.gap(scan.bytes, start, scan.at, gap);
+    Ok(())
+}
+
+/// Goes back to where a value begins of which more than one thing is wanted.
+const fn again_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) {
+    if scan.at != start {
+        row.wording.depends_on_more();
+        scan.at = start;
+    }
+}
+
+/// What differs in messages that are worded alike.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::io::message) enum Gap {
+    /// A number that is wanted.
+    Number,
+    /// Any value, nothing of which is; so deep may objects and arrays stand in it.
+    Unwanted { levels: usize },
+}
+
+impl Gap {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+    #[inline]
+    pub(in crate::io::message) fn take(
+        self,
+        bytes: &[u8],
+        at: usize,
+        cell: &mut Cell,
+    ) -> Result<usize, MessageFault> {
+        match self {
+            Self::Number => number::take(bytes, at, cell),
+            Self::Unwanted { levels } => {
+                let mut scan = Scan { bytes, at };
+                scan.skip(levels)?;
+                Ok(scan.at)
+            }
+        }
     }
 }
 
@@ -115,10 +184,12 @@ impl Node {
     /// Takes out what was read before under the same name: the last counts.
     fn forget(&self, row: &mut Row) {
         for &(slot, each) in &self.below {
-            if each {
+            if each && !row.list(slot).last_is_absent() {
                 row.list(slot).set_last(Cell::Absent);
-            } else if row.cell(slot) != Cell::Absent {
+                row.wording.depends_on_more();
+            } else if !each && row.cell(slot) != Cell::Absent {
                 row.forget(slot);
+                row.wording.depends_on_more();
             }
         }
     }

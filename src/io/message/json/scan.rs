@@ -1,6 +1,6 @@
 //! JSON's signs, strings and numbers; what is passed over.
 
-use super::bytes;
+use super::{bytes, number};
 use crate::io::message::MessageFault;
 use crate::io::message::row::{Cell, Span};
 
@@ -67,10 +67,8 @@ impl Scan<'_> {
     pub(super) fn scalar(&mut self) -> Result<Cell, MessageFault> {
         match self.peek()? {
             b'"' => self.text().map(Cell::Text),
-            b'-' if self.bytes.get(self.at + 1) == Some(&b'I') => {
-                self.word("-Infinity", Cell::Number(f64::NEG_INFINITY))
-            }
-            b'-' | b'0'..=b'9' => self.number(),
+            _ if self.is_number() => self.number(),
+            b'-' => self.word("-Infinity", Cell::Number(f64::NEG_INFINITY)),
             b't' => self.word("true", Cell::Integer(1)),
             b'f' => self.word("false", Cell::Integer(0)),
             b'n' => self.word("null", Cell::Absent),
@@ -92,56 +90,19 @@ impl Scan<'_> {
         }
     }
 
-    /// The nearest number to what is written; a whole one that fits is an integer.
     fn number(&mut self) -> Result<Cell, MessageFault> {
-        let start = self.at;
-        let whole = self.skip_number()?;
-        let written = &self.bytes[start..self.at];
-        if let Some(exact) = bytes::short_number(written, whole) {
-            return Ok(exact);
-        }
-        let text = str::from_utf8(written).map_err(|_| MessageFault::Json)?;
-        if whole && let Ok(integer) = text.parse() {
-            return Ok(Cell::Integer(integer));
-        }
-        text.parse()
-            .map(Cell::Number)
-            .map_err(|_| MessageFault::Json)
+        let mut cell = Cell::Absent;
+        self.at = number::take(self.bytes, self.at, &mut cell)?;
+        Ok(cell)
     }
 
-    /// Passes over a number; tells whether it is written as a whole one.
+    /// Whether digits come next, before which there may be a minus.
     #[inline]
-    fn skip_number(&mut self) -> Result<bool, MessageFault> {
-        self.at += usize::from(self.bytes[self.at] == b'-');
-        let first = self.at;
-        self.digits()?;
-        if self.bytes[first] == b'0' && self.at > first + 1 {
-            return Err(MessageFault::Json);
-        }
-        let mut whole = true;
-        if self.bytes.get(self.at) == Some(&b'.') {
-            self.at += 1;
-            self.digits()?;
-            whole = false;
-        }
-        if let Some(b'e' | b'E') = self.bytes.get(self.at) {
-            self.at += 1;
-            self.at += usize::from(matches!(self.bytes.get(self.at), Some(b'+' | b'-')));
-            self.digits()?;
-            whole = false;
-        }
-        Ok(whole)
-    }
-
-    /// One digit or more.
-    #[inline]
-    fn digits(&mut self) -> Result<(), MessageFault> {
-        let start = self.at;
-        self.at += bytes::digits(&self.bytes[start..]);
+    pub(super) fn is_number(&self) -> bool {
         match self.bytes.get(self.at) {
-            _ if self.at > start => Ok(()),
-            None => Err(MessageFault::Short),
-            Some(_) => Err(MessageFault::Json),
+            Some(b'0'..=b'9') => true,
+            Some(b'-') => self.bytes.get(self.at + 1) != Some(&b'I'),
+            _ => false,
         }
     }
 
@@ -151,8 +112,10 @@ impl Scan<'_> {
         match self.peek()? {
             b'{' => self.members(|scan, _| scan.skip(levels)),
             b'[' => self.elements(|scan, _| scan.skip(levels)),
-            b'-' if self.bytes.get(self.at + 1) != Some(&b'I') => self.skip_number().map(drop),
-            b'0'..=b'9' => self.skip_number().map(drop),
+            _ if self.is_number() => {
+                (self.at, _) = number::end(self.bytes, self.at)?;
+                Ok(())
+            }
             _ => self.scalar().map(drop),
         }
     }

@@ -1,5 +1,7 @@
 //! Message types + wanted paths → for each message type on the way, what to do with which field number.
 
+use std::sync::Arc;
+
 use super::descriptor::{Descriptors, Field, Kind, Type};
 use crate::io::message::path::{Segment, Want, by_element};
 use crate::io::message::row::Cell;
@@ -14,6 +16,8 @@ pub struct ProtobufPlan {
     pub(super) picks: Vec<(usize, usize, usize)>,
     /// Slots of the row: the wanted ones and those needed on the way.
     pub(super) slots: usize,
+    /// Tells whether a message was read by this plan.
+    pub(super) identity: Arc<()>,
 }
 
 /// What to do with the fields of one message on the way to wanted ones.
@@ -86,6 +90,7 @@ impl ProtobufPlan {
                 nodes: Vec::new(),
                 picks: Vec::new(),
                 slots: wanted.len(),
+                identity: Arc::new(()),
             },
         };
         let wants = wanted

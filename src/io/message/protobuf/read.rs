@@ -4,16 +4,18 @@ use super::descriptor::Kind;
 use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
 use super::wire::{Wire, wire_type};
 use crate::io::message::row::{Cell, Span};
-use crate::io::message::{MessageFault, Row};
+use crate::io::message::{MessageFault, Row, wording};
 
 impl ProtobufPlan {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// What was taken before a fault was met must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
-        row.begin(message, self.slots)?;
-        let mut wire = Wire::new(message);
-        self.message(0, &mut wire, row)?;
+        if !row.fill_as_worded_before(&self.identity, message) {
+            row.begin(message, self.slots)?;
+            self.message(0, &mut Wire::new(message), row)?;
+            row.wording.keep(&self.identity, message);
+        }
         for &(list, index, slot) in &self.picks {
             let picked = row.list(list).element(index);
             row.set(slot, picked);
@@ -28,7 +30,7 @@ impl ProtobufPlan {
         while let Some((number, wire_type)) = wire.tag()? {
             match node.entry(number) {
                 Some(entry) => self.field(entry, wire_type, wire, row)?,
-                None => wire.skip(number, wire_type)?,
+                None => skip(number, wire_type, wire, row)?,
             }
         }
         Ok(())
@@ -49,7 +51,7 @@ impl ProtobufPlan {
             match node.entry(number) {
                 _ if (number, wire_type) == (group, wire_type::GROUP_END) => return Ok(()),
                 Some(entry) => self.field(entry, wire_type, wire, row)?,
-                None => wire.skip(number, wire_type)?,
+                None => skip(number, wire_type, wire, row)?,
             }
         }
     }
@@ -64,18 +66,17 @@ impl ProtobufPlan {
         match &entry.action {
             Action::Value(target, kind) if kind.wire_type() == wire_type => {
                 oust(&entry.ousts, row);
-                target.set(kind.read(wire)?, row);
+                target.set(kind.take(wire, row)?, row);
+                row.taken(target.slot(), wire.at);
                 Ok(())
             }
             Action::Values(slot, kind) if kind.wire_type() == wire_type => {
-                let value = kind.read(wire)?;
-                row.list(*slot).push(value)
+                kind.push(wire, *slot, row)
             }
             // Packed: the values one behind the other.
             Action::Values(slot, kind) if wire_type == wire_type::LENGTH => inside(wire, |wire| {
                 while wire.at < wire.bytes.len() {
-                    let value = kind.read(wire)?;
-                    row.list(*slot).push(value)?;
+                    kind.push(wire, *slot, row)?;
                 }
                 Ok(())
             }),
@@ -89,9 +90,9 @@ impl ProtobufPlan {
             }
             Action::Skip => {
                 oust(&entry.ousts, row);
-                wire.skip(entry.number, wire_type)
+                skip(entry.number, wire_type, wire, row)
             }
-            _ => wire.skip(entry.number, wire_type),
+            _ => skip(entry.number, wire_type, wire, row),
         }
     }
 
@@ -127,8 +128,67 @@ fn inside<'m>(
     Ok(())
 }
 
+/// Passes over the value of a field of which nothing is wanted.
+#[inline]
+fn skip(
+    number: u32,
+    wire_type: u8,
+    wire: &mut Wire<'_>,
+    row: &mut Row,
+) -> Result<(), MessageFault> {
+    let start = wire.at;
+    wire.skip(number, wire_type)?;
+    let gap = Gap {
+        stored: Stored::Unwanted { number, wire_type },
+        size: wire.at - start,
+    };
+    row.wording
+        .gap(wire.bytes, start, wire.at, wording::Gap::Protobuf(gap));
+    Ok(())
+}
+
+/// What differs in messages that are worded alike. Its size does not: lengths of messages that it stands in count it.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::io::message) struct Gap {
+    stored: Stored,
+    size: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Stored {
+    /// A number that is wanted.
+    Number(Kind),
+    /// The value of a field of which nothing is.
+    Unwanted { number: u32, wire_type: u8 },
+}
+
+impl Gap {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+    #[inline]
+    pub(in crate::io::message) fn take(
+        self,
+        message: &[u8],
+        at: usize,
+        cell: &mut Cell,
+    ) -> Result<usize, MessageFault> {
+        let mut wire = Wire { bytes: message, at };
+        match self.stored {
+            Stored::Number(kind) => kind.put(&mut wire, cell)?,
+            Stored::Unwanted { number, wire_type } => wire.skip(number, wire_type)?,
+        }
+        if wire.at - at == self.size {
+            Ok(wire.at)
+        } else {
+            Err(MessageFault::Wire)
+        }
+    }
+}
+
 fn oust(targets: &[Target], row: &mut Row) {
     for &target in targets {
+        if !target.is_absent(row) {
+            row.wording.depends_on_more();
+        }
         match target {
             Target::Slot(slot) => row.forget(slot),
             Target::Last(_) => target.set(Cell::Absent, row),
@@ -142,6 +202,12 @@ impl Target {
         match self {
             Self::Slot(slot) => row.set(slot, cell),
             Self::Last(slot) => row.list(slot).set_last(cell),
+        }
+    }
+
+    const fn slot(self) -> usize {
+        match self {
+            Self::Slot(slot) | Self::Last(slot) => slot,
         }
     }
 
@@ -199,10 +265,43 @@ impl Kind {
         }
     }
 
+    /// A value of a repeated field is added to the list in a slot.
+    #[inline]
+    fn push(self, wire: &mut Wire<'_>, slot: usize, row: &mut Row) -> Result<(), MessageFault> {
+        let value = self.take(wire, row)?;
+        row.list(slot).push(value)?;
+        row.taken(slot, wire.at);
+        Ok(())
+    }
+
+    /// One value that is wanted.
+    #[inline]
+    fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
+        let start = wire.at;
+        let cell = self.read(wire)?;
+        if self.wire_type() != wire_type::LENGTH {
+            let gap = Gap {
+                stored: Stored::Number(self),
+                size: wire.at - start,
+            };
+            row.wording
+                .gap(wire.bytes, start, wire.at, wording::Gap::Protobuf(gap));
+        }
+        Ok(cell)
+    }
+
     /// One value, stored as its kind is.
     #[inline]
     fn read(self, wire: &mut Wire<'_>) -> Result<Cell, MessageFault> {
-        Ok(match self {
+        let mut cell = Cell::Absent;
+        self.put(wire, &mut cell)?;
+        Ok(cell)
+    }
+
+    /// Puts one value, stored as its kind is, into a cell.
+    #[inline]
+    fn put(self, wire: &mut Wire<'_>, cell: &mut Cell) -> Result<(), MessageFault> {
+        *cell = match self {
             Self::Double => Cell::Number(f64::from_le_bytes(wire.fixed()?)),
             Self::Float => Cell::Number(f32::from_le_bytes(wire.fixed()?).into()),
             Self::Fixed64 => unsigned(u64::from_le_bytes(wire.fixed()?)),
@@ -227,7 +326,8 @@ impl Kind {
                 let start = std::mem::replace(&mut wire.at, end);
                 Cell::Text(Span::new(start, end, false))
             }
-        })
+        };
+        Ok(())
     }
 }
 

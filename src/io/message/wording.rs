@@ -1,0 +1,189 @@
+//! How the message read last was worded: a recorder writes the same names, texts and lengths of arrays over and over,
+//! and other numbers.
+//!
+//! Numbers that are wanted and values that are not are gaps in it. A message with the same bytes before, between and
+//! behind its gaps reads alike: each wanted number goes where the one in its gap went, each wanted text lies where it
+//! lay behind the gap before it, and all else of the row stays.
+
+use std::sync::Arc;
+
+use super::row::{Cell, CellsMut, Place, Span};
+use super::{MessageFault, json, protobuf};
+
+/// More bytes or gaps than this are not worth taking down for each message.
+const LONGEST: usize = 1 << 16;
+const MOST: usize = 1 << 12;
+
+/// What the message read last says besides its gaps.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Wording {
+    /// The plan that read it; `None` where the next message has to be walked.
+    plan: Option<Arc<()>>,
+    /// What stands around the gaps, without them.
+    bytes: Vec<u8>,
+    /// What stands before each gap, and the gap.
+    parts: Vec<Part>,
+    /// Where wanted texts lie in their parts.
+    texts: Vec<(Span, Place)>,
+    /// Where wanted numbers go.
+    places: Vec<Place>,
+    /// Where the last gap ends in its message.
+    gap_end: usize,
+    /// Something in it depends on more, or it is too long.
+    is_other: bool,
+}
+
+/// What stands before a gap, and the gap. Its bytes, its texts and the places of the number in its gap begin where those
+/// of the part before end.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    /// Where it begins in the message.
+    start: usize,
+    bytes_end: usize,
+    texts_end: usize,
+    places_end: usize,
+    gap: Gap,
+}
+
+/// What is read anew in each message.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Gap {
+    Json(json::Gap),
+    Protobuf(protobuf::Gap),
+}
+
+impl Wording {
+    /// The next message has to be walked.
+    pub fn forget(&mut self) {
+        self.plan = None;
+        self.bytes.clear();
+        self.parts.clear();
+        self.texts.clear();
+        self.places.clear();
+        self.gap_end = 0;
+        self.is_other = false;
+    }
+
+    /// A wanted number, or a value that is not wanted, was read from `start` to `end`.
+    #[inline]
+    pub fn gap(&mut self, message: &[u8], start: usize, end: usize, gap: Gap) {
+        if self.is_other || end > LONGEST || self.parts.len() == MOST {
+            self.is_other = true;
+            return;
+        }
+        self.bytes.extend_from_slice(&message[self.gap_end..start]);
+        self.parts.push(Part {
+            start: self.gap_end,
+            bytes_end: self.bytes.len(),
+            texts_end: self.texts.len(),
+            places_end: self.places.len(),
+            gap,
+        });
+        self.gap_end = end;
+    }
+
+    /// What was read last, up to `end`, was put at a place.
+    #[inline]
+    pub fn taken(&mut self, cell: Cell, end: usize, place: Place) {
+        if self.is_other {
+            return;
+        }
+        match cell {
+            Cell::Text(span) => self.texts.push((span.counted_from(self.gap_end), place)),
+            _ if end == self.gap_end => {
+                self.places.push(place);
+                if let Some(part) = self.parts.last_mut() {
+                    part.places_end = self.places.len();
+                }
+            }
+            // A word such as JSON's `true`: it is part of what stands between gaps.
+            _ => {}
+        }
+    }
+
+    /// Something was read that depends on more: the value of a number, or what else was put at its place.
+    pub const fn depends_on_more(&mut self) {
+        self.is_other = true;
+    }
+
+    /// A message was walked to its end by `plan`, and all that was noted is of it.
+    pub fn keep(&mut self, plan: &Arc<()>, message: &[u8]) {
+        if !self.is_other && message.len() <= LONGEST {
+            self.bytes.extend_from_slice(&message[self.gap_end..]);
+            self.plan = Some(Arc::clone(plan));
+        }
+    }
+
+    /// Reads the numbers and texts of a message worded alike for `plan`; tells whether it is.
+    ///
+    /// Where it is not, some may have been put.
+    #[inline]
+    pub fn read(&mut self, plan: &Arc<()>, message: &[u8], mut values: CellsMut<'_>) -> bool {
+        let known = self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan));
+        if !known || message.len() > LONGEST {
+            return false;
+        }
+        let mut start = 0;
+        let (mut bytes, mut texts, mut places) = (0, 0, 0);
+        for part in &mut self.parts {
+            let same = &self.bytes[bytes..part.bytes_end];
+            let gap = start + same.len();
+            let found = message.get(start..gap);
+            if !found.is_some_and(|found| alike(same, found)) {
+                return false;
+            }
+            // Its texts lie where they lay, unless what stands before got longer or shorter.
+            if part.start != start {
+                part.start = start;
+                put(&self.texts[texts..part.texts_end], start, &mut values);
+            }
+            let mut unwanted = Cell::Absent;
+            let (cell, others) = match &self.places[places..part.places_end] {
+                [] => (&mut unwanted, &[][..]),
+                [first, others @ ..] => (values.at(*first), others),
+            };
+            let Ok(end) = part.gap.take(message, gap, cell) else {
+                return false;
+            };
+            if !others.is_empty() {
+                let cell = *cell;
+                for &place in others {
+                    *values.at(place) = cell;
+                }
+            }
+            start = end;
+            (bytes, texts, places) = (part.bytes_end, part.texts_end, part.places_end);
+        }
+        put(&self.texts[texts..], start, &mut values);
+        message[start..] == self.bytes[bytes..]
+    }
+}
+
+/// Puts texts that lie in a part into their cells.
+fn put(texts: &[(Span, Place)], part_start: usize, values: &mut CellsMut<'_>) {
+    for &(span, place) in texts {
+        *values.at(place) = Cell::Text(span.moved_on(part_start));
+    }
+}
+
+/// Whether the bytes are the same; most stretches between gaps are short.
+#[inline]
+fn alike(known: &[u8], found: &[u8]) -> bool {
+    match (known.first_chunk::<8>(), found.first_chunk::<8>()) {
+        (Some(first), Some(found_first)) if known.len() <= 16 => {
+            first == found_first && known.last_chunk::<8>() == found.last_chunk::<8>()
+        }
+        _ => known == found,
+    }
+}
+
+impl Gap {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+    #[inline]
+    fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
+        match self {
+            Self::Json(gap) => gap.take(message, at, cell),
+            Self::Protobuf(gap) => gap.take(message, at, cell),
+        }
+    }
+}
