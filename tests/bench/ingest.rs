@@ -1,12 +1,11 @@
 //! How much more than plain decompression ingest costs, on a log of 2.2 million messages.
 //!
-//! `cargo bench --bench ingest` writes the log (2.0 M joint states of 6 joints with velocities and efforts,
-//! 0.2 M points, zstd: 615 MB of records) into a temporary
-//! folder, once with joints that always move and once with joints that go from rest to rest, and prints user, system and
-//! wall seconds, the ratio of user seconds to those of plain decompression, and peak memory of each step, each taken in a
-//! process of its own. `-- long` does the same on a log ten times as long, side by side. Messages per CPU second in protobuf
-//! and JSON follow; `-- forms` measures them alone. Without `--bench` (as `cargo test` calls it) a small log shows that it
-//! works.
+//! `cargo bench --bench ingest` writes the log (2.0 M joint states of 6 joints with velocities and efforts, 0.2 M points,
+//! zstd: 615 MB of records) into a temporary folder, once with joints that always move and once with joints that go from
+//! rest to rest. It prints user, system and wall seconds, the ratio of user seconds to those of plain decompression in the
+//! same round, and peak memory of each step: medians of five rounds, each step in a process of its own. `-- long` does the
+//! same on a log ten times as long, side by side. Messages per CPU second in protobuf and JSON follow; `-- forms` measures
+//! them alone. Without `--bench` (as `cargo test` calls it) a small log shows that it works.
 
 mod forms;
 #[expect(

@@ -20,17 +20,17 @@ use super::{cpu_seconds, decompress, mapping, write_log};
 
 /// Before the name of a step, the log and a folder: run only that.
 pub const FLAG: &str = "--step";
-/// How often a step is run on the shortest log: other work on the machine only ever adds to its times.
-const TIMES: usize = 3;
+/// How often the steps are run on the shortest log; medians are printed, of the ratios too.
+const ROUNDS: usize = 5;
 /// Joint states between two arrivals, and those of them in motion: a move of 0.8 s, then 1.2 s of rest.
 const PERIOD: u64 = 1000;
 const MOVE: u64 = 400;
 
-const FLOOR: &str = "zstd decompression alone";
 /// Its name, and what it does with a log and a folder: how many messages or rows it went through.
 type Step = (&'static str, fn(&Path, &Path) -> u64);
+/// The first is the floor.
 const STEPS: [Step; 6] = [
-    (FLOOR, |log, _| decompress(log)),
+    ("zstd decompression alone", |log, _| decompress(log)),
     ("decode to columns", |log, _| columns(log)),
     ("streaming into dwells and readings", |log, _| dwells(log)),
     ("the whole path to Parquet log tables", tables),
@@ -71,26 +71,38 @@ fn measure_on(name: &str, motion: fn(u64) -> f64, folder: &Path, lengths: &[u64]
     let logs: Vec<PathBuf> = logs.collect();
     let title = "    user   system  wall s   ratio peak MB";
     println!("{:<38}{}", "", title.repeat(logs.len()));
-    let mut floors = Vec::new();
-    for (step, _) in STEPS {
+    // Round after round over all steps: the machine's own pace changes from minute to minute.
+    let of = |step, log| in_own_process(step, log, folder);
+    let rounds: Vec<Vec<_>> = logs
+        .iter()
+        .enumerate()
+        .map(|(place, log)| {
+            let rounds = 0..if place == 0 { ROUNDS } else { 1 };
+            rounds
+                .map(|_| STEPS.map(|(step, _)| of(step, log)))
+                .collect()
+        })
+        .collect();
+    for (index, (step, _)) in STEPS.iter().enumerate() {
         print!("{step:<38}");
-        for (place, log) in logs.iter().enumerate() {
-            let times = if place == 0 { TIMES } else { 1 };
-            let taken = best_of(times, step, log, folder);
-            if step == FLOOR {
-                floors.push(taken.user_s);
-            }
-            let ratio = taken.user_s / floors[place];
-            let Taken {
-                user_s,
-                system_s,
-                wall_s,
-                peak_mb,
-            } = taken;
-            print!("{user_s:>8.2} {system_s:>8.2} {wall_s:>7.2} {ratio:>7.2} {peak_mb:>7.0}");
+        for rounds in &rounds {
+            let of = |number: fn(&Taken) -> f64| median(rounds, |round| number(&round[index]));
+            let ratio = median(rounds, |round| round[index].user_s / round[0].user_s);
+            let user = of(|taken| taken.user_s);
+            let system = of(|taken| taken.system_s);
+            let wall = of(|taken| taken.wall_s);
+            let peak = of(|taken| taken.peak_mb);
+            print!("{user:>8.2} {system:>8.2} {wall:>7.2} {ratio:>7.2} {peak:>7.0}");
         }
         println!();
     }
+}
+
+/// Of an odd number of rounds.
+fn median(rounds: &[[Taken; STEPS.len()]], number: impl Fn(&[Taken; STEPS.len()]) -> f64) -> f64 {
+    let mut numbers: Vec<f64> = rounds.iter().map(number).collect();
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
 }
 
 /// Minimum jerk from station to station, 0.1 rad apart.
@@ -99,13 +111,6 @@ fn rest_to_rest(i: u64) -> f64 {
     let share = within.min(MOVE) as f64 / MOVE as f64;
     let moved = share.powi(3) * (10.0 - 15.0 * share + 6.0 * share * share);
     (station as f64 + moved) * 0.1
-}
-
-/// The run of a step that took the least user time.
-fn best_of(times: usize, step: &str, log: &Path, folder: &Path) -> Taken {
-    let runs = (0..times).map(|_| in_own_process(step, log, folder));
-    runs.min_by(|a, b| a.user_s.total_cmp(&b.user_s))
-        .expect("several runs")
 }
 
 fn in_own_process(step: &str, log: &Path, folder: &Path) -> Taken {
