@@ -10,6 +10,7 @@
 
 mod cdr;
 mod cdr_plan;
+mod cell;
 mod definition;
 mod json;
 mod path;

@@ -15,7 +15,7 @@
 mod layout;
 
 use super::cdr_plan::{Repeat, Step};
-use super::row::{Cell, Span, number, place};
+use super::cell::{Cell, Span, number, place};
 use super::value::without_end_mark;
 use super::{CdrPlan, MessageFault, Primitive, Row};
 

@@ -1,7 +1,7 @@
 //! Values lent out of a message's bytes.
 
 use super::Primitive;
-use super::row::{Cell, List, number};
+use super::cell::{Cell, List, number};
 
 /// What a plan lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -7,7 +7,8 @@
 
 use std::sync::Arc;
 
-use super::row::{Cell, CellsMut, Place, Span};
+use super::cell::{Cell, Span};
+use super::row::{CellsMut, Place};
 use super::{MessageFault, json, protobuf};
 
 /// More bytes or gaps than this are not worth taking down for each message.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::HEADER;
 use crate::io::message::Primitive;
-use crate::io::message::row::Cell;
+use crate::io::message::cell::Cell;
 
 /// More stretches or numbers than this are not worth comparing.
 const MOST: usize = 32;

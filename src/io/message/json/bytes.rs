@@ -1,6 +1,6 @@
 //! Eight bytes of a text at once: where a string ends, how long a number is, what a short one says.
 
-use crate::io::message::row::Cell;
+use crate::io::message::cell::Cell;
 
 const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH_BITS: u64 = 0x80 * ONES;

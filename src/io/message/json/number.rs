@@ -2,7 +2,7 @@
 
 use super::bytes;
 use crate::io::message::MessageFault;
-use crate::io::message::row::Cell;
+use crate::io::message::cell::Cell;
 
 /// Puts the nearest number to what is written at `start` into a cell, tells where it ends; a whole one that fits is an
 /// integer.

@@ -2,7 +2,7 @@
 
 use super::scan::{MOST_LEVELS, Scan};
 use super::{JsonPlan, Node, number, unescaped};
-use crate::io::message::row::{Cell, Span};
+use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, wording};
 
 /// Some writers put it before a text in UTF-8.

@@ -2,7 +2,7 @@
 
 use super::{bytes, number};
 use crate::io::message::MessageFault;
-use crate::io::message::row::{Cell, Span};
+use crate::io::message::cell::{Cell, Span};
 
 /// How deep objects and arrays may stand in one another.
 pub(super) const MOST_LEVELS: usize = 64;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::wire::{Wire, wire_type};
-use crate::io::message::row::{Cell, Span};
+use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, SchemaError};
 
 /// How deep message types may be defined in one another.

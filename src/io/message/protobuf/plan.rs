@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::descriptor::{Descriptors, Field, Kind, Type};
+use crate::io::message::cell::Cell;
 use crate::io::message::path::{Segment, Want, by_element};
-use crate::io::message::row::Cell;
 use crate::io::message::{FieldPath, SchemaError};
 
 /// How to read the wanted values of one message type.

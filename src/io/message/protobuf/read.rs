@@ -3,7 +3,7 @@
 use super::descriptor::Kind;
 use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
 use super::wire::{Wire, wire_type};
-use crate::io::message::row::{Cell, Span};
+use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, wording};
 
 impl ProtobufPlan {
