@@ -4,35 +4,31 @@
 //! alone. Otherwise the logs are read and joined, the stages run, and all tables are written before the row of `runs`
 //! that makes the run exist.
 
-use std::fs::File;
-use std::path::{Path, PathBuf};
+mod error;
+mod inputs;
+mod session;
 
 use nalgebra::Isometry3;
-use thiserror::Error;
 
-use super::damage::{self, DamageError};
-use super::driven;
-use super::fetch::{FetchError, Fetched};
-use super::outcome::{JoinedSession, Outcome};
+use super::fetch::Fetched;
+use super::outcome::Outcome;
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
-use super::stages::{self, StageError};
 use super::words::{notes, words};
-use crate::fit::commanded::{CommandFrames, commanded};
+use super::{damage, driven, stages};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
-use crate::ingest::Recording;
-use crate::io::lake::{Commit, Lake, LakeError, OpenRun};
-use crate::io::log::{LogError, SessionRead, read_dwells, read_dwells_beside, read_metadata};
+use crate::io::lake::{Commit, Lake};
 use crate::io::page::Said;
 use crate::io::store::Place;
-use crate::io::tables::logs::LogTable;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
-use crate::io::targets::TargetsError;
-use crate::join::{JoinError, join_at_rest};
-use crate::manifest::{self, Input, RunKey, Work};
+use crate::manifest::RunKey;
 use crate::progress::Progress;
 use crate::report::{Angles, Model, Split};
+
+pub use error::RunError;
+pub(super) use inputs::{input, work};
+pub(super) use session::{joined, read};
 
 /// What a finished piece of work comes to.
 #[derive(Debug, Clone)]
@@ -59,108 +55,6 @@ impl Done {
     /// Whether the tolerance is met, and no more was rejected than allowed.
     pub fn is_good(&self) -> bool {
         self.verdict == Verdict::Meets && self.rejected.is_empty()
-    }
-}
-
-/// Why a piece of work has no result.
-#[derive(Debug, Error)]
-pub enum RunError {
-    /// An input cannot be digested.
-    #[error("cannot read {}: {source}", path.display())]
-    Input {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A recording that would count twice.
-    #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
-    SameTwice {
-        /// Session and side.
-        side: String,
-        /// The side's files.
-        files: Vec<String>,
-    },
-    /// A log cannot be read.
-    #[error(transparent)]
-    Log(#[from] LogError),
-    /// One session of the work cannot be used; a pool may do without it.
-    #[error("{source}")]
-    OfSession {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<RunError>,
-    },
-    /// Neither the pipeline file nor the logs name the robot.
-    #[error(
-        "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
-    )]
-    NoRobotName {
-        /// The session.
-        session: String,
-    },
-    /// More of a log was lost than the pipeline file allows.
-    #[error("session {session}: {0}", damage)]
-    Damaged {
-        /// The session.
-        session: String,
-        /// What was lost.
-        damage: DamageError,
-    },
-    /// The logs cannot be joined.
-    #[error("session {session}: join: {source}")]
-    Join {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<JoinError>,
-    },
-    /// A stage after the join.
-    #[error(transparent)]
-    Stage(#[from] StageError),
-    /// What drove a session cannot be read.
-    #[error("session {session}: corrected targets: {source}")]
-    Driving {
-        /// The session.
-        session: String,
-        /// Why.
-        source: Box<TargetsError>,
-    },
-    /// The tables cannot be published.
-    #[error(transparent)]
-    Publish(#[from] PublishError),
-    /// The lake cannot be read.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
-    /// The logs cannot be fetched.
-    #[error(transparent)]
-    Fetch(#[from] FetchError),
-    /// Any of these, of logs that were fetched, in words that name what they are copies of.
-    #[error("{words}")]
-    Copied {
-        /// The session whose fault it is, where it is one's.
-        session: Option<String>,
-        /// What is wrong.
-        words: String,
-    },
-}
-
-impl RunError {
-    /// The session whose fault it is, where it is one's.
-    pub fn session(&self) -> Option<&str> {
-        match self {
-            Self::OfSession { session, .. } => Some(session),
-            Self::Copied { session, .. } => session.as_deref(),
-            _ => None,
-        }
-    }
-
-    fn of(self, files: &SessionFiles) -> Self {
-        Self::OfSession {
-            session: files.name.clone(),
-            source: Box::new(self),
-        }
     }
 }
 
@@ -193,7 +87,7 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
         return already_there(plan, &lake, &key);
     };
     let mut joined = |files: &SessionFiles| {
-        let read = read_for(plan, files, &mut run, progress);
+        let read = session::read_for(plan, files, &mut run, progress);
         let joined = read.and_then(|read| joined(plan, files, read));
         joined.map_err(|error| error.of(files))
     };
@@ -253,88 +147,6 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError>
     Ok(lake.has_page(key)?.then_some(page))
 }
 
-/// The work's identity. A log is only looked into here where nothing else names the robot.
-pub(super) fn work(plan: &Plan, piece: &WorkPiece) -> Result<Work, RunError> {
-    let mut inputs = vec![input(&plan.robot_file, "robot")?];
-    for files in piece.training.iter().chain(&piece.test) {
-        inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
-    }
-    let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
-    Ok(Work {
-        robot: robot_name(plan, piece)?,
-        session: piece.session.clone(),
-        pipeline: plan.pipeline.clone(),
-        sessions: names(&piece.training),
-        test_sessions: names(&piece.test),
-        inputs,
-        settings: plan.settings.clone(),
-    })
-}
-
-fn session_inputs(files: &SessionFiles) -> Result<Vec<Input>, RunError> {
-    let (logs, name) = (&files.logs, &files.name);
-    let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
-    if logs.tracker != logs.controller {
-        inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
-    }
-    let corrected = files.corrected.iter();
-    let corrected = corrected.map(|path| input(path, &format!("{name}/corrected")));
-    inputs.extend(corrected.collect::<Result<Vec<_>, _>>()?);
-    Ok(inputs)
-}
-
-/// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
-fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
-    let inputs = paths.iter().map(|path| input(path, name));
-    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
-    if inputs.len() < 2 {
-        return Ok(inputs);
-    }
-    inputs.sort_by(|a, b| a.digest.cmp(&b.digest));
-    if inputs
-        .windows(2)
-        .any(|pair| pair[0].digest == pair[1].digest)
-    {
-        return Err(RunError::SameTwice {
-            side: name.to_owned(),
-            files: paths
-                .iter()
-                .map(|path| path.display().to_string())
-                .collect(),
-        });
-    }
-    for (place, input) in inputs.iter_mut().enumerate() {
-        input.name = format!("{name}/{}", place + 1);
-    }
-    Ok(inputs)
-}
-
-/// A file as an input of a run.
-pub(super) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
-    let wrong = |source| RunError::Input {
-        path: path.to_owned(),
-        source,
-    };
-    let (digest, bytes) = manifest::digest(File::open(path).map_err(wrong)?).map_err(wrong)?;
-    Ok(Input {
-        name: name.to_owned(),
-        bytes,
-        digest,
-    })
-}
-
-fn robot_name(plan: &Plan, piece: &WorkPiece) -> Result<String, RunError> {
-    if let Some(name) = &plan.robot {
-        return Ok(name.clone());
-    }
-    let none = || RunError::NoRobotName {
-        session: piece.session.clone(),
-    };
-    let files = piece.training.first().ok_or_else(none)?;
-    let mut metadata = read_metadata(&files.logs, plan.limits)?;
-    metadata.remove("session.robot").ok_or_else(none)
-}
-
 /// What the lake says of a run that it has.
 fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
     let row = lake.read("runs", key)?;
@@ -366,46 +178,6 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
     })
 }
 
-/// Reads a session, and meanwhile writes its decoded samples, where they are to be published.
-fn read_for(
-    plan: &Plan,
-    files: &SessionFiles,
-    run: &mut OpenRun<'_>,
-    progress: &dyn Progress,
-) -> Result<SessionRead, RunError> {
-    if !plan.logs {
-        return read(plan, files, progress);
-    }
-    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
-    let mut samples = LogTable::new(run, &files.name);
-    let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
-    within(plan, files, &read.recording)?;
-    if let Some(table) = samples.finish(&read.recording, &*read.readings)? {
-        run.keep(table);
-    }
-    Ok(read)
-}
-
-/// Reads a session.
-pub(super) fn read(
-    plan: &Plan,
-    files: &SessionFiles,
-    progress: &dyn Progress,
-) -> Result<SessionRead, RunError> {
-    let rule = plan.join.arm_rule();
-    let read = read_dwells(&files.logs, &plan.mapping, plan.limits, &rule, progress)?;
-    within(plan, files, &read.recording)?;
-    Ok(read)
-}
-
-/// That no more of the logs was lost than the pipeline file allows.
-fn within(plan: &Plan, files: &SessionFiles, recording: &Recording) -> Result<(), RunError> {
-    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
-        session: files.name.clone(),
-        damage,
-    })
-}
-
 /// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
 fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunError> {
     let row = lake.read("runs", key)?;
@@ -417,43 +189,6 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
         .unwrap_or("[]")
         .to_owned();
     Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
-}
-
-/// Joins a session that was read.
-pub(super) fn joined(
-    plan: &Plan,
-    files: &SessionFiles,
-    read: SessionRead,
-) -> Result<JoinedSession, RunError> {
-    let wrong = |source| RunError::Join {
-        session: files.name.clone(),
-        source: Box::new(source),
-    };
-    let SessionRead {
-        recording,
-        joints,
-        readings,
-    } = read;
-    let joined = join_at_rest(&recording, &joints, &*readings, &plan.arm, &plan.join);
-    let joined = joined.map_err(wrong)?;
-    let no_commands = CommandFrames {
-        base_from_command: Isometry3::identity(),
-        flange_from_tool: None,
-    };
-    let commanded = commanded(
-        &joined.stations,
-        &plan.arm,
-        &plan.command_frames.unwrap_or(no_commands),
-    );
-    Ok(JoinedSession {
-        name: files.name.clone(),
-        sampling_plan: recording.metadata.get("session.plan").cloned(),
-        driven_by: driven::driven_by(files, &joined.stations)?,
-        log_rejects: recording.rejects,
-        counts: recording.counts,
-        joined,
-        commanded,
-    })
 }
 
 fn context<'a>(

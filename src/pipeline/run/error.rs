@@ -1,0 +1,117 @@
+//! Why a piece of work has no result.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::io::lake::LakeError;
+use crate::io::log::LogError;
+use crate::io::tables::PublishError;
+use crate::io::targets::TargetsError;
+use crate::join::JoinError;
+use crate::pipeline::damage::DamageError;
+use crate::pipeline::fetch::FetchError;
+use crate::pipeline::plan::SessionFiles;
+use crate::pipeline::stages::StageError;
+
+/// Why a piece of work has no result.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// An input cannot be digested.
+    #[error("cannot read {}: {source}", path.display())]
+    Input {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A recording that would count twice.
+    #[error("{side}: two of its files hold the same: {}; name each part of a split recording once", files.join(", "))]
+    SameTwice {
+        /// Session and side.
+        side: String,
+        /// The side's files.
+        files: Vec<String>,
+    },
+    /// A log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// One session of the work cannot be used; a pool may do without it.
+    #[error("{source}")]
+    OfSession {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<RunError>,
+    },
+    /// Neither the pipeline file nor the logs name the robot.
+    #[error(
+        "session {session}: neither [robot] name nor a metadata record `session` with a `robot` names the robot; name it in the pipeline file"
+    )]
+    NoRobotName {
+        /// The session.
+        session: String,
+    },
+    /// More of a log was lost than the pipeline file allows.
+    #[error("session {session}: {0}", damage)]
+    Damaged {
+        /// The session.
+        session: String,
+        /// What was lost.
+        damage: DamageError,
+    },
+    /// The logs cannot be joined.
+    #[error("session {session}: join: {source}")]
+    Join {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<JoinError>,
+    },
+    /// A stage after the join.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// What drove a session cannot be read.
+    #[error("session {session}: corrected targets: {source}")]
+    Driving {
+        /// The session.
+        session: String,
+        /// Why.
+        source: Box<TargetsError>,
+    },
+    /// The tables cannot be published.
+    #[error(transparent)]
+    Publish(#[from] PublishError),
+    /// The lake cannot be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// The logs cannot be fetched.
+    #[error(transparent)]
+    Fetch(#[from] FetchError),
+    /// Any of these, of logs that were fetched, in words that name what they are copies of.
+    #[error("{words}")]
+    Copied {
+        /// The session whose fault it is, where it is one's.
+        session: Option<String>,
+        /// What is wrong.
+        words: String,
+    },
+}
+
+impl RunError {
+    /// The session whose fault it is, where it is one's.
+    pub fn session(&self) -> Option<&str> {
+        match self {
+            Self::OfSession { session, .. } => Some(session),
+            Self::Copied { session, .. } => session.as_deref(),
+            _ => None,
+        }
+    }
+
+    pub(super) fn of(self, files: &SessionFiles) -> Self {
+        Self::OfSession {
+            session: files.name.clone(),
+            source: Box::new(self),
+        }
+    }
+}

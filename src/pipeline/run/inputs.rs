@@ -1,0 +1,91 @@
+//! What a piece of work is made from, which gives it its name: files by their digests, settings, the robot.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::RunError;
+use crate::io::log::read_metadata;
+use crate::manifest::{self, Input, Work};
+use crate::pipeline::plan::{Plan, SessionFiles, WorkPiece};
+
+/// The work's identity. A log is only looked into here where nothing else names the robot.
+pub(in crate::pipeline) fn work(plan: &Plan, piece: &WorkPiece) -> Result<Work, RunError> {
+    let mut inputs = vec![input(&plan.robot_file, "robot")?];
+    for files in piece.training.iter().chain(&piece.test) {
+        inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
+    }
+    let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
+    Ok(Work {
+        robot: robot_name(plan, piece)?,
+        session: piece.session.clone(),
+        pipeline: plan.pipeline.clone(),
+        sessions: names(&piece.training),
+        test_sessions: names(&piece.test),
+        inputs,
+        settings: plan.settings.clone(),
+    })
+}
+
+fn session_inputs(files: &SessionFiles) -> Result<Vec<Input>, RunError> {
+    let (logs, name) = (&files.logs, &files.name);
+    let mut inputs = log_inputs(&logs.controller, &format!("{name}/controller"))?;
+    if logs.tracker != logs.controller {
+        inputs.extend(log_inputs(&logs.tracker, &format!("{name}/tracker"))?);
+    }
+    let corrected = files.corrected.iter();
+    let corrected = corrected.map(|path| input(path, &format!("{name}/corrected")));
+    inputs.extend(corrected.collect::<Result<Vec<_>, _>>()?);
+    Ok(inputs)
+}
+
+/// The files of one side; those of a split recording are numbered by their digests, so that their names do not matter.
+fn log_inputs(paths: &[PathBuf], name: &str) -> Result<Vec<Input>, RunError> {
+    let inputs = paths.iter().map(|path| input(path, name));
+    let mut inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+    if inputs.len() < 2 {
+        return Ok(inputs);
+    }
+    inputs.sort_by(|a, b| a.digest.cmp(&b.digest));
+    if inputs
+        .windows(2)
+        .any(|pair| pair[0].digest == pair[1].digest)
+    {
+        return Err(RunError::SameTwice {
+            side: name.to_owned(),
+            files: paths
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+        });
+    }
+    for (place, input) in inputs.iter_mut().enumerate() {
+        input.name = format!("{name}/{}", place + 1);
+    }
+    Ok(inputs)
+}
+
+/// A file as an input of a run.
+pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunError> {
+    let wrong = |source| RunError::Input {
+        path: path.to_owned(),
+        source,
+    };
+    let (digest, bytes) = manifest::digest(File::open(path).map_err(wrong)?).map_err(wrong)?;
+    Ok(Input {
+        name: name.to_owned(),
+        bytes,
+        digest,
+    })
+}
+
+fn robot_name(plan: &Plan, piece: &WorkPiece) -> Result<String, RunError> {
+    if let Some(name) = &plan.robot {
+        return Ok(name.clone());
+    }
+    let none = || RunError::NoRobotName {
+        session: piece.session.clone(),
+    };
+    let files = piece.training.first().ok_or_else(none)?;
+    let mut metadata = read_metadata(&files.logs, plan.limits)?;
+    metadata.remove("session.robot").ok_or_else(none)
+}
