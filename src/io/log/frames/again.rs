@@ -1,0 +1,99 @@
+//! Where framing is lost: the next frame that cannot be there by chance.
+
+use std::io;
+
+use super::judge::Judged;
+use super::{Frames, Loss, Lost, Piece};
+use crate::io::log::record::{ChunkRecord, FRAME_HEADER, op};
+
+/// Sound records in a row that cannot be there by chance.
+const CHAIN: usize = 3;
+
+impl Frames<'_> {
+    pub(super) fn lose_framing(&mut self, start: u64, why: Loss) -> io::Result<Piece> {
+        let chunk = self
+            .chunk(start)?
+            .filter(ChunkRecord::has_known_compression);
+        let times = chunk
+            .as_ref()
+            .map(|chunk| (chunk.start_time, chunk.end_time));
+        self.chunked |= chunk.is_some();
+        let found = self.resynchronise(start + 1)?;
+        let end = found.unwrap_or(self.source.length());
+        self.at = end;
+        self.ended = found.is_none();
+        let why = if found.is_some() {
+            Loss::Framing(start)
+        } else {
+            why
+        };
+        Ok(Piece::Lost(Lost {
+            start,
+            end,
+            why,
+            times,
+        }))
+    }
+
+    /// The next place from `from` on where a frame begins that cannot be there by chance.
+    fn resynchronise(&mut self, from: u64) -> io::Result<Option<u64>> {
+        let chunked = self.chunked;
+        let mut at = from;
+        while at < self.source.length() && self.probes_left > 0 {
+            let window = self.source.peek(at, usize::MAX)?;
+            let candidate = window.windows(9).position(|header| {
+                let opcode = match header[0] {
+                    op::CHUNK | op::DATA_END => true,
+                    // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
+                    op::SCHEMA..=op::MESSAGE | op::METADATA => !chunked,
+                    _ => false,
+                };
+                opcode && header[6..9] == [0; 3]
+            });
+            // The last eight bytes of a window are looked at again at the head of the next one.
+            let step = candidate.unwrap_or(window.len().saturating_sub(8).max(1));
+            at += step as u64;
+            if candidate.is_some() {
+                self.probes_left -= 1;
+                if self.is_anchor(at)? {
+                    return Ok(Some(at));
+                }
+                at += 1;
+            }
+        }
+        Ok(None)
+    }
+
+    fn is_anchor(&mut self, at: u64) -> io::Result<bool> {
+        let Judged::Sound { end, opcode } = self.judge(at)? else {
+            return Ok(false);
+        };
+        match opcode {
+            op::CHUNK => Ok(self
+                .chunk(at)?
+                .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
+            op::DATA_END => self.could_follow(end),
+            _ => self.is_chain(end),
+        }
+    }
+
+    fn is_chain(&mut self, mut at: u64) -> io::Result<bool> {
+        for _ in 1..CHAIN {
+            if at == self.source.length() {
+                return Ok(true);
+            }
+            match self.judge(at)? {
+                Judged::Sound {
+                    opcode: op::DATA_END,
+                    ..
+                } => return Ok(true),
+                Judged::Sound {
+                    end,
+                    opcode: op::SCHEMA..=op::CHUNK | op::METADATA,
+                } => at = end,
+                _ => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+}

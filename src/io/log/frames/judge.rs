@@ -1,0 +1,173 @@
+//! What a frame is found to be, by its opcode, its length and what its body says again.
+
+use std::io;
+
+use super::{Frames, Loss};
+use crate::io::log::record::{
+    ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op,
+};
+
+/// What a frame is found to be.
+pub(super) enum Judged {
+    Sound {
+        end: u64,
+        opcode: u8,
+    },
+    /// Its place is right, its body is not.
+    Unsound {
+        end: u64,
+        why: Loss,
+    },
+    /// Its place or length cannot be right.
+    Broken(Loss),
+}
+
+impl Frames<'_> {
+    pub(super) fn judge(&mut self, start: u64) -> io::Result<Judged> {
+        let length_of_file = self.source.length();
+        let header = self.source.probe(start, 9)?;
+        let Some((&[opcode], length)) = header.split_first_chunk::<1>() else {
+            return Ok(Judged::Broken(Loss::Truncated));
+        };
+        let Some(length) = length.first_chunk::<8>().map(|l| u64::from_le_bytes(*l)) else {
+            return Ok(Judged::Broken(Loss::Truncated));
+        };
+        if opcode == 0 {
+            return Ok(Judged::Broken(Loss::Framing(start)));
+        }
+        let end = start
+            .checked_add(FRAME_HEADER)
+            .and_then(|body| body.checked_add(length));
+        let Some(end) = end.filter(|&end| end <= length_of_file) else {
+            let known = opcode <= op::DATA_END;
+            return Ok(Judged::Broken(if known {
+                Loss::Truncated
+            } else {
+                Loss::Framing(start)
+            }));
+        };
+        let why = if opcode > op::DATA_END || belongs_to_summary(opcode) {
+            Loss::Opcode(opcode)
+        } else if opcode != op::ATTACHMENT && length > self.limits.record_bytes {
+            Loss::TooLong(self.limits.record_bytes)
+        } else if !self.body_fits(opcode, start, length)? {
+            Loss::Malformed(opcode)
+        } else {
+            return Ok(Judged::Sound { end, opcode });
+        };
+        Ok(if self.could_follow(end)? {
+            Judged::Unsound { end, why }
+        } else {
+            Judged::Broken(Loss::Framing(start))
+        })
+    }
+
+    /// Whether the start of the body agrees with the length, for the records where it can tell.
+    fn body_fits(&mut self, opcode: u8, start: u64, length: u64) -> io::Result<bool> {
+        let body = self
+            .source
+            .probe(start + FRAME_HEADER, ChunkRecord::MOST_HEADER)?;
+        Ok(match opcode {
+            // The header stands at the start of the file only.
+            op::HEADER => false,
+            op::MESSAGE => length >= MessageRecord::HEADER,
+            op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fits(length)),
+            op::MESSAGE_INDEX => indexed_messages(body, length).is_some(),
+            op::DATA_END => {
+                extends(4, length) && self.summary_follows(start + FRAME_HEADER + length)?
+            }
+            // Only the closing magic bytes follow a footer.
+            op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
+            _ => self.adds_up(Part::of(opcode), start + FRAME_HEADER, length)?,
+        })
+    }
+
+    /// Whether the parts of a body, by the counts in it, are as long as the body.
+    fn adds_up(&mut self, parts: &[Part], body: u64, length: u64) -> io::Result<bool> {
+        let mut fields = 0_u64;
+        for part in parts {
+            let (width, counted) = match *part {
+                Part::Fixed(width) => (width, false),
+                Part::Counted(width) => (width, true),
+            };
+            let mut count = [0; 8];
+            if counted {
+                let bytes = self.source.probe(body + fields, usize::from(width))?;
+                count[..bytes.len()].copy_from_slice(bytes);
+            }
+            let more = u64::from_le_bytes(count).checked_add(u64::from(width));
+            match more.and_then(|more| fields.checked_add(more)) {
+                Some(sum) if sum <= length => fields = sum,
+                _ => return Ok(false),
+            }
+        }
+        Ok(extends(fields, length))
+    }
+
+    /// Whether a frame at `start` looks like one at a glance: the end of the file, or a known opcode and a length
+    /// that is not absurd.
+    pub(super) fn could_follow(&mut self, start: u64) -> io::Result<bool> {
+        if start == self.source.length() {
+            return Ok(true);
+        }
+        let most = self.limits.record_bytes.max(self.source.length());
+        let header = self.source.probe(start, 9)?;
+        Ok(
+            match (
+                header.first(),
+                header.get(1..9).and_then(|l| l.first_chunk::<8>()),
+            ) {
+                (Some(1..=op::DATA_END), Some(length)) => u64::from_le_bytes(*length) <= most,
+                (Some(1..=op::DATA_END), None) => true,
+                _ => false,
+            },
+        )
+    }
+
+    /// Whether the file ends at `start` or goes on with a record of a summary.
+    fn summary_follows(&mut self, start: u64) -> io::Result<bool> {
+        let opcode = self.source.probe(start, 1)?.first().copied();
+        Ok(match opcode {
+            None => true,
+            Some(opcode) => {
+                matches!(opcode, op::SCHEMA | op::CHANNEL | op::FOOTER)
+                    || belongs_to_summary(opcode)
+            }
+        })
+    }
+}
+
+/// Records that only a summary has; in the data section they are something else with a damaged opcode.
+const fn belongs_to_summary(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::CHUNK_INDEX
+            | op::ATTACHMENT_INDEX
+            | op::STATISTICS
+            | op::METADATA_INDEX
+            | op::SUMMARY_OFFSET
+    )
+}
+
+/// Parts of a record's body, as far as its length follows from them.
+#[derive(Debug, Clone, Copy)]
+enum Part {
+    /// So many bytes.
+    Fixed(u8),
+    /// A count in so many bytes, and as many bytes as it says.
+    Counted(u8),
+}
+
+impl Part {
+    /// Of the records whose parts say how long they are, by the specification.
+    const fn of(opcode: u8) -> &'static [Self] {
+        use Part::{Counted, Fixed};
+        match opcode {
+            op::SCHEMA => &[Fixed(2), Counted(4), Counted(4), Counted(4)],
+            op::CHANNEL => &[Fixed(4), Counted(4), Counted(4), Counted(4)],
+            op::ATTACHMENT => &[Fixed(16), Counted(4), Counted(4), Counted(8), Fixed(4)],
+            op::METADATA => &[Counted(4), Counted(4)],
+            _ => &[],
+        }
+    }
+}
