@@ -28,7 +28,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Gap, Reason, Refused};
 pub use table::{CompensationTable, Known, Misfit, Terms};
-pub use validity::{Conditions, UsedWith, Validity};
+pub use validity::{Conditions, Term, UsedWith, Validity};
 
 use crate::geometry::{Command, Position};
 
@@ -80,27 +80,15 @@ pub struct Corrected {
     pub allowed: Option<Exception>,
 }
 
-/// A reason for refusal that the caller may take upon himself, by its name.
+/// A reason for refusal that the caller may take upon himself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exception {
     /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
     JointRange,
     /// An arm configuration that no station was in: what a joint does there was not measured.
     Configuration,
-    /// Another tool than the table's.
-    Tool,
-    /// Another payload.
-    Payload,
-    /// Another mounting of the base.
-    Mounting,
-    /// Another base frame.
-    Base,
-    /// Another controller.
-    ControllerModel,
-    /// The controller's own absolute-accuracy option, on instead of off or the other way round.
-    AbsoluteAccuracy,
-    /// A temperature that was not met while measuring.
-    Temperature,
+    /// Something else than the table is valid for.
+    Term(Term),
 }
 
 impl Exception {
@@ -109,13 +97,13 @@ impl Exception {
         match self {
             Self::JointRange => "joint_range",
             Self::Configuration => "configuration",
-            Self::Tool => "tool",
-            Self::Payload => "payload",
-            Self::Mounting => "mounting",
-            Self::Base => "base",
-            Self::ControllerModel => "controller_model",
-            Self::AbsoluteAccuracy => "absolute_accuracy",
-            Self::Temperature => "temperature",
+            Self::Term(Term::Tool) => "tool",
+            Self::Term(Term::Payload) => "payload",
+            Self::Term(Term::Mounting) => "mounting",
+            Self::Term(Term::Base) => "base",
+            Self::Term(Term::ControllerModel) => "controller_model",
+            Self::Term(Term::AbsoluteAccuracy) => "absolute_accuracy",
+            Self::Term(Term::Temperature) => "temperature",
         }
     }
 }

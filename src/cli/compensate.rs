@@ -18,12 +18,12 @@ use clap::Args;
 
 use super::messages::Printable;
 use crate::compensation::validity::Held;
-use crate::compensation::{Corrected, Refused};
+use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::targets::{self, Targets};
 pub use error::{CompensateCommandError, WriteCause};
 use source::Source;
-pub use used_with::{Allow, OnOff, UsedWithArgs};
+pub use used_with::{OnOff, UsedWithArgs};
 use write::Written;
 
 /// Correct a file of targets by what a run published
@@ -63,7 +63,7 @@ pub struct CompensateArgs {
     pub out: Option<PathBuf>,
     /// Correct what would be refused for this reason; the result says for which targets it was needed.
     #[arg(long, value_enum, value_name = "REASON")]
-    pub allow: Option<Allow>,
+    pub allow: Option<Exception>,
     /// What the targets will be run with.
     #[command(flatten)]
     pub used_with: UsedWithArgs,
@@ -127,9 +127,8 @@ impl CompensateArgs {
     /// Holds what the targets will be run with against what the table is valid for.
     fn hold(&self, source: &Source) -> Result<Held, CompensateCommandError> {
         let held = source.validity().hold(&self.used_with.used_with());
-        let allowed = self.allow.map(Allow::exception);
         let refused = held.outside.iter();
-        let refused = refused.filter(|outside| Some(outside.term.exception()) != allowed);
+        let refused = refused.filter(|outside| Some(Exception::Term(outside.term)) != self.allow);
         let refused: Vec<_> = refused.cloned().collect();
         if refused.is_empty() {
             return Ok(held);
@@ -144,10 +143,9 @@ impl CompensateArgs {
         held: &Held,
         targets: &Targets,
     ) -> Vec<Result<Corrected, Refused>> {
-        let allow = self.allow.map(Allow::exception);
-        let mut outcomes = source.compensate(&targets.targets, allow);
+        let mut outcomes = source.compensate(&targets.targets, self.allow);
         if let Some(outside) = held.outside.first() {
-            let exception = Some(outside.term.exception());
+            let exception = Some(Exception::Term(outside.term));
             let done = outcomes.iter_mut().flatten();
             done.for_each(|done| done.allowed = exception);
         }

@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Exception, Reason, Target};
+use super::{Reason, Target};
 
 /// What an arm is run with, but for the temperature. `None`: not said.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
@@ -99,19 +99,6 @@ impl Term {
             Self::ControllerModel => "controller model",
             Self::AbsoluteAccuracy => "absolute-accuracy option",
             Self::Temperature => "temperature",
-        }
-    }
-
-    /// The exception that lets it be outside.
-    pub const fn exception(self) -> Exception {
-        match self {
-            Self::Tool => Exception::Tool,
-            Self::Payload => Exception::Payload,
-            Self::Mounting => Exception::Mounting,
-            Self::Base => Exception::Base,
-            Self::ControllerModel => Exception::ControllerModel,
-            Self::AbsoluteAccuracy => Exception::AbsoluteAccuracy,
-            Self::Temperature => Exception::Temperature,
         }
     }
 }

@@ -4,8 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use posegrid::cli::compensate::{
-    self, Allow, CompensateArgs, CompensateCommandError, Compensated, UsedWithArgs,
+    self, CompensateArgs, CompensateCommandError, Compensated, UsedWithArgs,
 };
+use posegrid::compensation::Exception;
 use posegrid::io::schema;
 use posegrid::io::table::{self, Columns, Table};
 use posegrid::manifest::RunKey;
@@ -234,7 +235,7 @@ impl Cell {
         &self,
         targets: &str,
         out: Option<&str>,
-        allow: Option<Allow>,
+        allow: Option<Exception>,
         used_with: &UsedWithArgs,
     ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         let args = CompensateArgs {

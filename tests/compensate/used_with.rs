@@ -2,7 +2,8 @@
 
 use std::fs;
 
-use posegrid::cli::compensate::{Allow, OnOff, UsedWithArgs};
+use posegrid::cli::compensate::{OnOff, UsedWithArgs};
+use posegrid::compensation::{Exception, Term};
 
 use super::cell::{Cell, SAMPLE, field};
 
@@ -75,7 +76,7 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
         "{error}"
     );
     // One exception is one: the other still counts.
-    let error = refused(&with(30.0, 25.0), Some(Allow::Payload));
+    let error = refused(&with(30.0, 25.0), Some(Exception::Term(Term::Payload)));
     assert!(
         !error.contains("payload 30 kg") && error.contains("temperature 25 °C"),
         "{error}"
@@ -84,7 +85,7 @@ fn a_table_that_is_not_valid_corrects_nothing_and_says_by_how_much() {
         tool: Some("rivet".to_owned()),
         ..UsedWithArgs::default()
     };
-    let error = refused(&tool, Some(Allow::JointRange));
+    let error = refused(&tool, Some(Exception::JointRange));
     assert!(
         error.contains("tool \"rivet\", the table is for \"drill\""),
         "{error}"
@@ -98,7 +99,7 @@ fn what_was_allowed_stands_at_each_target() {
         .compensate_with(
             "targets.csv",
             None,
-            Some(Allow::Temperature),
+            Some(Exception::Term(Term::Temperature)),
             &with(12.5, 25.0),
         )
         .unwrap();
@@ -118,7 +119,7 @@ fn what_was_allowed_stands_at_each_target() {
         .compensate_with(
             "targets.csv",
             None,
-            Some(Allow::Temperature),
+            Some(Exception::Term(Term::Temperature)),
             &with(12.5, 20.0),
         )
         .unwrap();
@@ -142,7 +143,7 @@ fn another_tool_of_a_single_target_can_be_allowed() {
         (3, "tool".to_owned())
     );
     let (done, csv) = cell
-        .compensate_with("other.csv", None, Some(Allow::Tool), &none)
+        .compensate_with("other.csv", None, Some(Exception::Term(Term::Tool)), &none)
         .unwrap();
     assert_eq!(done.exit_code(), 0);
     assert_eq!(

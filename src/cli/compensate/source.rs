@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::CompensateCommandError;
-use crate::compensation::{Corrected, Exception, Refused, Target, Validity, compensate};
+use crate::compensation::{Corrected, Exception, Refused, Target, Term, Validity, compensate};
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
@@ -42,7 +42,7 @@ impl Source {
         targets: &[Target],
         allow: Option<Exception>,
     ) -> Vec<Result<Corrected, Refused>> {
-        if allow != Some(Exception::Tool) {
+        if allow != Some(Exception::Term(Term::Tool)) {
             return self.refusing_other_tools(targets, allow);
         }
         let own = self.validity().conditions.tool.as_ref();

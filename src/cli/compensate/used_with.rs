@@ -1,8 +1,9 @@
 //! What the caller says of the program that corrected targets will run in.
 
+use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
-use crate::compensation::{Conditions, Exception, UsedWith};
+use crate::compensation::{Conditions, Exception, Term, UsedWith};
 
 /// What targets will be run with.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
@@ -58,40 +59,47 @@ impl UsedWithArgs {
 }
 
 /// Reasons for refusal that can be allowed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Allow {
-    /// Joint angles beyond those measured, where the model falls back to its prior
-    JointRange,
-    /// An arm configuration that no station was in
-    Configuration,
-    /// Another tool than the table's
-    Tool,
-    /// Another payload
-    Payload,
-    /// Another mounting of the base
-    Mounting,
-    /// Another base frame
-    Base,
-    /// Another controller
-    ControllerModel,
-    /// The controller's own absolute-accuracy option in another state
-    AbsoluteAccuracy,
-    /// A temperature that was not met while measuring
-    Temperature,
-}
-
-impl Allow {
-    pub(super) const fn exception(self) -> Exception {
-        match self {
-            Self::JointRange => Exception::JointRange,
-            Self::Configuration => Exception::Configuration,
-            Self::Tool => Exception::Tool,
-            Self::Payload => Exception::Payload,
-            Self::Mounting => Exception::Mounting,
-            Self::Base => Exception::Base,
-            Self::ControllerModel => Exception::ControllerModel,
-            Self::AbsoluteAccuracy => Exception::AbsoluteAccuracy,
-            Self::Temperature => Exception::Temperature,
+impl ValueEnum for Exception {
+    fn value_variants<'a>() -> &'a [Self] {
+        const {
+            &[
+                Self::JointRange,
+                Self::Configuration,
+                Self::Term(Term::Tool),
+                Self::Term(Term::Payload),
+                Self::Term(Term::Mounting),
+                Self::Term(Term::Base),
+                Self::Term(Term::ControllerModel),
+                Self::Term(Term::AbsoluteAccuracy),
+                Self::Term(Term::Temperature),
+            ]
         }
+    }
+
+    fn to_possible_value(&self) -> Option<PossibleValue> {
+        let (name, help) = match self {
+            Self::JointRange => (
+                "joint-range",
+                "Joint angles beyond those measured, where the model falls back to its prior",
+            ),
+            Self::Configuration => (
+                "configuration",
+                "An arm configuration that no station was in",
+            ),
+            Self::Term(Term::Tool) => ("tool", "Another tool than the table's"),
+            Self::Term(Term::Payload) => ("payload", "Another payload"),
+            Self::Term(Term::Mounting) => ("mounting", "Another mounting of the base"),
+            Self::Term(Term::Base) => ("base", "Another base frame"),
+            Self::Term(Term::ControllerModel) => ("controller-model", "Another controller"),
+            Self::Term(Term::AbsoluteAccuracy) => (
+                "absolute-accuracy",
+                "The controller's own absolute-accuracy option in another state",
+            ),
+            Self::Term(Term::Temperature) => (
+                "temperature",
+                "A temperature that was not met while measuring",
+            ),
+        };
+        Some(PossibleValue::new(name).help(help))
     }
 }
