@@ -110,6 +110,9 @@ impl Row {
     /// Notes for the wording what the slot, or the list in it, got last; it was read up to `end`.
     #[inline]
     pub(super) fn taken(&mut self, slot: usize, end: usize) {
+        if !self.wording.is_taken_down() {
+            return;
+        }
         let (mut cell, mut element) = (self.cells[slot], None);
         if cell == Cell::List {
             let last = self.lists[slot].len().saturating_sub(1);

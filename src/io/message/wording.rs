@@ -14,6 +14,8 @@ use super::{MessageFault, json, protobuf};
 /// More bytes or gaps than this are not worth taking down for each message.
 const LONGEST: usize = 1 << 16;
 const MOST: usize = 1 << 12;
+/// Where each message is worded in its own way, one in so many is taken down, as a power of two.
+const RAREST: u32 = 6;
 
 /// What the message read last says besides its gaps.
 #[derive(Debug, Clone, Default)]
@@ -30,8 +32,12 @@ pub(super) struct Wording {
     places: Vec<Place>,
     /// Where the last gap ends in its message.
     gap_end: usize,
-    /// Something in it depends on more, or it is too long.
+    /// Something in it depends on more, or it is too long, or it is not worth taking down.
     is_other: bool,
+    /// How many taken down in a row did not come again.
+    in_vain: u32,
+    /// Messages that are not taken down before the next one is.
+    left_out: u32,
 }
 
 /// What stands before a gap, and the gap. Its bytes, its texts and the places of the number in its gap begin where those
@@ -62,7 +68,13 @@ impl Wording {
         self.texts.clear();
         self.places.clear();
         self.gap_end = 0;
-        self.is_other = false;
+        self.is_other = self.left_out > 0;
+        self.left_out = self.left_out.saturating_sub(1);
+    }
+
+    /// Whether what is read now is noted.
+    pub const fn is_taken_down(&self) -> bool {
+        !self.is_other
     }
 
     /// A wanted number, or a value that is not wanted, was read from `start` to `end`.
@@ -86,9 +98,6 @@ impl Wording {
     /// What was read last, up to `end`, was put at a place.
     #[inline]
     pub fn taken(&mut self, cell: Cell, end: usize, place: Place) {
-        if self.is_other {
-            return;
-        }
         match cell {
             Cell::Text(span) => self.texts.push((span.counted_from(self.gap_end), place)),
             _ if end == self.gap_end => {
@@ -119,9 +128,24 @@ impl Wording {
     ///
     /// Where it is not, some may have been put.
     #[inline]
-    pub fn read(&mut self, plan: &Arc<()>, message: &[u8], mut values: CellsMut<'_>) -> bool {
+    pub fn read(&mut self, plan: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
         let known = self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan));
-        if !known || message.len() > LONGEST {
+        if !known {
+            return false;
+        }
+        let alike = self.read_known(message, values);
+        if alike {
+            self.in_vain = 0;
+        } else {
+            self.in_vain = (self.in_vain + 1).min(RAREST);
+            self.left_out = 1 << (self.in_vain - 1);
+        }
+        alike
+    }
+
+    #[inline]
+    fn read_known(&mut self, message: &[u8], mut values: CellsMut<'_>) -> bool {
+        if message.len() > LONGEST {
             return false;
         }
         let mut start = 0;
