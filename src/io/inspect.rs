@@ -87,7 +87,9 @@ impl ChannelSummary {
         let Traffic {
             header, messages, ..
         } = &self.traffic;
-        let suggested = self.suggestion.as_ref().is_some_and(|found| found.stamped);
+        let suggestion = self.suggestion.as_ref();
+        // Of a common type it is known where the stamp would be, and that it is not there.
+        let suggested = suggestion.is_some_and(|found| found.stamped && found.fields.is_some());
         let stamped = header.count == *messages || (header.count == 0 && suggested);
         let unset = header.count > 0 && (header.first, header.last) == (0, 0);
         if stamped && !unset {
@@ -281,6 +283,9 @@ fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
         (Ok(()), Some(sec), Some(nanosec)) => {
             Header::Stamp(sec.saturating_mul(1_000_000_000).saturating_add(nanosec))
         }
+        (Ok(()), ..) if let Value::Text(text) = value(2) => text
+            .date_time_ns()
+            .map_or(Header::Unreadable, Header::Stamp),
         // JSON may leave it out.
         (Ok(()), ..) if value(0) == Value::Absent => Header::None,
         _ => Header::Unreadable,

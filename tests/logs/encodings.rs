@@ -207,6 +207,17 @@ fn joint_state_json(ns: i64, i: f64) -> Vec<u8> {
     text.into_bytes()
 }
 
+/// Where stamps are texts: in any zone, with as many digits as it takes.
+fn joint_state_json_in_text(ns: i64, i: f64) -> Vec<u8> {
+    let since = ns - 100_000_000_000;
+    let text = format!(
+        r#"{{"header":{{"stamp":"1970-01-01T02:01:40.{:03}+02:00"}},"name":["a","b"],"position":[{i},{}]}}"#,
+        since / 1_000_000,
+        -i
+    );
+    text.into_bytes()
+}
+
 fn joint_forms() -> Vec<Form> {
     let idl = |message| Form {
         type_name: "sensor_msgs/msg/JointState",
@@ -240,6 +251,7 @@ fn joint_forms() -> Vec<Form> {
         of_protobuf("foxglove.JointStates", joint_states_protobuf),
         of_json("foxglove.JointStates", joint_states_json),
         of_json("sensor_msgs/msg/JointState", joint_state_json),
+        of_json("sensor_msgs/msg/JointState", joint_state_json_in_text),
     ]
 }
 
@@ -280,6 +292,14 @@ fn point_json(ns: i64, i: f64) -> Vec<u8> {
     text.into_bytes()
 }
 
+fn point_json_in_text(ns: i64, i: f64) -> Vec<u8> {
+    let since = ns - 100_000_000_000;
+    let text = format!(
+        r#"{{"timestamp":"1970-01-01T00:01:40.{since:09}Z","point":{{"x":3,"y":{i},"z":4}}}}"#
+    );
+    text.into_bytes()
+}
+
 fn reading_forms() -> Vec<Form> {
     let (name, text) = schema("PointStamped");
     assert_eq!(name, "geometry_msgs/msg/PointStamped");
@@ -294,6 +314,7 @@ fn reading_forms() -> Vec<Form> {
         of_ros("foxglove_msgs/msg/Point3InFrame", foxglove, foxglove_point),
         of_protobuf("foxglove.Point3InFrame", point_protobuf),
         of_json("foxglove.Point3InFrame", point_json),
+        of_json("foxglove.Point3InFrame", point_json_in_text),
     ]
 }
 

@@ -1,5 +1,7 @@
 //! Values lent out of a message's bytes.
 
+use chrono::DateTime;
+
 use super::Primitive;
 use super::cell::{Cell, List, number};
 
@@ -76,6 +78,12 @@ impl Text<'_> {
         } else {
             self.bytes == text.as_bytes()
         }
+    }
+
+    /// The time that it says as RFC 3339 writes it, `2026-11-22T08:30:00.25Z`, ns since 1970; without a zone it is none.
+    pub fn date_time_ns(&self) -> Option<i64> {
+        let time = DateTime::parse_from_rfc3339(&self.to_text()).ok()?;
+        time.timestamp_nanos_opt()
     }
 
     /// What it says, for people: what is no UTF-8 is replaced.

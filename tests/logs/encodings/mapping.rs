@@ -101,6 +101,31 @@ fn any_message_is_read_by_field_paths() {
 }
 
 #[test]
+fn a_stamp_in_json_may_be_a_date_time_with_its_zone() {
+    let controller = CONTROLLER.replace("{ field = \"t_us\", unit = \"us\" }", "\"at\"");
+    let dated = |i: u64| {
+        let at = match i {
+            7 => "1970-01-01T00:00:05.000007".to_owned(),
+            8 => "a minute ago".to_owned(),
+            9 => "2300-01-01T00:00:00Z".to_owned(),
+            i => format!("1969-12-31T23:00:05.00000{i}-01:00"),
+        };
+        let number = format!("\"t_us\": {}", 5_000_000 + i);
+        joint_state(i).replace(&number, &format!("\"at\": \"{at}\""))
+    };
+    let found = read(&log(dated), &controller, TRACKER).expect("sound");
+    assert_eq!(found.joints.stamps.len(), 7);
+    assert_eq!(found.joints.stamps[3].ns(), 5_000_003_000);
+    assert_eq!(found.joints.angles[1][3], 0.3);
+    let reasons: Vec<_> = found.rejects.iter().map(|reject| &reject.reason).collect();
+    assert_eq!(found.counts["joints.rejected"], 3);
+    assert!(
+        reasons.iter().all(|why| why.contains("stamp is no time")),
+        "{reasons:?}"
+    );
+}
+
+#[test]
 fn a_message_without_a_wanted_value_is_rejected_by_the_name_of_the_field() {
     let hurt = |i| match i {
         2 => "{\"t_us\": 1, \"q\": [0, 1]}".to_owned(),

@@ -134,6 +134,8 @@ pub(super) enum StampValues {
     Record,
     /// Seconds and nanoseconds.
     Time,
+    /// The same or, in JSON, a date-time as text.
+    TimeOrText,
     /// One number.
     Number(TimeUnit),
 }
@@ -209,7 +211,8 @@ fn common(name: &str) -> Option<&'static Common> {
 /// What can be taken of messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
-    /// Seconds and nanoseconds of the message's own stamp, where it is in one of the usual places.
+    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; where it is in one of the
+    /// usual places.
     pub stamp: Option<Plan>,
     /// The array of joint names, of the common types.
     pub joint_names: Option<Plan>,
@@ -224,8 +227,8 @@ impl Glance {
         let stamp = |schema: &MessageSchema| {
             let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
             let path = FieldPath::parse(common.map(|common| common.stamp).or(usual)?).ok()?;
-            let [sec, nanosec] = TIME.map(|part| path.join(part).ok());
-            schema.plan(&[sec?, nanosec?]).ok()
+            let (_, paths) = time_at(&path, schema).ok()?;
+            schema.plan(&paths).ok()
         };
         let names = |schema: &MessageSchema| {
             let joints = common.filter(|common| common.layout == Layout::Joints)?;
@@ -242,8 +245,21 @@ impl Glance {
 
 /// Whether there is a time at this path, as far as is known.
 fn has_time(schema: &MessageSchema, path: &str) -> bool {
-    let seconds = FieldPath::parse(path).and_then(|path| path.join(TIME[0]));
-    seconds.is_ok_and(|seconds| schema.has(&seconds))
+    let paths = FieldPath::parse(path).and_then(|path| time_at(&path, schema));
+    paths.is_ok_and(|(_, paths)| paths.iter().any(|path| schema.has(path)))
+}
+
+/// How a time at this path is read, and the paths of its values.
+fn time_at(
+    path: &FieldPath,
+    schema: &MessageSchema,
+) -> Result<(StampValues, Vec<FieldPath>), SchemaError> {
+    let mut paths = vec![path.join(TIME[0])?, path.join(TIME[1])?];
+    if !matches!(schema, MessageSchema::Json(_)) {
+        return Ok((StampValues::Time, paths));
+    }
+    paths.push(path.clone());
+    Ok((StampValues::TimeOrText, paths))
 }
 
 impl Recipe {
@@ -272,8 +288,9 @@ impl Recipe {
                 StampValues::Number(number.unit)
             }
             (TimeSource::Header, _) => {
-                paths.extend([stamp_path.join(TIME[0])?, stamp_path.join(TIME[1])?]);
-                StampValues::Time
+                let (stamp, parts) = time_at(&stamp_path, schema)?;
+                paths.extend(parts);
+                stamp
             }
         };
         if said.frame.is_some() {

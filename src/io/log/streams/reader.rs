@@ -33,7 +33,8 @@ pub enum RowFault {
     #[error("frame")]
     OtherFrame,
     #[error(
-        "the message's stamp is no time: nanoseconds of a second or more, no number, or after the year 2262"
+        "the message's stamp is no time: nanoseconds of a second or more, no number, a text that is no date-time with its \
+         zone (2026-11-22T08:30:00.25Z), or after the year 2262"
     )]
     Stamp,
     #[error("the message's time lies after the year 2262: it is damaged")]
@@ -163,6 +164,7 @@ impl Reader {
     ) -> Result<(i64, usize), RowFault> {
         Ok(match self.recipe.stamp {
             StampValues::Time => (values.time()?, 2),
+            StampValues::TimeOrText => (values.time_or_text()?, 3),
             StampValues::Number(unit) => (values.stamp(unit)?, 1),
             StampValues::Record if self.time == TimeSource::Publish => {
                 (stamp_of(message.publish_time)?, 0)
@@ -205,6 +207,14 @@ impl<'m> Values<'m> {
         let ns = sec.checked_mul(1_000_000_000);
         ns.and_then(|ns| ns.checked_add(nanosec))
             .ok_or(RowFault::Stamp)
+    }
+
+    /// The same, or a date-time as text in the third place.
+    fn time_or_text(self) -> Result<i64, RowFault> {
+        match self.get(2) {
+            Value::Text(text) => text.date_time_ns().ok_or(RowFault::Stamp),
+            _ => self.time(),
+        }
     }
 
     /// One number in the first place. A floating-point one is as fine as its digits: 0.24 µs for seconds since 1970.

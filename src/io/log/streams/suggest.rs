@@ -4,7 +4,7 @@
 //! another are a position, with w a quaternion; an array of names goes with one of positions or angles.
 
 use super::layout::Layout;
-use crate::io::message::{FieldPath, JsonSchema, MessageSchema};
+use crate::io::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
 
 /// What a channel could be read as.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,7 +43,9 @@ pub fn suggest(
     };
     let leaves = Leaves(&leaves);
     let (layout, mut named) = leaves.joints().or_else(|| leaves.pose())?;
-    let stamp = leaves.stamp();
+    let stamp = leaves
+        .stamp()
+        .or_else(|| leaves.date_time(&schema, first_message?));
     if let Some(path) = stamp
         .as_ref()
         .filter(|path| !["header.stamp", "timestamp"].contains(&path.as_str()))
@@ -161,6 +163,21 @@ impl Leaves<'_> {
             found.map(|prefix| prefix.trim_end_matches('.').to_owned())
         })
     }
+
+    /// The first text among the fields of a message in JSON that is a date-time.
+    fn date_time(&self, schema: &MessageSchema, message: &[u8]) -> Option<String> {
+        let is_date_time = |path: &&str| {
+            let plan = FieldPath::parse(path).and_then(|path| schema.plan(&[path]));
+            let mut row = Row::default();
+            let read = plan.is_ok_and(|plan| plan.read(message, &mut row).is_ok());
+            read && matches!(row.value(message, 0), Value::Text(text) if text.date_time_ns().is_some())
+        };
+        if !matches!(schema, MessageSchema::Json(_)) {
+            return None;
+        }
+        let mut single = self.sound().filter(|path| !path.contains("[]"));
+        single.find(is_date_time).map(str::to_owned)
+    }
 }
 
 #[cfg(test)]
@@ -200,6 +217,15 @@ mod tests {
         assert_eq!(
             found.fields.as_deref(),
             Some("fields = { names = \"axes[].name\", angles = \"axes[].angle\" }")
+        );
+        let found = of_json(
+            "{\"id\": \"x\", \"taken\": \"2026-11-22T08:30:00Z\", \"at\": {\"x\": 0, \"y\": 0, \"z\": 0}}",
+        );
+        let found = found.expect("a point");
+        assert!(found.stamped);
+        assert_eq!(
+            found.fields.as_deref(),
+            Some("fields = { stamp = \"taken\", x = \"at.x\", y = \"at.y\", z = \"at.z\" }")
         );
         assert_eq!(of_json("{\"text\": \"x\"}"), None);
         // A name from a log that is no plain one is not offered.
