@@ -9,7 +9,7 @@ use posegrid::io::log::{Limits, decode};
 use posegrid::progress::Quiet;
 
 use super::proto::{self, Proto};
-use super::{JOINTS, cpu_seconds, decompress, mapping, measure, write};
+use super::{JOINTS, cpu_seconds, decompress, mapping, measure, median, write};
 
 /// How joint states are stored besides CDR.
 #[derive(Debug, Clone, Copy)]
@@ -18,8 +18,8 @@ enum Form {
     Json,
 }
 
-/// How often each is decoded; the time of the fastest counts.
-const ROUNDS: usize = 3;
+/// How often each is decoded; the median counts.
+const ROUNDS: usize = 5;
 
 /// Decodes a log of so many joint states in each form.
 pub fn measure_all(folder: &Path, joint_states: u64) {
@@ -43,7 +43,7 @@ pub fn measure_all(folder: &Path, joint_states: u64) {
             let after = cpu_seconds();
             (after.0 - before.0) + (after.1 - before.1)
         });
-        let seconds = rounds.fold(f64::INFINITY, f64::min);
+        let seconds = median(rounds);
         let millions = joint_states as f64 * 1e-6;
         println!(
             "{form:?}: {:.2} million messages per CPU second",

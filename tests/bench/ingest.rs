@@ -69,6 +69,13 @@ fn measure(step: &str, floor: Option<f64>, run: impl FnOnce() -> u64) -> f64 {
     user
 }
 
+/// Of an odd number of rounds.
+fn median(numbers: impl Iterator<Item = f64>) -> f64 {
+    let mut numbers: Vec<f64> = numbers.collect();
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
+}
+
 /// User and system CPU seconds of this process, all threads.
 fn cpu_seconds() -> (f64, f64) {
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();

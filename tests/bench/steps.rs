@@ -16,7 +16,7 @@ use posegrid::join::JoinSettings;
 use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
 
-use super::{cpu_seconds, decompress, mapping, write_log};
+use super::{cpu_seconds, decompress, mapping, median, write_log};
 
 /// Before the name of a step, the log and a folder: run only that.
 pub const FLAG: &str = "--step";
@@ -86,8 +86,8 @@ fn measure_on(name: &str, motion: fn(u64) -> f64, folder: &Path, lengths: &[u64]
     for (index, (step, _)) in STEPS.iter().enumerate() {
         print!("{step:<38}");
         for rounds in &rounds {
-            let of = |number: fn(&Taken) -> f64| median(rounds, |round| number(&round[index]));
-            let ratio = median(rounds, |round| round[index].user_s / round[0].user_s);
+            let of = |number: fn(&Taken) -> f64| median(rounds.iter().map(|r| number(&r[index])));
+            let ratio = median(rounds.iter().map(|r| r[index].user_s / r[0].user_s));
             let user = of(|taken| taken.user_s);
             let system = of(|taken| taken.system_s);
             let wall = of(|taken| taken.wall_s);
@@ -96,13 +96,6 @@ fn measure_on(name: &str, motion: fn(u64) -> f64, folder: &Path, lengths: &[u64]
         }
         println!();
     }
-}
-
-/// Of an odd number of rounds.
-fn median(rounds: &[[Taken; STEPS.len()]], number: impl Fn(&[Taken; STEPS.len()]) -> f64) -> f64 {
-    let mut numbers: Vec<f64> = rounds.iter().map(number).collect();
-    numbers.sort_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
 }
 
 /// Minimum jerk from station to station, 0.1 rad apart.
