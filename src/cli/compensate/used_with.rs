@@ -61,19 +61,17 @@ impl UsedWithArgs {
 /// Reasons for refusal that can be allowed.
 impl ValueEnum for Exception {
     fn value_variants<'a>() -> &'a [Self] {
-        const {
-            &[
-                Self::JointRange,
-                Self::Configuration,
-                Self::Term(Term::Tool),
-                Self::Term(Term::Payload),
-                Self::Term(Term::Mounting),
-                Self::Term(Term::Base),
-                Self::Term(Term::ControllerModel),
-                Self::Term(Term::AbsoluteAccuracy),
-                Self::Term(Term::Temperature),
-            ]
-        }
+        &[
+            Self::JointRange,
+            Self::Configuration,
+            Self::Term(Term::Tool),
+            Self::Term(Term::Payload),
+            Self::Term(Term::Mounting),
+            Self::Term(Term::Base),
+            Self::Term(Term::ControllerModel),
+            Self::Term(Term::AbsoluteAccuracy),
+            Self::Term(Term::Temperature),
+        ]
     }
 
     fn to_possible_value(&self) -> Option<PossibleValue> {

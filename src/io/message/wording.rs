@@ -14,8 +14,8 @@ use super::{MessageFault, json, protobuf};
 /// More bytes or gaps than this are not worth taking down for each message.
 const LONGEST: usize = 1 << 16;
 const MOST: usize = 1 << 12;
-/// Where each message is worded in its own way, one in so many is taken down, as a power of two.
-const RAREST: u32 = 6;
+/// The most messages that are left out after one that was taken down in vain.
+const LONGEST_PAUSE: u32 = 32;
 
 /// What the message read last says besides its gaps.
 #[derive(Debug, Clone, Default)]
@@ -34,10 +34,10 @@ pub(super) struct Wording {
     gap_end: usize,
     /// Something in it depends on more, or it is too long, or it is not worth taking down.
     is_other: bool,
-    /// How many taken down in a row did not come again.
-    in_vain: u32,
-    /// Messages that are not taken down before the next one is.
-    left_out: u32,
+    /// How many messages are left out after one that was taken down in vain: the more of them in a row, the more.
+    pause: u32,
+    /// How many of them are still to come.
+    pause_left: u32,
 }
 
 /// What stands before a gap, and the gap. Its bytes, its texts and the places of the number in its gap begin where those
@@ -68,8 +68,8 @@ impl Wording {
         self.texts.clear();
         self.places.clear();
         self.gap_end = 0;
-        self.is_other = self.left_out > 0;
-        self.left_out = self.left_out.saturating_sub(1);
+        self.is_other = self.pause_left > 0;
+        self.pause_left = self.pause_left.saturating_sub(1);
     }
 
     /// Whether what is read now is noted.
@@ -134,12 +134,12 @@ impl Wording {
             return false;
         }
         let alike = self.read_known(message, values);
-        if alike {
-            self.in_vain = 0;
+        self.pause = if alike {
+            0
         } else {
-            self.in_vain = (self.in_vain + 1).min(RAREST);
-            self.left_out = 1 << (self.in_vain - 1);
-        }
+            (2 * self.pause).clamp(1, LONGEST_PAUSE)
+        };
+        self.pause_left = self.pause;
         alike
     }
 

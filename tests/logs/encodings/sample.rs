@@ -141,7 +141,7 @@ const PRIMITIVES: [(&str, &str, usize); 12] = [
 ];
 
 /// The schemas of `samples/All` in both languages, and the fields.
-pub fn ros_schemas() -> (String, String, Vec<String>) {
+fn ros_schemas() -> (String, String, Vec<String>) {
     let (mut message, mut typedefs, mut members) = (String::new(), String::new(), String::new());
     let mut paths = Vec::new();
     writeln!(
@@ -203,7 +203,7 @@ pub fn ros_schemas() -> (String, String, Vec<String>) {
 
 /// How a CDR message is laid out.
 #[derive(Clone, Copy)]
-pub struct Layout {
+struct Layout {
     encapsulation: u8,
     version_2: bool,
     delimited: bool,

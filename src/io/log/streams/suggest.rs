@@ -166,17 +166,20 @@ impl Leaves<'_> {
 
     /// The first text among the fields of a message in JSON that is a date-time.
     fn date_time(&self, schema: &MessageSchema, message: &[u8]) -> Option<String> {
-        let is_date_time = |path: &&str| {
-            let plan = FieldPath::parse(path).and_then(|path| schema.plan(&[path]));
-            let mut row = Row::default();
-            let read = plan.is_ok_and(|plan| plan.read(message, &mut row).is_ok());
-            read && matches!(row.value(message, 0), Value::Text(text) if text.date_time_ns().is_some())
-        };
         if !matches!(schema, MessageSchema::Json(_)) {
             return None;
         }
-        let mut single = self.sound().filter(|path| !path.contains("[]"));
-        single.find(is_date_time).map(str::to_owned)
+        let single: Vec<_> = self.sound().filter(|path| !path.contains("[]")).collect();
+        let paths = single.iter().map(|path| FieldPath::parse(path));
+        let plan = schema.plan(&paths.collect::<Result<Vec<_>, _>>().ok()?);
+        let mut row = Row::default();
+        plan.ok()?.read(message, &mut row).ok()?;
+        let is_date_time = |slot: &usize| match row.value(message, *slot) {
+            Value::Text(text) => text.date_time_ns().is_some(),
+            _ => false,
+        };
+        let found = (0..single.len()).find(is_date_time)?;
+        Some(single[found].to_owned())
     }
 }
 

@@ -138,13 +138,16 @@ fn skip(
 ) -> Result<(), MessageFault> {
     let start = wire.at;
     wire.skip(number, wire_type)?;
-    let gap = Gap {
-        stored: Stored::Unwanted { number, wire_type },
-        size: wire.at - start,
-    };
-    row.wording
-        .gap(wire.bytes, start, wire.at, wording::Gap::Protobuf(gap));
+    note(Stored::Unwanted { number, wire_type }, start, wire, row);
     Ok(())
+}
+
+/// Notes for the wording what was read from `start` on.
+#[inline]
+fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
+    let size = wire.at - start;
+    let gap = wording::Gap::Protobuf(Gap { stored, size });
+    row.wording.gap(wire.bytes, start, wire.at, gap);
 }
 
 /// What differs in messages that are worded alike. Its size does not: lengths of messages that it stands in count it.
@@ -277,24 +280,11 @@ impl Kind {
     /// One value that is wanted.
     #[inline]
     fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
-        let start = wire.at;
-        let cell = self.read(wire)?;
-        if self.wire_type() != wire_type::LENGTH {
-            let gap = Gap {
-                stored: Stored::Number(self),
-                size: wire.at - start,
-            };
-            row.wording
-                .gap(wire.bytes, start, wire.at, wording::Gap::Protobuf(gap));
-        }
-        Ok(cell)
-    }
-
-    /// One value, stored as its kind is.
-    #[inline]
-    fn read(self, wire: &mut Wire<'_>) -> Result<Cell, MessageFault> {
-        let mut cell = Cell::Absent;
+        let (start, mut cell) = (wire.at, Cell::Absent);
         self.put(wire, &mut cell)?;
+        if self.wire_type() != wire_type::LENGTH {
+            note(Stored::Number(self), start, wire, row);
+        }
         Ok(cell)
     }
 
