@@ -6,6 +6,7 @@
 //! 2. Order the kept rows by stamp (stable), counting duplicate and backward stamps.
 //! 3. Convert to rad and mm, normalise quaternions.
 
+mod angles;
 mod decoded;
 mod in_order;
 mod poses;
@@ -17,6 +18,7 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
+pub use angles::JointAngles;
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
 pub use in_order::{HELD_BACK, Held, HeldJoints, HeldReadings, InOrder, StreamAccount};
 pub use readings::{Readings, ReadingsError};
@@ -54,8 +56,8 @@ pub struct Recording {
 pub struct JointSamples {
     /// Controller time, not decreasing.
     pub stamps: Vec<Stamp<Controller>>,
-    /// One column per joint of the arm, in the arm's order, rad.
-    pub angles: Vec<Vec<f64>>,
+    /// rad.
+    pub angles: JointAngles,
 }
 
 /// Commanded tool poses, as the controller stated them; columns of equal length.
@@ -267,16 +269,10 @@ fn joints(
         RowFault::of_angles(&decoded.angles, row)
     });
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
-    let to_rad = mapping.controller.unit.to_rad();
-    let angles = decoded.angles.into_iter().map(|column| {
-        let mut column = rows.of(column);
-        for angle in &mut column {
-            *angle *= to_rad;
-        }
-        column
-    });
+    let mut angles = rows.of_angles(decoded.angles);
+    angles.scale_from(0, mapping.controller.unit.to_rad());
     let samples = JointSamples {
-        angles: angles.collect(),
+        angles,
         stamps: stamps(rows.of(decoded.stamps)),
     };
     recording.account("joints", rows.counts, rows.rejects);

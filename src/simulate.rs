@@ -23,7 +23,7 @@ mod visits;
 
 use thiserror::Error;
 
-use crate::ingest::{CommandSamples, JointSamples, Recording};
+use crate::ingest::{CommandSamples, JointAngles, JointSamples, Recording};
 use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
@@ -164,11 +164,11 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
 
 fn joint_samples(settings: &SimulateSettings, timeline: &Timeline) -> JointSamples {
     let stamps = samples(settings.motion.joint_rate_hz, timeline.end_s());
-    let mut angles = vec![Vec::with_capacity(stamps.len()); settings.home.len()];
+    let mut angles = JointAngles::of(settings.home.len());
     for &t in &stamps {
-        for (column, angle) in angles.iter_mut().zip(timeline.state(t).reported) {
-            column.push(rounded(angle, ANGLE_RESOLUTION));
-        }
+        let reported = timeline.state(t).reported;
+        let angle = |angle| rounded(angle, ANGLE_RESOLUTION);
+        angles.push(reported.into_iter().map(angle));
     }
     JointSamples {
         stamps: stamps.iter().map(|&t| stamp(settings, t)).collect(),

@@ -9,7 +9,7 @@ use std::sync::{Arc, Barrier};
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
 use posegrid::ingest::{
-    CommandSamples, JointSamples, Recording, TargetReadings, TemperatureSamples,
+    CommandSamples, JointAngles, JointSamples, Recording, TargetReadings, TemperatureSamples,
 };
 use posegrid::io::lake::{Commit, Lake};
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
@@ -406,6 +406,10 @@ fn a_file_in_the_place_of_the_lake_is_told() {
 fn recording() -> Recording {
     let angle = |row: usize, joint: usize| (row * (joint + 1)) as f64 * 1e-5;
     let samples = ROW_GROUP_ROWS + 500;
+    let mut angles = JointAngles::of(6);
+    for row in 0..samples {
+        angles.push((0..6).map(|joint| angle(row, joint)));
+    }
     Recording {
         joints: JointSamples {
             stamps: (0..)
@@ -413,9 +417,7 @@ fn recording() -> Recording {
                 .take(samples)
                 .map(Stamp::from_ns)
                 .collect(),
-            angles: (0..6)
-                .map(|joint| (0..samples).map(|row| angle(row, joint)).collect())
-                .collect(),
+            angles,
         },
         commands: CommandSamples {
             stamps: vec![Stamp::from_ns(7)],
@@ -467,9 +469,7 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             .map(|row| table.text("source").value(row).to_owned())
             .into();
         assert_eq!(sources, ["joints", "command", "target", "temperature"]);
-        let last: Vec<f64> = (0..6)
-            .map(|joint| recording.joints.angles[joint][66_035])
-            .collect();
+        let last = recording.joints.angles.row(66_035).to_vec();
         let lists = table.list("joints_rad");
         assert_eq!(
             lists.value(66_035).as_ref(),
@@ -492,7 +492,7 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
 #[test]
 fn a_part_that_breaks_the_contract_leaves_no_file() {
     let mut recording = recording();
-    recording.joints.angles[3][ROW_GROUP_ROWS + 7] = f64::NAN;
+    recording.joints.angles.row_mut(ROW_GROUP_ROWS + 7)[3] = f64::NAN;
     let folder = tempfile::tempdir().unwrap();
     let lake = Lake::new(folder.path());
     let key = hostile_work().key();

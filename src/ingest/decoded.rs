@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::LogReject;
+use super::{JointAngles, LogReject};
 
 /// What was decoded of a session's logs.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,8 +30,8 @@ pub struct DecodedJoints {
     pub origins: Origins,
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// One column per joint of the arm, in the arm's order.
-    pub angles: Vec<Vec<f64>>,
+    /// In the same order.
+    pub angles: JointAngles,
 }
 
 /// Poses or points in the unit of the log; columns of equal length.
@@ -113,9 +113,7 @@ impl DecodedJoints {
     pub fn append(&mut self, mut later: Self) {
         self.origins.append(self.stamps.len(), later.origins);
         self.stamps.append(&mut later.stamps);
-        for (column, more) in self.angles.iter_mut().zip(&mut later.angles) {
-            column.append(more);
-        }
+        self.angles.append(later.angles.all());
     }
 }
 

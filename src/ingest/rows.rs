@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::decoded::Origins;
-use super::{LogReject, SpanClock, StreamCounts};
+use super::{JointAngles, LogReject, SpanClock, StreamCounts};
 
 /// Why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -23,19 +23,18 @@ pub(super) enum RowFault {
 
 impl RowFault {
     /// What is wrong with a row of joint angles.
-    pub(super) fn of_angles(angles: &[Vec<f64>], row: usize) -> Option<Self> {
-        let finite = angles.iter().all(|column| column[row].is_finite());
+    pub(super) fn of_angles(angles: &JointAngles, row: usize) -> Option<Self> {
+        let finite = angles.row(row).iter().all(|angle| angle.is_finite());
         (!finite).then_some(Self::Angle)
     }
 
-    /// Whether a row of joint angles has anything wrong. Looks at all of a column's exponents at once: only those of
-    /// infinities and of what is no number are all ones.
-    pub(super) fn in_angles(angles: &[Vec<f64>]) -> bool {
+    /// Whether a row of joint angles has anything wrong. Looks at all exponents at once: only those of infinities and of
+    /// what is no number are all ones.
+    pub(super) fn in_angles(angles: &JointAngles) -> bool {
         const EXPONENT: u64 = 0x7FF << 52;
         const CARRY: u64 = 1 << 52;
         let carried = |seen, angle: &f64| seen | ((angle.to_bits() & EXPONENT) + CARRY);
-        let mut columns = angles.iter();
-        columns.any(|column| column.iter().fold(0, carried) >> 63 == 1)
+        angles.all().iter().fold(0, carried) >> 63 == 1
     }
 }
 
@@ -102,6 +101,22 @@ impl Rows {
         match &self.order {
             None => column,
             Some(order) => order.iter().map(|&row| column[row]).collect(),
+        }
+    }
+
+    /// Adds the kept rows of joint angles, in order.
+    pub(super) fn append_angles(&self, angles: &JointAngles, to: &mut JointAngles) {
+        match &self.order {
+            None => to.append(angles.all()),
+            Some(order) => to.append(angles.picked(order).all()),
+        }
+    }
+
+    /// The kept rows of joint angles, in order.
+    pub(super) fn of_angles(&self, angles: JointAngles) -> JointAngles {
+        match &self.order {
+            None => angles,
+            Some(order) => angles.picked(order),
         }
     }
 

@@ -135,9 +135,9 @@ fn joint_messages(
             for name in joint_names {
                 cdr.string(topic, name)?;
             }
-            cdr.length(topic, joints.angles.len())?;
-            for column in &joints.angles {
-                cdr.f64(column[row]);
+            cdr.length(topic, joints.angles.joints())?;
+            for &angle in joints.angles.row(row) {
+                cdr.f64(angle);
             }
             // Velocity and effort are not recorded.
             cdr.length(topic, 0)?;
@@ -263,13 +263,16 @@ mod tests {
     use std::io::Cursor;
 
     use super::*;
+    use crate::ingest::JointAngles;
     use crate::units::Stamp;
 
     fn recording() -> Recording {
+        let mut angles = JointAngles::of(2);
+        angles.push([0.5, -0.25]);
         Recording {
             joints: JointSamples {
                 stamps: vec![Stamp::from_ns(1_700_000_000_000_000_007)],
-                angles: vec![vec![0.5], vec![-0.25]],
+                angles,
             },
             commands: CommandSamples {
                 stamps: vec![Stamp::from_ns(1_700_000_000_000_000_000)],

@@ -34,7 +34,13 @@ pub fn joints_at_rest(
 ) -> Result<Rest, JoinError> {
     check_joints(joints, arm)?;
     let stamps_ns: Vec<i64> = joints.stamps.iter().map(|stamp| stamp.ns()).collect();
-    Ok(at_rest(&stamps_ns, &joints.angles, &settings.arm_rule()))
+    let angles = &joints.angles;
+    Ok(at_rest(
+        &stamps_ns,
+        angles.all(),
+        angles.joints(),
+        &settings.arm_rule(),
+    ))
 }
 
 /// Finds the dwells of both logs, where it is known where the joints rest.
@@ -101,18 +107,19 @@ pub fn check_readings(readings: &TargetReadings) -> Result<(), JoinError> {
 }
 
 fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
-    if joints.angles.len() != arm.joints().len() {
+    let angles = &joints.angles;
+    if angles.joints() != arm.joints().len() {
         return Err(JoinError::JointCount {
             model: arm.model().to_owned(),
-            found: joints.angles.len(),
+            found: angles.joints(),
             expected: arm.joints().len(),
         });
     }
-    for (column, joint) in joints.angles.iter().zip(arm.joints()) {
-        check_rows("joints", &joints.stamps, &[("angle", column.len())])?;
-        if let Some(sample) = column.iter().position(|angle| !angle.is_finite()) {
+    check_rows("joints", &joints.stamps, &[("angle", angles.len())])?;
+    for (sample, row) in angles.rows().enumerate() {
+        if let Some(joint) = row.iter().position(|angle| !angle.is_finite()) {
             return Err(JoinError::AngleNotFinite {
-                joint: joint.name.clone(),
+                joint: arm.joints()[joint].name.clone(),
                 sample,
             });
         }

@@ -16,8 +16,8 @@
 mod finder;
 mod lengths;
 mod levels;
+mod pairs;
 mod plateau;
-mod quads;
 mod quantum;
 mod ranges;
 mod sums;
@@ -82,11 +82,10 @@ pub struct Rest {
     pub span_ns: (i64, i64),
 }
 
-/// The stretches at rest of `columns` (each as long as `stamps_ns`, which do not decrease).
-pub fn at_rest(stamps_ns: &[i64], columns: &[Vec<f64>], rule: &RestRule) -> Rest {
-    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-    let found = rest_of(columns.len(), rule, |finder| {
-        finder.push(stamps_ns, &columns);
+/// The stretches at rest of so many columns: `values` are the first sample's, then the second's; stamps do not decrease.
+pub fn at_rest(stamps_ns: &[i64], values: &[f64], columns: usize, rule: &RestRule) -> Rest {
+    let found = rest_of(columns, rule, |finder| {
+        finder.push(stamps_ns, values);
         Ok::<_, Infallible>(())
     });
     found.unwrap_or_else(|never| match never {})
@@ -140,7 +139,7 @@ mod tests {
     #[test]
     fn the_plateau_separates_noise_from_motion() {
         let (stamps_ns, column) = steps();
-        let rest = at_rest(&stamps_ns, &[column], &RULE);
+        let rest = at_rest(&stamps_ns, &column, 1, &RULE);
         assert_eq!(rest.stretches.len(), 10);
         // Samples 30 to 50 rest: 20 still ones, and the first of the motion is no further than its start.
         assert_eq!(
@@ -162,7 +161,7 @@ mod tests {
         stamps_ns[70..]
             .iter_mut()
             .for_each(|stamp| *stamp += 2_000_000_000);
-        let rest = at_rest(&stamps_ns, &[column], &RULE);
+        let rest = at_rest(&stamps_ns, &column, 1, &RULE);
         assert_eq!(
             rest.stretches[1].stretch,
             Stretch {
@@ -188,8 +187,8 @@ mod tests {
 
     #[test]
     fn nothing_and_one_sample_have_no_plateau() {
-        assert!(at_rest(&[], &[vec![], vec![]], &RULE).stretches.is_empty());
-        let one = at_rest(&[5], &[vec![1.0]], &RULE);
+        assert!(at_rest(&[], &[], 2, &RULE).stretches.is_empty());
+        let one = at_rest(&[5], &[1.0], 1, &RULE);
         assert!((one.threshold - RULE.floor).abs() < 1e-12);
     }
 }

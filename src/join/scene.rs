@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{JoinSettings, Joined, Pairing, join};
 use crate::geometry::isometry_from_rpy;
-use crate::ingest::Recording;
+use crate::ingest::{JointAngles, Recording};
 use crate::kinematics::{Arm, RobotFile};
 use crate::units::{NS_PER_S, Stamp, round_ns};
 
@@ -124,27 +124,23 @@ impl Scene {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed ^ 0x5eed);
         let starts_s = self.starts_s();
         let mut recording = Recording::default();
-        recording.joints.angles = vec![Vec::new(); 6];
+        recording.joints.angles = JointAngles::of(6);
         let mut at_s = 0.0;
         while at_s <= self.end_s() {
             recording
                 .joints
                 .stamps
                 .push(Stamp::from_ns(self.origin_ns + round_ns(at_s * NS_PER_S)));
-            for (column, angle) in recording
-                .joints
-                .angles
-                .iter_mut()
-                .zip(self.angles(&starts_s, at_s))
-            {
+            let reported = self.angles(&starts_s, at_s).map(|angle| {
                 let noisy = angle + self.noise_rad * gaussian(&mut rng);
                 let quantum = self.quantum_rad;
-                column.push(if quantum > 0.0 {
+                if quantum > 0.0 {
                     (noisy / quantum).round() * quantum
                 } else {
                     noisy
-                });
-            }
+                }
+            });
+            recording.joints.angles.push(reported);
             at_s += 1.0 / self.arm_hz;
         }
         let mut at_s = 0.013;

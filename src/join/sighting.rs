@@ -84,7 +84,8 @@ impl<'a> Sightings<'a> {
             self.firsts.extend(seen.readings.stamps.first());
             self.missing.extend(&seen);
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
-            finder.push(&stamps, &seen.axes().each_ref().map(Vec::as_slice));
+            let measured: Vec<[f64; 3]> = seen.measured().map(|row| seen.position(row)).collect();
+            finder.push(&stamps, measured.as_flattened());
         }
         Ok(())
     }

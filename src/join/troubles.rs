@@ -2,6 +2,7 @@
 
 use super::scene::{Scene, check_conservation, paired, ur10};
 use super::*;
+use crate::ingest::JointSamples;
 
 #[test]
 fn equal_dwells_pair_whatever_the_offset_and_drift() {
@@ -156,11 +157,7 @@ fn extra_target_dwells_belong_to_no_station() {
     let mut recording = scene.record(&ur10());
     let cut = recording.joints.stamps.len() * 4 / 7;
     recording.joints.stamps.truncate(cut);
-    recording
-        .joints
-        .angles
-        .iter_mut()
-        .for_each(|column| column.truncate(cut));
+    recording.joints.angles.truncate(cut);
     let joined = scene.joined(&recording);
     assert!((39..=41).contains(&joined.stations.len()));
     assert!(paired(&joined) >= 39);
@@ -183,13 +180,9 @@ fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
             .partition_point(|s| scene.controller_s(s.ns()) < spike_s);
         recording.readings.positions[near][2] += 0.7;
     }
-    for (stamp, angle) in recording
-        .joints
-        .stamps
-        .iter()
-        .zip(&mut recording.joints.angles[1])
-    {
-        *angle += 1e-6 * (stamp.ns() - scene.origin_ns) as f64 / NS_PER_S; // a µrad/s
+    let JointSamples { stamps, angles } = &mut recording.joints;
+    for (row, stamp) in stamps.iter().enumerate() {
+        angles.row_mut(row)[1] += 1e-6 * (stamp.ns() - scene.origin_ns) as f64 / NS_PER_S; // a µrad/s
     }
     let joined = scene.joined(&recording);
     assert_eq!((paired(&joined), joined.counts.outlier), (50, 50));
@@ -265,7 +258,7 @@ fn bad_input_is_an_error_that_says_what() {
     let defaults = JoinSettings::default();
     fails(&Recording::default(), &defaults, "0 joint columns");
     let mut bad = good.clone();
-    bad.joints.angles[3][7] = f64::NAN;
+    bad.joints.angles.row_mut(7)[3] = f64::NAN;
     fails(&bad, &defaults, "wrist_1_joint");
     let mut bad = good.clone();
     bad.readings
@@ -383,28 +376,21 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
         ..Scene::random(50, 24)
     };
     let mut recording = scene.record(&ur10());
-    for column in &mut recording.joints.angles {
-        let frozen = column[0];
-        column[..60].fill(frozen);
+    let frozen = recording.joints.angles.row(0).to_vec();
+    for row in 0..60 {
+        recording
+            .joints
+            .angles
+            .row_mut(row)
+            .copy_from_slice(&frozen);
     }
     // Every seventh joint sample and every ninth reading never arrived.
     let joints = &mut recording.joints;
     let dropped = |index: usize| index > 100 && index.is_multiple_of(7);
-    for column in &mut joints.angles {
-        let kept = column
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| !dropped(*i))
-            .map(|(_, q)| *q);
-        *column = kept.collect();
-    }
-    let kept = joints
-        .stamps
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| !dropped(*i))
-        .map(|(_, s)| *s);
-    joints.stamps = kept.collect();
+    let kept = 0..joints.stamps.len();
+    let kept: Vec<usize> = kept.filter(|&index| !dropped(index)).collect();
+    joints.angles = joints.angles.picked(&kept);
+    joints.stamps = kept.iter().map(|&index| joints.stamps[index]).collect();
     let mut reading = 0;
     scene.keep_readings(&mut recording, |_| true);
     let readings = &mut recording.readings;

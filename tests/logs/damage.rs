@@ -84,12 +84,12 @@ fn decoded(recording: &Recording) -> Vec<u32> {
     let numbers: Vec<_> = numbers.collect();
     for (row, &i) in numbers.iter().enumerate().filter(|_| trusted) {
         assert_eq!(
-            joints.angles[0][row].to_bits(),
+            joints.angles.row(row)[0].to_bits(),
             f64::from(i).to_bits(),
             "row {row}"
         );
         assert_eq!(
-            joints.angles[1][row].to_bits(),
+            joints.angles.row(row)[1].to_bits(),
             (-f64::from(i)).to_bits(),
             "row {row}"
         );

@@ -87,7 +87,12 @@ fn whole(logs: &SessionLogs, limits: Limits) -> Result<(Recording, Rest), LogErr
     let mut recording = read_session(logs, &mapping(), limits, &Quiet)?;
     let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
     let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
-    let rest = at_rest(&stamps_ns, &angles, &JoinSettings::default().arm_rule());
+    let rest = at_rest(
+        &stamps_ns,
+        angles.all(),
+        angles.joints(),
+        &JoinSettings::default().arm_rule(),
+    );
     Ok((recording, rest))
 }
 

@@ -357,8 +357,7 @@ fn every_encoding_gives_the_same_recording() {
             let (ns, x) = (stamp(i), f64::from(i));
             let row = usize::try_from(i).expect("small");
             assert_eq!(found.joints.stamps[row].ns(), ns, "{what}");
-            let angles = [found.joints.angles[0][row], found.joints.angles[1][row]];
-            assert_eq!(angles, [x, -x], "{what}");
+            assert_eq!(found.joints.angles.row(row), [x, -x], "{what}");
             assert_eq!(found.readings.stamps[row].ns(), ns, "{what}");
             assert_eq!(found.readings.positions[row], [3.0, x, 4.0], "{what}");
         }

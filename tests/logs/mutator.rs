@@ -217,7 +217,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
             .iter()
             .position(|at| at.ns() == stamp(*i));
         let whole = row.is_some_and(|row| {
-            recording.joints.angles[0][row].to_bits() == f64::from(*i).to_bits()
+            recording.joints.angles.row(row)[0].to_bits() == f64::from(*i).to_bits()
         });
         let reported = recording.rejects.iter().any(|reject| {
             let beyond =

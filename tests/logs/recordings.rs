@@ -102,8 +102,8 @@ fn random_a_agrees_with_an_independent_reader() {
         0.567_164_259_621_911_9,
         -0.025_525_970_381_697_845,
     ];
-    for (column, angle) in found.joints.angles.iter().zip(angles) {
-        assert!(near(column[i], angle), "{} {angle}", column[i]);
+    for (found, angle) in found.joints.angles.row(i).iter().zip(angles) {
+        assert!(near(*found, angle), "{found} {angle}");
     }
     assert_eq!(found.commands.stamps[i].ns(), 1_605_000_899_000_000_000);
     // m → mm

@@ -15,7 +15,10 @@ use crate::build::{Cdr, Folder, Log, mapping, read, read_as, schema, session, se
 fn every_storage_gives_the_same_recording() {
     let expected = read(&session_log(Some(Compression::Zstd), 100)).expect("sound");
     assert_eq!(expected.rejects, []);
-    assert_eq!(expected.joints.angles[1][7].to_bits(), (-7.0_f64).to_bits());
+    assert_eq!(
+        expected.joints.angles.row(7)[1].to_bits(),
+        (-7.0_f64).to_bits()
+    );
     assert_eq!(expected.commands.positions[3], [30_000.0, 1000.0, 2000.0]); // m → mm
     assert_eq!(
         expected.commands.orientations.as_ref().expect("poses")[0],
@@ -108,8 +111,8 @@ fn joints_are_found_by_name_in_each_message() {
     write(7, &["a", "b", "gripper"], &[5.0, 6.0, f64::NAN]);
     write(8, &[], &[]);
     let found = read(&log.done()).expect("sound");
-    assert_eq!(found.joints.angles[0], [0.0, 10.0, 1.0, 5.0]);
-    assert_eq!(found.joints.angles[1], [0.0, 20.0, 2.0, 6.0]);
+    assert_eq!(found.joints.angles.of_joint(0), [0.0, 10.0, 1.0, 5.0]);
+    assert_eq!(found.joints.angles.of_joint(1), [0.0, 20.0, 2.0, 6.0]);
     let mut reasons: Vec<_> = found
         .rejects
         .iter()
@@ -170,14 +173,17 @@ fn samples_are_in_the_order_of_the_time_source() {
     }
     let log = log.done();
     let by_header = read(&log).expect("sound");
-    assert_eq!(by_header.joints.angles[0], [0.0, 1.0, 2.0, 3.0, 0.0]);
+    assert_eq!(
+        by_header.joints.angles.of_joint(0),
+        [0.0, 1.0, 2.0, 3.0, 0.0]
+    );
     assert_eq!(by_header.counts["joints.backward_stamps"], 1);
     assert_eq!(by_header.counts["joints.duplicate_stamps"], 1);
     let mut mapping = mapping();
     mapping.controller.time = TimeSource::Log;
     let by_log = read_as(&log, &mapping).expect("sound");
     assert_eq!(by_log.rejects, []);
-    assert_eq!(by_log.joints.angles[0], [0.0, 0.0, 1.0, 2.0, 3.0]);
+    assert_eq!(by_log.joints.angles.of_joint(0), [0.0, 0.0, 1.0, 2.0, 3.0]);
     assert_eq!(by_log.joints.stamps[4].ns(), 200_000_000_003);
 }
 
@@ -191,7 +197,7 @@ fn times_beyond_the_clock_are_rejected() {
     let mut mapping = mapping();
     mapping.controller.time = TimeSource::Log;
     let found = read_as(&log.done(), &mapping).expect("sound");
-    assert_eq!(found.joints.angles[0], [0.0]);
+    assert_eq!(found.joints.angles.of_joint(0), [0.0]);
     assert!(found.rejects[0].reason.contains("2262"));
 }
 

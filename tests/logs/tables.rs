@@ -148,9 +148,9 @@ fn what_breaks_the_contract_is_told_at_the_end_and_leaves_no_file() {
     let lake = Lake::new(folder.path());
     let run = lake.start(&key()).expect("a lake").expect("a new run");
     let mut table = LogTable::new(&run, "session");
-    table.take(&[1, 2], &[&[0.0, 1.0]]);
-    table.take(&[3, 4], &[&[0.0, f64::NAN]]);
-    table.take(&[5], &[&[0.0]]);
+    table.take(&[1, 2], &[0.0, 1.0]);
+    table.take(&[3, 4], &[0.0, f64::NAN]);
+    table.take(&[5], &[0.0]);
     let nothing = posegrid::ingest::Recording::default();
     let error = table.finish(&nothing, &nothing.readings);
     let error = error.expect_err("no angle is NaN").to_string();

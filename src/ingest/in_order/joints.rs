@@ -2,7 +2,7 @@
 
 use super::super::decoded::{DecodedJoints, Origins};
 use super::super::rows::{RowFault, Rows};
-use super::super::{AngleUnit, Mapping, SpanClock};
+use super::super::{AngleUnit, JointAngles, Mapping, SpanClock};
 use super::{Held, reordered};
 
 /// Joint samples, in rad.
@@ -10,14 +10,13 @@ use super::{Held, reordered};
 pub struct HeldJoints {
     unit: AngleUnit,
     stamps: Vec<i64>,
-    angles: Vec<Vec<f64>>,
+    angles: JointAngles,
 }
 
 impl HeldJoints {
-    /// Stamps and angles of some samples, a column a joint.
-    pub fn rows(&self, rows: std::ops::Range<usize>) -> (&[i64], Vec<&[f64]>) {
-        let angles = self.angles.iter().map(|column| &column[rows.clone()]);
-        (&self.stamps[rows.clone()], angles.collect())
+    /// Stamps of some samples, and their angles row behind row.
+    pub fn rows(&self, rows: std::ops::Range<usize>) -> (&[i64], &[f64]) {
+        (&self.stamps[rows.clone()], self.angles.of_rows(rows))
     }
 }
 
@@ -28,7 +27,7 @@ impl Held for HeldJoints {
         Self {
             unit: mapping.controller.unit,
             stamps: Vec::new(),
-            angles: vec![Vec::new(); mapping.joints.len()],
+            angles: JointAngles::of(mapping.joints.len()),
         }
     }
 
@@ -54,12 +53,9 @@ impl Held for HeldJoints {
     fn take(&mut self, rows: &Rows, block: &DecodedJoints) -> bool {
         let held = self.stamps.len();
         rows.append(&block.stamps, &mut self.stamps);
-        for (column, more) in self.angles.iter_mut().zip(&block.angles) {
-            rows.append(more, column);
-            if self.unit != AngleUnit::Rad {
-                let to_rad = self.unit.to_rad();
-                column[held..].iter_mut().for_each(|angle| *angle *= to_rad);
-            }
+        rows.append_angles(&block.angles, &mut self.angles);
+        if self.unit != AngleUnit::Rad {
+            self.angles.scale_from(held, self.unit.to_rad());
         }
         true
     }
@@ -70,15 +66,11 @@ impl Held for HeldJoints {
 
     fn reorder(&mut self, order: &[usize]) {
         self.stamps = reordered(&self.stamps, order);
-        for column in &mut self.angles {
-            *column = reordered(column, order);
-        }
+        self.angles = self.angles.picked(order);
     }
 
     fn let_go(&mut self, count: usize) {
         self.stamps.drain(..count);
-        for column in &mut self.angles {
-            column.drain(..count);
-        }
+        self.angles.let_go(count);
     }
 }

@@ -30,14 +30,15 @@ const PIECE: usize = ROW_GROUP_ROWS;
 pub trait JointSink: Send {
     /// What was given so far does not count: all samples come again.
     fn begin_again(&mut self);
-    /// Takes the next 65 536 samples, or what is left of them: stamps that do not decrease, and a column a joint, rad.
-    fn take(&mut self, stamps_ns: &[i64], angles: &[&[f64]]);
+    /// Takes the next 65 536 samples, or what is left of them: stamps that do not decrease, and angles (rad) row
+    /// behind row.
+    fn take(&mut self, stamps_ns: &[i64], angles: &[f64]);
 }
 
 /// Wants nothing.
 impl JointSink for () {
     fn begin_again(&mut self) {}
-    fn take(&mut self, _: &[i64], _: &[&[f64]]) {}
+    fn take(&mut self, _: &[i64], _: &[f64]) {}
 }
 
 /// What was read of a session whose long streams are not in memory.
@@ -127,7 +128,7 @@ impl JointDwells<'_> {
         self.waiting.work(|block| {
             in_order.push(&block.rows, &block.file, block.place, |held, rows| {
                 let (stamps, angles) = held.rows(rows);
-                give_on(finder, sink, stamps, &angles);
+                give_on(finder, sink, stamps, angles);
             });
         });
     }
@@ -136,14 +137,14 @@ impl JointDwells<'_> {
         let (finder, sink) = (&mut self.finder, self.sink);
         let account = self.in_order.finish(|held, rows| {
             let (stamps, angles) = held.rows(rows);
-            give_on(finder, sink, stamps, &angles);
+            give_on(finder, sink, stamps, angles);
         });
         let rest = self.finder.finish();
         Ok((account.ok_or(Again::AsAWhole)?, rest.map_err(Again::With)?))
     }
 }
 
-fn give_on(finder: &mut Finder, sink: &mut dyn JointSink, stamps: &[i64], angles: &[&[f64]]) {
+fn give_on(finder: &mut Finder, sink: &mut dyn JointSink, stamps: &[i64], angles: &[f64]) {
     rayon::join(|| finder.push(stamps, angles), || sink.take(stamps, angles));
 }
 
@@ -238,12 +239,11 @@ impl Reading<'_> {
         sink.begin_again();
         for first in (0..stamps_ns.len()).step_by(PIECE) {
             let piece = first..(first + PIECE).min(stamps_ns.len());
-            let angles: Vec<&[f64]> = angles.iter().map(|joint| &joint[piece.clone()]).collect();
-            sink.take(&stamps_ns[piece], &angles);
+            sink.take(&stamps_ns[piece.clone()], angles.of_rows(piece));
         }
         Ok(SessionRead {
             readings: Box::new(std::mem::take(&mut recording.readings)),
-            joints: at_rest(&stamps_ns, &angles, rule),
+            joints: at_rest(&stamps_ns, angles.all(), angles.joints(), rule),
             recording,
         })
     }

@@ -17,8 +17,8 @@ use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
-    DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping, Origin, Origins,
-    SpanClock, TimeSource,
+    DecodedJoints, DecodedPoses, DecodedTemperatures, JointAngles, LogReject, Mapping, Origin,
+    Origins, SpanClock, TimeSource,
 };
 use crate::io::message::{FieldPath, MessageSchema};
 
@@ -96,7 +96,7 @@ impl<'m> Streams<'m> {
             long: None,
             joints: DecodedJoints {
                 origins: origins(Stream::Joints),
-                angles: vec![Vec::new(); mapping.joints.len()],
+                angles: JointAngles::of(mapping.joints.len()),
                 ..DecodedJoints::default()
             },
             commands: poses(Stream::Commands),
@@ -283,9 +283,7 @@ impl Visitor for Streams<'_> {
 
 fn append_joints(to: &mut DecodedJoints, from: &mut DecodedJoints, extent: &Extent) {
     to.stamps.append(&mut from.stamps);
-    for (to, from) in to.angles.iter_mut().zip(&mut from.angles) {
-        to.append(from);
-    }
+    to.angles.append(from.angles.all());
     note(&mut to.origins, to.stamps.len(), extent);
 }
 

@@ -144,14 +144,12 @@ fn element(of: DataType) -> FieldRef {
     Arc::new(Field::new("element", of, false))
 }
 
-/// Lists that have one value out of each of `columns`, in their order.
-pub(super) fn across(columns: &[&[f64]], rows: usize) -> ArrayRef {
-    let mut values = Vec::with_capacity(rows * columns.len());
-    for row in 0..rows {
-        values.extend(columns.iter().map(|column| column[row]));
-    }
-    let offsets = OffsetBuffer::from_repeated_length(columns.len(), rows);
-    let values = Arc::new(Float64Array::from(values));
+/// So many lists of one length, their values one behind the other.
+pub(super) fn lists_alike(values: &[f64], rows: usize) -> ArrayRef {
+    let length = values.len().checked_div(rows).unwrap_or(0);
+    assert_eq!(values.len(), length * rows, "values of {rows} lists");
+    let offsets = OffsetBuffer::from_repeated_length(length, rows);
+    let values = Arc::new(Float64Array::from(values.to_vec()));
     Arc::new(ListArray::new(
         element(DataType::Float64),
         offsets,

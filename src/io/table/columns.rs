@@ -95,14 +95,14 @@ impl Columns {
         })
     }
 
-    /// A column of lists, each with one value out of each of `columns`.
+    /// A column of lists of one length, their values one behind the other.
     ///
     /// # Panics
-    /// When one of `columns` is shorter than the table.
+    /// When that is not a whole number of values for each row.
     #[must_use]
-    pub fn across(self, name: &str, columns: &[&[f64]]) -> Self {
+    pub fn lists_alike(self, name: &str, values: &[f64]) -> Self {
         self.put(name, ColumnType::ListFloat64, |rows| {
-            Ok(cell::across(columns, rows))
+            Ok(cell::lists_alike(values, rows))
         })
     }
 

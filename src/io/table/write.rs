@@ -114,10 +114,8 @@ mod tests {
 
     /// Joint samples, the angles by row and joint.
     fn joints(rows: usize, joints: usize, angle: impl Fn(usize, usize) -> f64) -> Table {
-        let columns: Vec<Vec<f64>> = (0..joints)
-            .map(|joint| (0..rows).map(|row| angle(row, joint)).collect())
-            .collect();
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+        let places = (0..rows).flat_map(|row| (0..joints).map(move |joint| (row, joint)));
+        let angles: Vec<f64> = places.map(|(row, joint)| angle(row, joint)).collect();
         let absent = [
             "x_mm",
             "y_mm",
@@ -135,7 +133,7 @@ mod tests {
             .same("source", "joints")
             .column("sample", 0..rows)
             .column("stamp_ns", 0..rows)
-            .across("joints_rad", &columns)
+            .lists_alike("joints_rad", &angles)
             .absent(absent);
         let table = covariances
             .iter()

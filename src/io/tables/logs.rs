@@ -87,7 +87,7 @@ impl JointSink for LogTable<'_> {
     }
 
     /// What is wrong is told at the end.
-    fn take(&mut self, stamps_ns: &[i64], angles: &[&[f64]]) {
+    fn take(&mut self, stamps_ns: &[i64], angles: &[f64]) {
         let rows = self.joints..self.joints + stamps_ns.len();
         self.joints = rows.end;
         if let Ok(table) = &mut self.table {
@@ -138,8 +138,8 @@ pub fn logs(
     match part.source {
         Source::Joints => {
             let JointSamples { stamps, angles } = &recording.joints;
-            let angles: Vec<&[f64]> = angles.iter().map(|joint| &joint[rows.clone()]).collect();
-            joint_rows(rows.clone(), in_ns(&stamps[rows]), &angles, key)
+            let angles = angles.of_rows(rows.clone());
+            joint_rows(rows.clone(), in_ns(&stamps[rows]), angles, key)
         }
         Source::Command => command_rows(&recording.commands, rows, key),
         Source::Target => target_rows(&readings.read(rows.clone())?, rows, key),
@@ -189,25 +189,25 @@ fn command_rows(
 fn more_joint_rows(
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,
-    angles: &[&[f64]],
+    angles: &[f64],
     like: &Table,
 ) -> Result<Table, PublishError> {
     let table = Columns::like(like)
         .whole_numbers("sample", numbers(&rows))
         .whole_numbers("stamp_ns", stamps_ns.collect())
-        .across("joints_rad", angles);
+        .lists_alike("joints_rad", angles);
     Ok(table.finish()?)
 }
 
-/// Stamps and angles (rad, a column a joint) of these rows only.
+/// Stamps and angles (rad, row behind row) of these rows only.
 fn joint_rows(
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,
-    angles: &[&[f64]],
+    angles: &[f64],
     key: &RunKey,
 ) -> Result<Table, PublishError> {
     let table = columns(key, "joints", rows, stamps_ns)?
-        .across("joints_rad", angles)
+        .lists_alike("joints_rad", angles)
         .absent(POSITION)
         .absent(ORIENTATION)
         .absent(COVARIANCE)

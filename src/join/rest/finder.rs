@@ -6,9 +6,9 @@
 //! 3. At the end the threshold is chosen, and the stretches by it are the result.
 
 use super::levels::{Levels, Samples};
+use super::pairs;
 use super::plateau::Ladder;
-use super::quads::{self, Quad, groups};
-use super::quantum::Steps;
+use super::quantum::Quanta;
 use super::ranges::Ranges;
 use super::sums::Sums;
 use super::{Rest, RestRule};
@@ -26,10 +26,10 @@ const MIN_WINDOW_SAMPLES: usize = 3;
 pub struct Finder {
     rule: RestRule,
     ladder: Ladder,
-    /// The values of the samples that are still needed, for each four columns.
-    values: Vec<Vec<Quad>>,
+    /// The values of the samples that are still needed, one sample's behind the other's.
+    values: Vec<f64>,
     samples: Samples,
-    steps: Vec<Steps>,
+    quanta: Quanta,
     ranges: Ranges,
     pace: Option<Pace>,
     first_ns: i64,
@@ -61,41 +61,37 @@ impl Finder {
         Self {
             rule: *rule,
             ladder: Ladder::from(rule.floor),
-            values: vec![Vec::new(); groups(columns)],
+            values: Vec::new(),
             samples: Samples {
-                sums: vec![Sums::default(); groups(columns)],
+                sums: vec![Sums::default(); pairs::count(columns)],
                 columns,
                 ..Samples::default()
             },
-            steps: vec![Steps::default(); columns],
+            quanta: Quanta::of(columns),
             ranges: Ranges::default(),
             pace: None,
             first_ns: 0,
         }
     }
 
-    /// Takes the next samples: stamps that do not decrease, and as many values in each column.
-    pub fn push(&mut self, stamps_ns: &[i64], columns: &[&[f64]]) {
+    /// Takes the next samples: stamps that do not decrease, and the first sample's values, then the second's.
+    pub fn push(&mut self, stamps_ns: &[i64], values: &[f64]) {
         if self.samples.first == 0 && self.samples.stamps_ns.is_empty() {
             self.first_ns = stamps_ns.first().copied().unwrap_or(0);
         }
-        for first in (0..stamps_ns.len()).step_by(PIECE) {
-            let piece = first..(first + PIECE).min(stamps_ns.len());
-            let columns: Vec<&[f64]> = columns.iter().map(|c| &c[piece.clone()]).collect();
-            self.push_piece(&stamps_ns[piece], &columns);
+        let values = values.chunks(PIECE * self.samples.columns);
+        for (stamps_ns, values) in stamps_ns.chunks(PIECE).zip(values) {
+            self.push_piece(stamps_ns, values);
         }
     }
 
-    fn push_piece(&mut self, stamps_ns: &[i64], columns: &[&[f64]]) {
-        let before = self.samples.stamps_ns.len();
+    fn push_piece(&mut self, stamps_ns: &[i64], values: &[f64]) {
         self.samples.stamps_ns.extend_from_slice(stamps_ns);
-        quads::append(&mut self.values, columns);
-        for (sums, values) in self.samples.sums.iter_mut().zip(&self.values) {
-            sums.push(&values[before..]);
+        self.values.extend_from_slice(values);
+        for (pair, sums) in self.samples.sums.iter_mut().enumerate() {
+            sums.push(pairs::of(values, self.samples.columns, pair));
         }
-        for (steps, values) in self.steps.iter_mut().zip(columns) {
-            steps.push(values);
-        }
+        self.quanta.push(values);
         let held = self.samples.stamps_ns.len();
         if self.pace.is_none() && held >= OPENING {
             self.set_pace(OPENING);
@@ -133,9 +129,8 @@ impl Finder {
     fn threshold(&self) -> f64 {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {
-            let quantum = self.steps.iter().map(Steps::quantum).fold(0.0, f64::max);
             let count = |rung| pace.levels.lengths(self.ladder.rungs()[rung]).count();
-            self.ladder.choose(quantum, pace.top, count)
+            self.ladder.choose(self.quanta.largest(), pace.top, count)
         })
     }
 
@@ -164,18 +159,18 @@ impl Finder {
         // The last sample's neighbour is not there yet.
         let end = (first + held - usize::from(!is_last) + 1).saturating_sub(pace.window);
         self.ranges.begin(end.saturating_sub(pace.next));
-        for values in &self.values {
+        for pair in 0..samples.sums.len() {
+            let values = pairs::of(&self.values, samples.columns, pair);
             self.ranges
                 .widen(values, pace.window, (pace.next == 0, is_last));
         }
         pace.mark_breaks(samples, &mut self.ranges);
-        for (range, window) in self.ranges.of_windows.iter().zip(pace.next..) {
-            pace.levels.window(window, *range, samples);
-            pace.top = if range.is_finite() {
-                pace.top.max(*range)
-            } else {
-                pace.top
-            };
+        let ranges = &self.ranges.of_windows;
+        pace.levels.windows(pace.next, ranges, samples);
+        for &range in ranges {
+            if range > pace.top && range.is_finite() {
+                pace.top = range;
+            }
         }
         pace.next = end.max(pace.next);
         if is_last {
@@ -189,9 +184,7 @@ impl Finder {
         let pace = self.pace.as_mut().expect("set before");
         // A window's first sample is smoothed by the one before it.
         let done = pace.next.saturating_sub(1) - self.samples.first;
-        for values in &mut self.values {
-            values.drain(..done);
-        }
+        self.values.drain(..done * self.samples.columns);
         self.samples.stamps_ns.drain(..done);
         for sums in &mut self.samples.sums {
             sums.drop_front(done);
@@ -208,9 +201,10 @@ impl Finder {
 impl Pace {
     /// No rest reaches across a break between two samples.
     fn mark_breaks(&self, samples: &Samples, ranges: &mut Ranges) {
+        let gap_ns = self.gap_ns.unsigned_abs();
         for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
             // The sample before the first window is there too.
-            if pair[1].saturating_sub(pair[0]) > self.gap_ns
+            if pair[1].abs_diff(pair[0]) > gap_ns
                 && let Some(before) = (samples.first + place).checked_sub(self.next)
             {
                 ranges.break_at(before, self.window);

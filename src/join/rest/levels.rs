@@ -27,7 +27,7 @@ pub struct Samples {
     pub first: usize,
     /// ns.
     pub stamps_ns: Vec<i64>,
-    /// One for each four columns.
+    /// One for each pair of columns.
     pub sums: Vec<Sums>,
     /// How many columns there are.
     pub columns: usize,
@@ -52,6 +52,8 @@ pub struct Levels {
     by: Vec<ByThreshold>,
     /// Of the window before.
     level: usize,
+    /// Windows in which more moves than this, but not more than that, are of the same level.
+    of_level: (f64, f64),
     window: usize,
     min_stretch_ns: i64,
     kept: Range<usize>,
@@ -89,9 +91,11 @@ struct End {
 impl Levels {
     /// By these thresholds, sorted, in windows of so many samples.
     pub fn new(thresholds: Vec<f64>, window: usize, min_stretch_ns: i64) -> Self {
+        let above_all = thresholds.last().copied().unwrap_or(f64::NEG_INFINITY);
         Self {
             by: vec![ByThreshold::default(); thresholds.len()],
             level: thresholds.len(),
+            of_level: (above_all, f64::INFINITY),
             kept: 0..thresholds.len(),
             thresholds,
             window,
@@ -101,8 +105,22 @@ impl Levels {
         }
     }
 
-    /// Takes the window that begins at sample `first` and in which so much moves.
-    pub fn window(&mut self, first: usize, range: f64, samples: &Samples) {
+    /// Takes the windows that begin at sample `first` and behind it, and in which so much moves.
+    pub fn windows(&mut self, first: usize, ranges: &[f64], samples: &Samples) {
+        let mut next = 0;
+        loop {
+            let (above, up_to) = self.of_level;
+            let of_another = |&range: &f64| range <= above || range > up_to;
+            let Some(same) = ranges[next..].iter().position(of_another) else {
+                return;
+            };
+            next += same;
+            self.change(first + next, ranges[next], samples);
+        }
+    }
+
+    /// Takes the window that begins at sample `first` and whose level is another than that of the window before.
+    fn change(&mut self, first: usize, range: f64, samples: &Samples) {
         let level = self.level_of(range);
         // Its last sample is the first one behind the window before.
         let ended = |last| End {
@@ -124,16 +142,21 @@ impl Levels {
                 by.begin(first, samples);
             }
         }
+        let below = level.checked_sub(1).map(|below| self.thresholds[below]);
+        let up_to = self.thresholds.get(level).copied();
         self.level = level;
+        self.of_level = (
+            below.unwrap_or(f64::NEG_INFINITY),
+            up_to.unwrap_or(f64::INFINITY),
+        );
     }
 
-    /// The number of the lowest threshold that a range is within.
+    /// The number of the lowest threshold that a range is within, which is seldom far from the one before.
     fn level_of(&self, range: f64) -> usize {
-        let within = |level: usize| self.thresholds.get(level).is_none_or(|&t| range <= t);
-        if within(self.level) && (self.level == 0 || !within(self.level - 1)) {
-            return self.level;
-        }
-        self.thresholds.partition_point(|&t| t < range)
+        let (below, above) = self.thresholds.split_at(self.level);
+        let down = below.iter().rev().take_while(|&&t| range <= t).count();
+        let up = above.iter().take_while(|&&t| range > t).count();
+        self.level - down + up
     }
 
     /// Ends what is open at the last of all samples.
@@ -284,8 +307,7 @@ mod tests {
     fn scene() -> (Samples, Vec<f64>) {
         let count = 2000;
         let mut sums = Sums::default();
-        let values: Vec<_> = (0..count).map(|i| [f64::from(i); 4]).collect();
-        sums.push(&values);
+        sums.push((0..count).map(|i| [f64::from(i); 2]));
         let samples = Samples {
             first: 0,
             stamps_ns: (0..i64::from(count)).map(|i| 10 * i).collect(),
@@ -306,9 +328,10 @@ mod tests {
     fn levels(ranges: &[f64], samples: &Samples, forget: bool) -> Levels {
         let thresholds = (1..=40).map(f64::from).collect();
         let mut levels = Levels::new(thresholds, WINDOW, 60);
-        for (first, &range) in ranges.iter().enumerate() {
-            levels.window(first, range, samples);
-            if forget && first == 1000 {
+        // In pieces, as they come.
+        for (piece, ranges) in ranges.chunks(77).enumerate() {
+            levels.windows(77 * piece, ranges, samples);
+            if forget && piece == 13 {
                 levels.forget_all_but(20.0);
             }
         }

@@ -1,45 +1,41 @@
-//! Columns four by four: what is done to one value is done to the four at once.
+//! Columns two by two: what is done to one value is done to both at once.
 
-/// The values of four columns at one sample.
-pub type Quad = [f64; 4];
+/// The values of two columns at one sample.
+pub type Pair = [f64; 2];
+
+/// Each two added.
+#[inline]
+pub fn plus(a: Pair, b: Pair) -> Pair {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+/// The difference between each two.
+#[inline]
+pub fn minus(a: Pair, b: Pair) -> Pair {
+    [a[0] - b[0], a[1] - b[1]]
+}
 
 /// The larger of each two.
 #[inline]
-pub fn largest(a: Quad, b: Quad) -> Quad {
-    [
-        larger(a[0], b[0]),
-        larger(a[1], b[1]),
-        larger(a[2], b[2]),
-        larger(a[3], b[3]),
-    ]
+pub fn largest(a: Pair, b: Pair) -> Pair {
+    [larger(a[0], b[0]), larger(a[1], b[1])]
 }
 
 /// The smaller of each two.
 #[inline]
-pub fn smallest(a: Quad, b: Quad) -> Quad {
-    [
-        smaller(a[0], b[0]),
-        smaller(a[1], b[1]),
-        smaller(a[2], b[2]),
-        smaller(a[3], b[3]),
-    ]
+pub fn smallest(a: Pair, b: Pair) -> Pair {
+    [smaller(a[0], b[0]), smaller(a[1], b[1])]
 }
 
 /// The largest difference between each two.
 #[inline]
-pub fn widest(high: Quad, low: Quad) -> f64 {
-    let [a, b, c, d] = [
-        high[0] - low[0],
-        high[1] - low[1],
-        high[2] - low[2],
-        high[3] - low[3],
-    ];
-    larger(larger(a, b), larger(c, d))
+pub fn widest(high: Pair, low: Pair) -> f64 {
+    larger(high[0] - low[0], high[1] - low[1])
 }
 
 /// Values are numbers: what `f64::max` does about others would cost as much again.
 #[inline]
-fn larger(a: f64, b: f64) -> f64 {
+pub fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
@@ -48,19 +44,21 @@ fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// Groups of four that so many columns make.
-pub const fn groups(columns: usize) -> usize {
-    columns.div_ceil(4)
+/// How many pairs so many columns make.
+pub const fn count(columns: usize) -> usize {
+    columns.div_ceil(2)
 }
 
-/// Adds samples of the columns to each group; a group that is not full has its last column more than once.
-pub fn append(groups: &mut [Vec<Quad>], columns: &[&[f64]]) {
-    for (group, quads) in groups.iter_mut().enumerate() {
-        let column = |place: usize| columns[(4 * group + place).min(columns.len() - 1)];
-        let [a, b, c, d] = std::array::from_fn(column);
-        let values = a.iter().zip(b).zip(c).zip(d);
-        quads.extend(values.map(|(((&a, &b), &c), &d)| [a, b, c, d]));
-    }
+/// One pair of the columns at each sample, whose values stand one sample behind the other; a pair that is not full has its
+/// column twice.
+pub fn of(
+    values: &[f64],
+    columns: usize,
+    pair: usize,
+) -> impl ExactSizeIterator<Item = Pair> + DoubleEndedIterator {
+    let (a, b) = (2 * pair, (2 * pair + 1).min(columns - 1));
+    let samples = values.chunks_exact(columns);
+    samples.map(move |sample| [sample[a], sample[b]])
 }
 
 #[cfg(test)]
@@ -69,20 +67,13 @@ mod tests {
 
     #[test]
     #[expect(clippy::float_cmp, reason = "picked, not computed")]
-    fn six_columns_are_two_groups() {
-        let columns: Vec<Vec<f64>> = (0..6).map(|k| vec![f64::from(k), 10.0]).collect();
-        let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let mut quads = vec![Vec::new(); groups(6)];
-        append(&mut quads, &columns);
-        assert_eq!(quads[0], [[0.0, 1.0, 2.0, 3.0], [10.0; 4]]);
-        assert_eq!(quads[1], [[4.0, 5.0, 5.0, 5.0], [10.0; 4]]);
-        assert_eq!(
-            largest([1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0]),
-            [4.0, 3.0, 3.0, 4.0]
-        );
-        assert_eq!(
-            smallest([1.0, 2.0, 3.0, 4.0], [4.0, 3.0, 2.0, 1.0]),
-            [1.0, 2.0, 2.0, 1.0]
-        );
+    fn three_columns_are_two_pairs() {
+        let values = [0.0, 1.0, 2.0, 10.0, 11.0, 12.0];
+        assert_eq!(count(3), 2);
+        assert!(of(&values, 3, 0).eq([[0.0, 1.0], [10.0, 11.0]]));
+        assert!(of(&values, 3, 1).eq([[2.0, 2.0], [12.0, 12.0]]));
+        assert_eq!(largest([1.0, 4.0], [2.0, 3.0]), [2.0, 4.0]);
+        assert_eq!(smallest([1.0, 4.0], [2.0, 3.0]), [1.0, 3.0]);
+        assert_eq!(widest([3.0, 7.0], [1.0, 2.0]), 5.0);
     }
 }

@@ -1,15 +1,26 @@
 //! The step between neighbouring values of a quantised column, found while its values come by.
 
+use super::pairs::larger;
+
 /// Steps up to this many quanta tell whether a column is quantised; at least so many of them are needed.
 const QUANTA: f64 = 20.0;
 const MIN_QUANTISED_STEPS: usize = 8;
+/// Samples that are looked at together: most steps are not small.
+const TOGETHER: usize = 16;
 /// A step this much smaller than the least one so far is another quantum, not its rounding.
 const SMALLER: f64 = 0.99;
 
+/// What the steps of each column look like.
+#[derive(Debug, Clone)]
+pub struct Quanta {
+    of_columns: Vec<Steps>,
+    /// The last sample's values.
+    before: Vec<f64>,
+}
+
 /// What the steps of one column look like, from the first of the smallest ones on.
 #[derive(Debug, Clone)]
-pub struct Steps {
-    before: Option<f64>,
+struct Steps {
     least: f64,
     /// Steps of a few quanta, and those of them that are whole ones.
     small: usize,
@@ -19,7 +30,6 @@ pub struct Steps {
 impl Default for Steps {
     fn default() -> Self {
         Self {
-            before: None,
             least: f64::INFINITY,
             small: 0,
             whole: 0,
@@ -27,23 +37,76 @@ impl Default for Steps {
     }
 }
 
-impl Steps {
-    /// Takes the column's next values in.
+impl Quanta {
+    /// Of so many columns.
+    pub fn of(columns: usize) -> Self {
+        Self {
+            of_columns: vec![Steps::default(); columns],
+            before: Vec::new(),
+        }
+    }
+
+    /// Takes the next samples, their values one sample behind the other.
     pub fn push(&mut self, values: &[f64]) {
-        let Some(&first) = values.first() else {
+        let columns = self.of_columns.len();
+        let Some((first, later)) = values.split_at_checked(columns) else {
             return;
         };
-        let mut before = self.before.unwrap_or(first);
-        let mut reach = QUANTA * self.least;
-        for &value in values {
-            let step = (value - before).abs();
-            before = value;
-            if step < reach && step > 0.0 {
-                self.small_step(step);
-                reach = QUANTA * self.least;
+        let before = std::mem::take(&mut self.before);
+        self.steps(&before, first);
+        let before = values.chunks(columns * TOGETHER);
+        for (before, after) in before.zip(later.chunks(columns * TOGETHER)) {
+            let before = &before[..after.len()];
+            if self.some_are_small(before, after) {
+                self.steps(before, after);
             }
         }
-        self.before = Some(before);
+        self.before.extend(&values[values.len() - columns..]);
+    }
+
+    /// Whether a step may be a small one of its column.
+    fn some_are_small(&self, before: &[f64], after: &[f64]) -> bool {
+        let reach = self.of_columns.iter().map(Steps::reach).fold(0.0, larger);
+        let steps = before.iter().zip(after);
+        // Without a branch for each.
+        let small = steps.fold(0, |small, (before, after)| {
+            let step = (after - before).abs();
+            small | u64::from(step < reach && step > 0.0)
+        });
+        small > 0
+    }
+
+    /// Takes the steps from values to those a sample later.
+    fn steps(&mut self, before: &[f64], after: &[f64]) {
+        let columns = self.of_columns.len();
+        let samples = before
+            .chunks_exact(columns)
+            .zip(after.chunks_exact(columns));
+        for (before, after) in samples {
+            let values = before.iter().zip(after);
+            for (steps, (before, after)) in self.of_columns.iter_mut().zip(values) {
+                steps.step((after - before).abs());
+            }
+        }
+    }
+
+    /// The largest quantum; 0 where no column is quantised.
+    pub fn largest(&self) -> f64 {
+        let quanta = self.of_columns.iter().map(Steps::quantum);
+        quanta.fold(0.0, f64::max)
+    }
+}
+
+impl Steps {
+    /// Below this a step counts.
+    fn reach(&self) -> f64 {
+        QUANTA * self.least
+    }
+
+    fn step(&mut self, step: f64) {
+        if step < self.reach() && step > 0.0 {
+            self.small_step(step);
+        }
     }
 
     fn small_step(&mut self, step: f64) {
@@ -56,7 +119,7 @@ impl Steps {
     }
 
     /// The quantum; 0 where values are not quantised.
-    pub fn quantum(&self) -> f64 {
+    fn quantum(&self) -> f64 {
         let quantised = self.small >= MIN_QUANTISED_STEPS && self.whole * 50 >= self.small * 49;
         if quantised { self.least } else { 0.0 }
     }
@@ -67,9 +130,9 @@ mod tests {
     use super::*;
 
     fn quantum(column: &[f64]) -> f64 {
-        let mut steps = Steps::default();
-        column.chunks(5).for_each(|values| steps.push(values));
-        steps.quantum()
+        let mut quanta = Quanta::of(1);
+        column.chunks(5).for_each(|values| quanta.push(values));
+        quanta.largest()
     }
 
     #[test]
@@ -79,6 +142,17 @@ mod tests {
         assert!((quantum(&quantised) - 1.75e-4).abs() < 1e-12);
         let free: Vec<f64> = (0..40).map(|k| (f64::from(k) * 1.7).sin()).collect();
         assert!(quantum(&free).abs() < 1e-12);
+    }
+
+    #[test]
+    fn each_column_has_its_own() {
+        let fine = [0.0, 1.0, 1.0, 2.0, 0.0, 1.0, 3.0, 2.0, 1.0, 2.0, 2.0, 1.0];
+        let mut quanta = Quanta::of(2);
+        for fine in fine {
+            quanta.push(&[fine * 1e-5, 7.0 + 1e-3 * (2.0 - fine)]);
+        }
+        assert!((quanta.largest() - 1e-3).abs() < 1e-9);
+        assert!((quanta.of_columns[0].quantum() - 1e-5).abs() < 1e-12);
     }
 
     #[test]

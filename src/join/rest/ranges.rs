@@ -3,14 +3,14 @@
 //! The largest and the smallest value of a window are found as van Herk and Gil and Werman do: samples are cut into
 //! blocks as long as a window, and a window is the end of one block and the beginning of the next.
 
-use super::quads::{Quad, largest, smallest, widest};
+use super::pairs::{Pair, larger, largest, smallest, widest};
 
 /// Buffers that are kept from one piece to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Ranges {
-    smooth: Vec<Quad>,
+    smooth: Vec<Pair>,
     /// Largest and smallest value from each sample to the end of its block.
-    to_block_end: Vec<(Quad, Quad)>,
+    to_block_end: Vec<(Pair, Pair)>,
     /// One per window: the largest range of a column so far.
     pub of_windows: Vec<f64>,
 }
@@ -22,41 +22,46 @@ impl Ranges {
         self.of_windows.resize(windows, 0.0);
     }
 
-    /// Raises the windows' ranges to those of four columns over `samples` samples each, if these are larger. The first
+    /// Raises the windows' ranges to those of a pair of columns over `samples` samples each, if these are larger. The first
     /// and the last of `values` are `ends` of the whole columns (which stay as they are), or only there for the median
     /// of their neighbours.
-    pub fn widen(&mut self, values: &[Quad], samples: usize, ends: (bool, bool)) {
+    pub fn widen(
+        &mut self,
+        values: impl ExactSizeIterator<Item = Pair>,
+        samples: usize,
+        ends: (bool, bool),
+    ) {
         median_of_three(values, ends, &mut self.smooth);
         self.gather_block_ends(samples);
-        let mut begun = [self.smooth.first().copied().unwrap_or_default(); 2];
-        let mut left_in_block = samples;
-        for (end, &value) in self.smooth.iter().enumerate() {
-            if left_in_block == 0 {
-                (begun, left_in_block) = ([value; 2], samples);
-            }
-            left_in_block -= 1;
-            begun = [largest(begun[0], value), smallest(begun[1], value)];
-            let Some(first) = (end + 1).checked_sub(samples) else {
-                continue;
-            };
-            let (high, low) = self.to_block_end[first];
-            let (high, low) = (largest(high, begun[0]), smallest(low, begun[1]));
-            if let Some(range) = self.of_windows.get_mut(first) {
-                *range = range.max(widest(high, low));
+        let Some(range) = self.of_windows.first_mut() else {
+            return;
+        };
+        let (high, low) = self.to_block_end[0];
+        *range = larger(*range, widest(high, low));
+        for (block, values) in self.smooth.chunks(samples).enumerate().skip(1) {
+            // The window that ends with the block's first value, and those behind it.
+            let first = block * samples + 1 - samples;
+            let to_block_end = &self.to_block_end[first..];
+            let ranges = &mut self.of_windows[first..];
+            let (mut high, mut low) = (values[0], values[0]);
+            for ((&value, ends), range) in values.iter().zip(to_block_end).zip(ranges) {
+                (high, low) = (largest(high, value), smallest(low, value));
+                let window = widest(largest(ends.0, high), smallest(ends.1, low));
+                *range = larger(*range, window);
             }
         }
     }
 
     fn gather_block_ends(&mut self, samples: usize) {
-        self.to_block_end.clear();
         self.to_block_end
             .resize(self.smooth.len(), Default::default());
         let ends = self.to_block_end.chunks_mut(samples);
         for (ends, block) in ends.zip(self.smooth.chunks(samples)) {
-            let mut so_far = [block[block.len() - 1]; 2];
+            let last = block[block.len() - 1];
+            let (mut high, mut low) = (last, last);
             for (end, &value) in ends.iter_mut().zip(block).rev() {
-                so_far = [largest(so_far[0], value), smallest(so_far[1], value)];
-                *end = (so_far[0], so_far[1]);
+                (high, low) = (largest(high, value), smallest(low, value));
+                *end = (high, low);
             }
         }
     }
@@ -69,17 +74,34 @@ impl Ranges {
     }
 }
 
-fn median_of_three(values: &[Quad], (is_first, is_last): (bool, bool), smooth: &mut Vec<Quad>) {
+fn median_of_three(
+    mut values: impl ExactSizeIterator<Item = Pair>,
+    (is_first, is_last): (bool, bool),
+    smooth: &mut Vec<Pair>,
+) {
     smooth.clear();
+    let (Some(mut before), second) = (values.next(), values.next()) else {
+        return;
+    };
     if is_first {
-        smooth.extend(values.first());
+        smooth.push(before);
     }
-    smooth.extend(values.windows(3).map(|around| {
-        let (a, b, c) = (around[0], around[1], around[2]);
-        largest(smallest(a, b), smallest(largest(a, b), c))
+    let Some(mut here) = second else {
+        if is_last && !is_first {
+            smooth.push(before);
+        }
+        return;
+    };
+    smooth.extend(values.map(|next| {
+        let median = largest(
+            smallest(before, here),
+            smallest(largest(before, here), next),
+        );
+        (before, here) = (here, next);
+        median
     }));
-    if is_last && (values.len() > 1 || !is_first) {
-        smooth.extend(values.last());
+    if is_last {
+        smooth.push(here);
     }
 }
 
@@ -89,13 +111,13 @@ mod tests {
 
     #[test]
     fn ranges_over_windows_and_across_a_break() {
-        let quads = |values: [f64; 6]| values.map(|value| [0.0, value, 0.0, 0.1 * value]);
+        let pairs = |values: [f64; 6]| values.into_iter().map(|value| [value, 0.1 * value]);
         let mut ranges = Ranges::default();
         ranges.begin(4);
         // The median of three makes 1 1 2 2 2 2 of it: the spike of 9 goes.
-        ranges.widen(&quads([1.0, 1.0, 9.0, 2.0, 2.0, 2.0]), 3, (true, true));
+        ranges.widen(pairs([1.0, 1.0, 9.0, 2.0, 2.0, 2.0]), 3, (true, true));
         assert_eq!(ranges.of_windows, [1.0, 1.0, 0.0, 0.0]);
-        ranges.widen(&quads([0.0; 6]), 3, (true, true));
+        ranges.widen(pairs([0.0; 6]), 3, (true, true));
         assert_eq!(ranges.of_windows, [1.0, 1.0, 0.0, 0.0]);
         // A break between samples 3 and 4 lies in the windows that begin at 2 and 3.
         ranges.break_at(3, 3);
@@ -120,19 +142,20 @@ mod tests {
     fn a_piece_gives_the_windows_of_the_whole() {
         // Slow enough that the median of three of each is the middle one.
         let column: Vec<f64> = (0..100).map(|k| (f64::from(k) * 0.01).sin()).collect();
-        let quads: Vec<Quad> = column.iter().map(|&value| [value; 4]).collect();
+        let pairs =
+            |samples: std::ops::Range<usize>| column[samples].iter().map(|&value| [value; 2]);
         let (mut whole, mut piece) = (Ranges::default(), Ranges::default());
         for samples in [1, 2, 3, 7, 40, 100] {
             let windows = 101 - samples;
             whole.begin(windows);
-            whole.widen(&quads, samples, (true, true));
+            whole.widen(pairs(0..100), samples, (true, true));
             assert_eq!(whole.of_windows, one_by_one(&column, samples), "{samples}");
         }
         whole.begin(94);
-        whole.widen(&quads, 7, (true, true));
+        whole.widen(pairs(0..100), 7, (true, true));
         // Samples 29 to 70: windows 30 to 63.
         piece.begin(34);
-        piece.widen(&quads[29..=70], 7, (false, false));
+        piece.widen(pairs(29..71), 7, (false, false));
         assert_eq!(piece.of_windows, whole.of_windows[30..64]);
     }
 }

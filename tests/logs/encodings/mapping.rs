@@ -89,10 +89,7 @@ fn any_message_is_read_by_field_paths() {
     assert_eq!(found.rejects, []);
     assert_eq!(found.joints.stamps[3].ns(), 5_000_003_000);
     // The arm's joints in its order: the second of `q`, the first of `axes`.
-    assert_eq!(
-        (found.joints.angles[0][3], found.joints.angles[1][3]),
-        (-3.25, 0.3)
-    );
+    assert_eq!(found.joints.angles.row(3), [-3.25, 0.3]);
     assert_eq!(found.readings.stamps[3].ns(), 5_000_000_003);
     assert_eq!(found.readings.positions[3], [3.0, 0.5, -3.0]);
     // xx xy xz yy yz zz of 1…9 row by row.
@@ -116,7 +113,7 @@ fn a_stamp_in_json_may_be_a_date_time_with_its_zone() {
     let found = read(&log(dated), &controller, TRACKER).expect("sound");
     assert_eq!(found.joints.stamps.len(), 7);
     assert_eq!(found.joints.stamps[3].ns(), 5_000_003_000);
-    assert_eq!(found.joints.angles[1][3], 0.3);
+    assert_eq!(found.joints.angles.row(3)[1], 0.3);
     let reasons: Vec<_> = found.rejects.iter().map(|reject| &reject.reason).collect();
     assert_eq!(found.counts["joints.rejected"], 3);
     assert!(

@@ -90,8 +90,7 @@ impl Part {
     /// Empties it for the next block, with so many joints.
     pub(super) fn clear(&mut self, joints: usize) {
         self.joints.stamps.clear();
-        self.joints.angles.resize_with(joints, Vec::new);
-        self.joints.angles.iter_mut().for_each(Vec::clear);
+        self.joints.angles.clear(joints);
         for poses in [&mut self.commands, &mut self.readings] {
             poses.stamps.clear();
             poses.positions.clear();
@@ -269,13 +268,8 @@ impl JointOrder {
             self.find(&names, joint_names)?;
         }
         self.seen_in = filled;
-        for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
-            match angles.get(place) {
-                Some(angle) => column.push(angle),
-                None => return Err(take_back(joints, RowFault::NoNumber(first + 1))),
-            }
-        }
-        Ok(())
+        let angle = |&place| angles.get(place).ok_or(RowFault::NoNumber(first + 1));
+        joints.angles.try_push(self.places.iter().map(angle))
     }
 
     /// Takes the angles where names and form are those of nearly every message: the same ones again, and doubles.
@@ -290,15 +284,14 @@ impl JointOrder {
         let Some(angles) = row.doubles(payload, first + 1) else {
             return false;
         };
-        let known = self.places.len() == joints.angles.len() && angles.len() == self.of;
+        let known = self.places.len() == joints.angles.joints() && angles.len() == self.of;
         let seen = self.seen_in == Some(row.filled());
         if !known || !(seen || row.texts_are(payload, first, &self.names)) {
             return false;
         }
         self.seen_in = Some(row.filled());
-        for (column, &place) in joints.angles.iter_mut().zip(&self.places) {
-            column.push(f64::from_le_bytes(angles[place]));
-        }
+        let angle = |&place: &usize| f64::from_le_bytes(angles[place]);
+        joints.angles.push(self.places.iter().map(angle));
         true
     }
 
@@ -327,23 +320,10 @@ fn push_angles(
     values: Values<'_>,
     first: usize,
 ) -> Result<(), RowFault> {
-    for place in 0..joints.angles.len() {
-        match values.number(first + place) {
-            Ok(angle) => joints.angles[place].push(angle),
-            Err(fault) => return Err(take_back(joints, fault)),
-        }
-    }
-    Ok(())
-}
-
-/// Takes the beginning of a row out again.
-fn take_back(joints: &mut DecodedJoints, fault: RowFault) -> RowFault {
-    let rows = joints.stamps.len();
+    let places = first..first + joints.angles.joints();
     joints
         .angles
-        .iter_mut()
-        .for_each(|column| column.truncate(rows));
-    fault
+        .try_push(places.map(|place| values.number(place)))
 }
 
 fn push_pose(

@@ -1,0 +1,179 @@
+//! Joint angles of many samples, one behind the other as messages have them and as tables store them.
+
+use std::ops::Range;
+use std::slice::ChunksExact;
+
+/// A row of joint angles for each sample, in the arm's order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JointAngles {
+    joints: usize,
+    values: Vec<f64>,
+}
+
+impl JointAngles {
+    /// No rows yet, of so many joints.
+    pub const fn of(joints: usize) -> Self {
+        Self {
+            joints,
+            values: Vec::new(),
+        }
+    }
+
+    /// How many joints the arm has.
+    pub const fn joints(&self) -> usize {
+        self.joints
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.values.len().checked_div(self.joints).unwrap_or(0)
+    }
+
+    /// Whether there are no rows.
+    pub const fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// Row by row.
+    pub fn rows(&self) -> ChunksExact<'_, f64> {
+        self.values.chunks_exact(self.joints.max(1))
+    }
+
+    /// The angles of one sample, which there is.
+    pub fn row(&self, row: usize) -> &[f64] {
+        &self.values[self.places(row..row + 1)]
+    }
+
+    /// The same, to be written.
+    pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
+        let places = self.places(row..row + 1);
+        &mut self.values[places]
+    }
+
+    /// All angles, row behind row.
+    pub fn all(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// Those of some rows.
+    pub fn of_rows(&self, rows: Range<usize>) -> &[f64] {
+        &self.values[self.places(rows)]
+    }
+
+    /// Those of one joint, a sample each.
+    pub fn of_joint(&self, joint: usize) -> Vec<f64> {
+        self.rows().map(|row| row[joint]).collect()
+    }
+
+    /// Adds a row, which has an angle for each joint.
+    #[inline]
+    pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
+        self.values.extend(row);
+        debug_assert!(self.values.len().is_multiple_of(self.joints.max(1)));
+    }
+
+    /// The same, or nothing where an angle of it has a fault.
+    pub fn try_push<E>(&mut self, row: impl IntoIterator<Item = Result<f64, E>>) -> Result<(), E> {
+        let held = self.values.len();
+        for angle in row {
+            match angle {
+                Ok(angle) => self.values.push(angle),
+                Err(error) => {
+                    self.values.truncate(held);
+                    return Err(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds rows of as many joints, row behind row.
+    pub fn append(&mut self, rows: &[f64]) {
+        self.values.extend_from_slice(rows);
+    }
+
+    /// These rows in this order.
+    #[must_use]
+    pub fn picked(&self, rows: &[usize]) -> Self {
+        let mut picked = Self::of(self.joints);
+        picked.values.reserve_exact(rows.len() * self.joints);
+        for &row in rows {
+            picked.append(self.row(row));
+        }
+        picked
+    }
+
+    /// Multiplies the rows from `first` on.
+    pub fn scale_from(&mut self, first: usize, factor: f64) {
+        let places = self.places(first..self.len());
+        self.values[places]
+            .iter_mut()
+            .for_each(|angle| *angle *= factor);
+    }
+
+    /// Keeps the first rows only.
+    pub fn truncate(&mut self, rows: usize) {
+        self.values.truncate(rows * self.joints);
+    }
+
+    /// Lets the first rows go.
+    pub fn let_go(&mut self, rows: usize) {
+        self.values.drain(..rows * self.joints);
+    }
+
+    /// Empties it for rows of so many joints.
+    pub fn clear(&mut self, joints: usize) {
+        self.values.clear();
+        self.joints = joints;
+    }
+
+    const fn places(&self, rows: Range<usize>) -> Range<usize> {
+        rows.start * self.joints..rows.end * self.joints
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn three_rows() -> JointAngles {
+        let mut angles = JointAngles::of(2);
+        for row in [[1.0, -1.0], [2.0, -2.0], [3.0, -3.0]] {
+            angles.push(row);
+        }
+        angles
+    }
+
+    #[test]
+    fn rows_and_joints_are_told_apart() {
+        let mut angles = three_rows();
+        assert_eq!((angles.len(), angles.joints()), (3, 2));
+        assert_eq!(angles.row(1), [2.0, -2.0]);
+        assert_eq!(angles.of_joint(1), [-1.0, -2.0, -3.0]);
+        assert_eq!(angles.of_rows(1..3), [2.0, -2.0, 3.0, -3.0]);
+        assert_eq!(angles.picked(&[2, 0]).all(), [3.0, -3.0, 1.0, -1.0]);
+        angles.scale_from(2, 10.0);
+        angles.let_go(1);
+        assert_eq!(angles.all(), [2.0, -2.0, 30.0, -30.0]);
+        angles.truncate(1);
+        assert_eq!(angles.rows().count(), 1);
+    }
+
+    #[test]
+    fn of_a_row_with_a_fault_nothing_stays() {
+        let mut angles = three_rows();
+        assert_eq!(
+            angles.try_push([Ok(4.0), Err("no number")]),
+            Err("no number")
+        );
+        assert_eq!(angles, three_rows());
+        assert_eq!(angles.try_push([Ok::<_, ()>(4.0), Ok(-4.0)]), Ok(()));
+        assert_eq!(angles.row(3), [4.0, -4.0]);
+    }
+
+    #[test]
+    fn without_joints_there_are_no_rows() {
+        let none = JointAngles::default();
+        assert_eq!((none.len(), none.rows().count()), (0, 0));
+    }
+}
