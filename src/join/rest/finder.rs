@@ -79,7 +79,7 @@ impl Finder {
         if self.samples.first == 0 && self.samples.stamps_ns.is_empty() {
             self.first_ns = stamps_ns.first().copied().unwrap_or(0);
         }
-        let values = values.chunks(PIECE * self.samples.columns);
+        let values = values.chunks(PIECE * self.samples.columns.max(1));
         for (stamps_ns, values) in stamps_ns.chunks(PIECE).zip(values) {
             self.push_piece(stamps_ns, values);
         }

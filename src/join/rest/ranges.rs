@@ -40,7 +40,7 @@ impl Ranges {
         *range = larger(*range, widest(high, low));
         for (block, values) in self.smooth.chunks(samples).enumerate().skip(1) {
             // The window that ends with the block's first value, and those behind it.
-            let first = block * samples + 1 - samples;
+            let first = (block - 1) * samples + 1;
             let to_block_end = &self.to_block_end[first..];
             let ranges = &mut self.of_windows[first..];
             let (mut high, mut low) = (values[0], values[0]);
