@@ -9,8 +9,8 @@
 mod angles;
 mod decoded;
 mod in_order;
+mod pose_samples;
 mod poses;
-mod readings;
 mod rows;
 mod settings;
 
@@ -20,8 +20,8 @@ use thiserror::Error;
 
 pub use angles::JointAngles;
 pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
-pub use in_order::{HELD_BACK, Held, HeldJoints, HeldReadings, InOrder, StreamAccount};
-pub use readings::{Readings, ReadingsError};
+pub use in_order::{HELD_BACK, Held, HeldJoints, HeldPoses, InOrder, StreamAccount};
+pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
     Mapping, NumberStamp, PoseFields, StampField, TimeSource, TimeUnit, TrackerSettings,
@@ -58,30 +58,6 @@ pub struct JointSamples {
     pub stamps: Vec<Stamp<Controller>>,
     /// rad.
     pub angles: JointAngles,
-}
-
-/// Commanded tool poses, as the controller stated them; columns of equal length.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct CommandSamples {
-    /// Controller time, not decreasing.
-    pub stamps: Vec<Stamp<Controller>>,
-    /// Position of the tool point in the command frame, mm.
-    pub positions: Vec<[f64; 3]>,
-    /// Orientation of the tool as a unit quaternion x y z w, where the message has one.
-    pub orientations: Option<Vec<[f64; 4]>>,
-}
-
-/// Readings of the target; columns of equal length.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct TargetReadings {
-    /// Tracker time, not decreasing.
-    pub stamps: Vec<Stamp<Tracker>>,
-    /// Position in the tracker frame, mm.
-    pub positions: Vec<[f64; 3]>,
-    /// Orientation in the tracker frame as a unit quaternion x y z w, where the target is a 6-DoF one.
-    pub orientations: Option<Vec<[f64; 4]>>,
-    /// Position covariance as the tracker stated it (xx xy xz yy yz zz, mm²), where the message has one.
-    pub covariances: Option<Vec<[f64; 6]>>,
 }
 
 /// Temperatures; columns of equal length.
@@ -211,17 +187,19 @@ pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestEr
     ingest_beside(decoded, mapping, None)
 }
 
-/// What became of the two long streams where their samples were given on in order while the logs were read.
+/// What became of the long streams where their samples were given on in order while the logs were read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GivenOn {
     /// Of the joint states.
     pub joints: StreamAccount,
+    /// Of the commanded poses, where the pipeline file names their topic.
+    pub commands: Option<StreamAccount>,
     /// Of the target's readings.
     pub readings: StreamAccount,
 }
 
-/// The same where joint states and readings were given on while the logs were read: the recording is without them, but
-/// accounts for them as `given_on` says.
+/// The same where joint states, commanded poses and readings were given on while the logs were read: the recording is
+/// without them, but accounts for them as `given_on` says.
 pub fn ingest_beside(
     mut decoded: Decoded,
     mapping: &Mapping,
@@ -233,22 +211,16 @@ pub fn ingest_beside(
         counts: std::mem::take(&mut decoded.counts),
         ..Recording::default()
     };
-    let (joints, readings) = given_on.map(|on| (on.joints, on.readings)).unzip();
-    match joints {
-        Some(account) => recording.account_for("joints", account),
-        None => recording.joints = self::joints(decoded.joints, mapping, &mut recording)?,
-    }
-    if let (Some(poses), Some(settings)) = (decoded.commands, &mapping.commanded) {
-        let poses = self::poses(poses, settings.unit, false, "commands", &mut recording)?;
-        recording.commands = CommandSamples {
-            stamps: stamps(poses.stamps),
-            positions: poses.positions,
-            orientations: poses.orientations,
-        };
-    }
-    match readings {
-        Some(account) => recording.account_for("readings", account),
-        None => recording.readings = self::readings(decoded.readings, mapping, &mut recording)?,
+    if let Some(given_on) = given_on {
+        recording.account_for("joints", given_on.joints);
+        if let Some(commands) = given_on.commands {
+            recording.account_for("commands", commands);
+        }
+        recording.account_for("readings", given_on.readings);
+    } else {
+        recording.joints = joints(decoded.joints, mapping, &mut recording)?;
+        recording.commands = commands(decoded.commands, mapping, &mut recording)?;
+        recording.readings = readings(decoded.readings, mapping, &mut recording)?;
     }
     if let Some(temperatures) = decoded.temperatures {
         recording.temperatures = self::temperatures(temperatures, &mut recording);
@@ -277,6 +249,23 @@ fn joints(
     };
     recording.account("joints", rows.counts, rows.rejects);
     Ok(samples)
+}
+
+fn commands(
+    decoded: Option<DecodedPoses>,
+    mapping: &Mapping,
+    recording: &mut Recording,
+) -> Result<CommandSamples, IngestError> {
+    let (Some(decoded), Some(settings)) = (decoded, &mapping.commanded) else {
+        return Ok(CommandSamples::default());
+    };
+    let poses = self::poses(decoded, settings.unit, false, "commands", recording)?;
+    Ok(CommandSamples {
+        stamps: stamps(poses.stamps),
+        positions: poses.positions,
+        orientations: poses.orientations,
+        covariances: None,
+    })
 }
 
 fn readings(

@@ -38,7 +38,7 @@ use self::observe::Observation;
 use self::pattern::Relation;
 use self::rest::Rest;
 use self::sighting::Sightings;
-use crate::ingest::{Readings, Recording};
+use crate::ingest::{Poses, Recording};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
@@ -218,21 +218,24 @@ pub fn join(
 ) -> Result<Joined, JoinError> {
     settings.check()?;
     let joints = observe::joints_at_rest(&recording.joints, arm, settings)?;
-    observe::check_readings(&recording.readings)?;
-    join_at_rest(recording, &joints, &recording.readings, arm, settings)
+    observe::check_poses("commands", &recording.commands)?;
+    observe::check_poses("readings", &recording.readings)?;
+    let (commands, readings) = (&recording.commands, &recording.readings);
+    join_at_rest(recording, &joints, commands, readings, arm, settings)
 }
 
-/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`], and the readings
-/// are kept elsewhere, in order of time; the recording's own joint samples and readings are not looked at.
+/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`], and poses are
+/// kept elsewhere, in order of time; the recording's own joint samples, commands and readings are not looked at.
 pub fn join_at_rest(
     recording: &Recording,
     joints: &Rest,
-    readings: &dyn Readings,
+    commands: &dyn Poses<Controller>,
+    readings: &dyn Poses<Tracker>,
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Joined, JoinError> {
     settings.check()?;
-    observe::check_others(recording)?;
+    observe::check_temperatures(&recording.temperatures)?;
     let sightings = Sightings::find(readings, settings)?;
     let seen = observe::observe(&sightings, joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
@@ -256,7 +259,7 @@ pub fn join_at_rest(
         settings,
     };
     let mut fates = first_fates(&sightings, &seen);
-    let stations = stations(recording, &seen.arm, &evidence, &mut fates)?;
+    let stations = stations(commands, &seen.arm, &evidence, &mut fates)?;
     for rows in sightings.missing() {
         fates.set(rows, Fate::Missing);
     }
@@ -329,7 +332,7 @@ fn first_fates(sightings: &Sightings<'_>, seen: &Observation) -> Fates {
 }
 
 fn stations(
-    recording: &Recording,
+    commands: &dyn Poses<Controller>,
     dwells: &[ArmDwell],
     evidence: &pair::Evidence,
     fates: &mut Fates,
@@ -340,7 +343,7 @@ fn stations(
         flange: dwell.flange,
     };
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
-    let commands = command::in_force(&recording.commands, &occasions);
+    let commands = command::in_force(commands, &occasions)?;
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
         let (pairing, attained) = evidence.verdict(dwell, fates)?;
         Ok(Station {

@@ -194,6 +194,7 @@ fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandS
                 .map(|stop| tracker::logged_quaternion(&pose(stop).rotation))
                 .collect(),
         ),
+        covariances: None,
     }
 }
 

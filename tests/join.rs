@@ -116,13 +116,17 @@ fn streaming_into_dwells_gives_the_same_stations_clocks_and_rejects_to_the_last_
         let SessionRead {
             recording,
             joints,
+            commands,
             readings,
         } = read_dwells(&logs, &mapping, limits, &rule, &Quiet).expect("a sound recording");
         assert_eq!(recording.joints.stamps, [], "no sample is kept");
         assert_eq!(recording.counts, whole.counts);
         assert_eq!(recording.rejects, whole.rejects);
         assert_eq!(recording.readings.stamps, [], "no reading is kept");
-        let streamed = join_at_rest(&recording, &joints, &*readings, &arm, &settings);
+        assert_eq!(recording.commands.stamps, [], "no command is kept");
+        assert_eq!(commands.count(), whole.commands.stamps.len());
+        let (commands, readings) = (&*commands, &*readings);
+        let streamed = join_at_rest(&recording, &joints, commands, readings, &arm, &settings);
         let streamed = streamed.expect(truth.name);
         let joined = join(&whole, &arm, &settings).expect(truth.name);
         assert_eq!(joined.stations.len(), truth.stations);

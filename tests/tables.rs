@@ -422,7 +422,7 @@ fn recording() -> Recording {
         commands: CommandSamples {
             stamps: vec![Stamp::from_ns(7)],
             positions: vec![[1.0, 2.0, 3.0]],
-            orientations: None,
+            ..CommandSamples::default()
         },
         readings: TargetReadings {
             stamps: vec![Stamp::from_ns(5), Stamp::from_ns(5)],
@@ -450,10 +450,9 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        let readings = &recording.readings;
         let publish = || {
-            run.publish_parts(parts(&recording, readings), |part| {
-                logs(&recording, readings, part, &key)
+            run.publish_parts(parts((&recording).into()), |part| {
+                logs((&recording).into(), part, &key)
             })
         };
         pool.install(publish).unwrap();
@@ -497,9 +496,8 @@ fn a_part_that_breaks_the_contract_leaves_no_file() {
     let lake = Lake::new(folder.path());
     let key = hostile_work().key();
     let mut run = lake.start(&key).unwrap().unwrap();
-    let readings = &recording.readings;
-    let published = run.publish_parts(parts(&recording, readings), |part| {
-        logs(&recording, readings, part, &key)
+    let published = run.publish_parts(parts((&recording).into()), |part| {
+        logs((&recording).into(), part, &key)
     });
     let error = published.unwrap_err().to_string();
     assert!(

@@ -5,25 +5,21 @@
 //! already, the log has to be read as a whole.
 
 mod joints;
-mod readings;
+mod poses;
 
 use std::ops::Range;
 
 pub use joints::HeldJoints;
-pub use readings::HeldReadings;
+pub use poses::HeldPoses;
 
 use super::decoded::{Origin, Origins};
 use super::rows::Rows;
-use super::{LogReject, Mapping, StreamCounts};
+use super::{LogReject, StreamCounts};
 
 /// Samples of one stream that are held back, in the units of a recording.
 pub trait Held: Sized {
     /// The columns that the rows of a block are decoded into.
     type Block;
-    /// Nothing held yet.
-    fn none(mapping: &Mapping) -> Self;
-    /// The topic that they come from.
-    fn topic(mapping: &Mapping) -> &str;
     /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
     /// Which rows of a block are kept.
@@ -76,12 +72,13 @@ pub struct StreamAccount {
 pub const HELD_BACK: usize = 16_384;
 
 impl<H: Held> InOrder<H> {
-    /// Nothing read yet; samples will be given on in pieces of so many, but for the last.
-    pub fn new(mapping: &Mapping, piece: usize) -> Self {
+    /// Nothing read of the topic yet, so that `held` is empty; samples will be given on in pieces of so many, but for the
+    /// last.
+    pub fn new(held: H, topic: &str, piece: usize) -> Self {
         Self {
             piece,
-            topic: H::topic(mapping).to_owned(),
-            held: H::none(mapping),
+            topic: topic.to_owned(),
+            held,
             unsorted: false,
             given_on: None,
             before: None,

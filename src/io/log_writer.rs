@@ -277,7 +277,7 @@ mod tests {
             commands: CommandSamples {
                 stamps: vec![Stamp::from_ns(1_700_000_000_000_000_000)],
                 positions: vec![[1500.0, 0.0, 800.0]],
-                orientations: None,
+                ..CommandSamples::default()
             },
             ..Recording::default()
         }

@@ -40,7 +40,7 @@ use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
 use crate::grid::{Tolerance, Verdict};
-use crate::ingest::ReadingsError;
+use crate::ingest::PosesError;
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
@@ -105,7 +105,7 @@ pub enum PublishError {
     Model(#[from] serde_json::Error),
     /// Readings that were put aside are not there any more.
     #[error(transparent)]
-    Readings(#[from] ReadingsError),
+    Poses(#[from] PosesError),
 }
 
 /// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.

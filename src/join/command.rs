@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::Command;
 use super::average::unit;
 use super::placement::{Placement, Sighting};
-use crate::ingest::CommandSamples;
+use crate::ingest::{Poses, PosesError};
 use crate::units::{Controller, Stamp};
 
 /// A rule has to place commands within this of the arm to be believed at all, mm.
@@ -31,17 +31,27 @@ pub struct Occasion {
     pub flange: Isometry3<f64>,
 }
 
+/// A command as it was stated.
+#[derive(Debug, Clone, Copy)]
+struct Stated {
+    position: Vector3<f64>,
+    orientation: Option<[f64; 4]>,
+}
+
 /// The command of each dwell, in the dwells' order.
-pub fn in_force(commands: &CommandSamples, dwells: &[Occasion]) -> Vec<Option<Command>> {
-    let by_end = last_before(commands, dwells, |dwell| dwell.end);
+pub fn in_force(
+    commands: &dyn Poses<Controller>,
+    dwells: &[Occasion],
+) -> Result<Vec<Option<Command>>, PosesError> {
+    let by_end = last_before(commands, dwells, |dwell| dwell.end)?;
     let by_middle = last_before(commands, dwells, |dwell| {
         dwell.start.plus_ns(dwell.end.since_ns(dwell.start) / 2)
-    });
-    let by_start = last_before(commands, dwells, |dwell| dwell.start);
+    })?;
+    let by_start = last_before(commands, dwells, |dwell| dwell.start)?;
     // Of like rules the first stays: a wrong one places commands a whole move away.
-    let mut best: Option<(f64, Placement, &Vec<Option<usize>>)> = None;
+    let mut best: Option<(f64, Placement, &Vec<Option<Stated>>)> = None;
     for rule in [&by_end, &by_middle, &by_start] {
-        let placed = placed(commands, dwells, rule);
+        let placed = placed(dwells, rule);
         if let Some((median_mm, placement)) = placed
             && best
                 .as_ref()
@@ -50,61 +60,79 @@ pub fn in_force(commands: &CommandSamples, dwells: &[Occasion]) -> Vec<Option<Co
             best = Some((median_mm, placement, rule));
         }
     }
-    match best {
+    Ok(match best {
         Some((median_mm, placement, rule)) if median_mm <= BELIEVED_MM => {
             let reach_mm = (REACH * median_mm).max(BELIEVED_MM);
-            let near = |(dwell, command): (&Occasion, &Option<usize>)| {
-                command.filter(|&index| {
-                    placement.distance_mm(&sighting(commands, dwell, index)) <= reach_mm
-                })
+            let near = |(dwell, stated): (&Occasion, &Option<Stated>)| {
+                stated.filter(|stated| placement.distance_mm(&sighting(dwell, stated)) <= reach_mm)
             };
-            dwells
-                .iter()
-                .zip(rule)
-                .map(near)
-                .map(|index| command(commands, index))
-                .collect()
+            let near = dwells.iter().zip(rule).map(near);
+            near.map(|stated| stated.map(Command::from)).collect()
         }
         _ => by_end
-            .iter()
-            .map(|&index| command(commands, index))
+            .into_iter()
+            .map(|stated| stated.map(Command::from))
             .collect(),
-    }
+    })
 }
 
-/// Index of the last command at or before `moment` of each dwell.
+/// The last command at or before `moment` of each dwell.
 fn last_before(
-    commands: &CommandSamples,
+    commands: &dyn Poses<Controller>,
     dwells: &[Occasion],
     moment: impl Fn(&Occasion) -> Stamp<Controller>,
-) -> Vec<Option<usize>> {
-    // A command that is no number commands nothing.
-    let stated = |index: usize| {
-        commands.positions[index]
-            .iter()
-            .all(|x| x.abs() < FARTHEST_MM)
-    };
+) -> Result<Vec<Option<Stated>>, PosesError> {
     let last = |dwell: &Occasion| {
-        let moment = moment(dwell);
-        commands
-            .stamps
-            .partition_point(|&stamp| stamp <= moment)
-            .checked_sub(1)
-            .filter(|&index| stated(index))
+        let row = rows_up_to(commands, moment(dwell))?.checked_sub(1);
+        let stated = row.map(|row| Stated::read(commands, row)).transpose()?;
+        // A command that is no number commands nothing.
+        Ok(stated.filter(|stated| stated.position.iter().all(|x| x.abs() < FARTHEST_MM)))
     };
     dwells.iter().map(last).collect()
 }
 
+/// How many commands were stated up to a moment.
+fn rows_up_to(
+    commands: &dyn Poses<Controller>,
+    moment: Stamp<Controller>,
+) -> Result<usize, PosesError> {
+    let (mut from, mut to) = (0, commands.count());
+    while from < to {
+        let middle = usize::midpoint(from, to);
+        if commands.stamp(middle)? <= moment {
+            from = middle + 1;
+        } else {
+            to = middle;
+        }
+    }
+    Ok(from)
+}
+
+impl Stated {
+    fn read(commands: &dyn Poses<Controller>, row: usize) -> Result<Self, PosesError> {
+        let read = commands.read(row..row + 1)?;
+        Ok(Self {
+            position: Vector3::from(read.positions[0]),
+            orientation: read.orientations.map(|all| all[0]),
+        })
+    }
+}
+
+impl From<Stated> for Command {
+    fn from(stated: Stated) -> Self {
+        Self {
+            position: Point3::from(stated.position),
+            orientation: stated.orientation.as_ref().and_then(unit),
+        }
+    }
+}
+
 /// The placement of a rule's commands, with its median distance, mm.
-fn placed(
-    commands: &CommandSamples,
-    dwells: &[Occasion],
-    rule: &[Option<usize>],
-) -> Option<(f64, Placement)> {
+fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placement)> {
     let sightings: Vec<Sighting> = dwells
         .iter()
         .zip(rule)
-        .filter_map(|(dwell, index)| Some(sighting(commands, dwell, (*index)?)))
+        .filter_map(|(dwell, stated)| Some(sighting(dwell, stated.as_ref()?)))
         .collect();
     if sightings.len() < super::pattern::MIN_PAIRS {
         return None;
@@ -113,21 +141,9 @@ fn placed(
     Some((placement.median_mm(&sightings), placement))
 }
 
-fn sighting(commands: &CommandSamples, dwell: &Occasion, index: usize) -> Sighting {
+const fn sighting(dwell: &Occasion, stated: &Stated) -> Sighting {
     Sighting {
         flange: dwell.flange,
-        attained: Vector3::from(commands.positions[index]),
+        attained: stated.position,
     }
-}
-
-fn command(commands: &CommandSamples, index: Option<usize>) -> Option<Command> {
-    let index = index?;
-    let orientation = commands
-        .orientations
-        .as_ref()
-        .and_then(|all| unit(&all[index]));
-    Some(Command {
-        position: Point3::from(commands.positions[index]),
-        orientation,
-    })
 }

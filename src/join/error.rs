@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::ingest::ReadingsError;
+use crate::ingest::PosesError;
 
 /// Why two logs cannot be joined.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -47,7 +47,7 @@ pub enum JoinError {
     },
     /// Readings that were put aside are not there any more.
     #[error(transparent)]
-    Readings(#[from] ReadingsError),
+    Poses(#[from] PosesError),
     /// A joint angle that is not a number.
     #[error(
         "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"

@@ -5,7 +5,7 @@ use super::pattern::{Dwells, MIN_PAIRS};
 use super::rest::{Rest, at_rest};
 use super::sighting::Sightings;
 use super::{JoinError, JoinSettings};
-use crate::ingest::{JointSamples, Recording, TargetReadings};
+use crate::ingest::{JointSamples, PoseSamples, TemperatureSamples};
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp, Tracker};
 
@@ -88,22 +88,14 @@ impl Observation {
     }
 }
 
-/// Every column of the readings as long as their stamps, which do not decrease.
-pub fn check_readings(readings: &TargetReadings) -> Result<(), JoinError> {
-    let mut columns = vec![("position", readings.positions.len())];
-    columns.extend(
-        readings
-            .orientations
-            .as_ref()
-            .map(|column| ("orientation", column.len())),
-    );
-    columns.extend(
-        readings
-            .covariances
-            .as_ref()
-            .map(|column| ("covariance", column.len())),
-    );
-    check_rows("readings", &readings.stamps, &columns)
+/// Every column of poses as long as their stamps, which do not decrease.
+pub fn check_poses<C>(table: &'static str, poses: &PoseSamples<C>) -> Result<(), JoinError> {
+    let orientations = poses.orientations.as_ref().map(Vec::len);
+    let covariances = poses.covariances.as_ref().map(Vec::len);
+    let mut columns = vec![("position", poses.positions.len())];
+    columns.extend(orientations.map(|rows| ("orientation", rows)));
+    columns.extend(covariances.map(|rows| ("covariance", rows)));
+    check_rows(table, &poses.stamps, &columns)
 }
 
 fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
@@ -127,23 +119,10 @@ fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
     Ok(())
 }
 
-/// The same of commands and temperatures.
-pub fn check_others(recording: &Recording) -> Result<(), JoinError> {
-    let commands = &recording.commands;
-    let mut columns = vec![("position", commands.positions.len())];
-    columns.extend(
-        commands
-            .orientations
-            .as_ref()
-            .map(|column| ("orientation", column.len())),
-    );
-    check_rows("commands", &commands.stamps, &columns)?;
-    let celsius = recording.temperatures.celsius.len();
-    check_rows(
-        "temperatures",
-        &recording.temperatures.stamps,
-        &[("celsius", celsius)],
-    )
+/// The same of temperatures.
+pub fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
+    let columns = [("celsius", temperatures.celsius.len())];
+    check_rows("temperatures", &temperatures.stamps, &columns)
 }
 
 fn check_rows<C>(

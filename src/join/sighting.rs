@@ -1,13 +1,13 @@
 //! Sightings: the tracker's readings, looked at piece by piece → which of them are measurements, and where the target rests.
 //!
-//! Readings may be too many for memory, so they are looked at a few at a time ([`Readings`]): once to find rest, then
+//! Readings may be too many for memory, so they are looked at a few at a time ([`Poses`]): once to find rest, then
 //! dwell by dwell.
 
 use std::ops::Range;
 
 use super::rest::{Finder, Rest, Stretch, rest_of};
 use super::{JoinError, JoinSettings};
-use crate::ingest::{Readings, TargetReadings};
+use crate::ingest::{Poses, TargetReadings};
 use crate::units::{Stamp, Tracker};
 
 /// Readings looked at together.
@@ -23,7 +23,7 @@ pub fn is_measurement(position: &[f64; 3]) -> bool {
 /// The tracker's readings and where the target rests.
 #[derive(Debug)]
 pub struct Sightings<'a> {
-    readings: &'a dyn Readings,
+    readings: &'a dyn Poses<Tracker>,
     /// Stretches in rows of the readings.
     rest: Rest,
     missing: Missing,
@@ -57,7 +57,10 @@ struct Run {
 
 impl<'a> Sightings<'a> {
     /// Looks at all readings, which have to be in order of time.
-    pub fn find(readings: &'a dyn Readings, settings: &JoinSettings) -> Result<Self, JoinError> {
+    pub fn find(
+        readings: &'a dyn Poses<Tracker>,
+        settings: &JoinSettings,
+    ) -> Result<Self, JoinError> {
         let mut seen = Self {
             readings,
             rest: Rest::default(),

@@ -173,7 +173,7 @@ fn tables(log: &Path, folder: &Path) -> u64 {
     let (mapping, limits) = (mapping(), Limits::default());
     let read = read_dwells_beside(&logs, &mapping, limits, &rule, &mut table, &Quiet);
     let read = read.expect("a sound log");
-    let table = table.finish(&read.recording, &*read.readings);
+    let table = table.finish((&read).into());
     let table = table.expect("space on disk");
     run.keep(table.expect("many samples"));
     run.publish_kept().expect("a new run");
@@ -187,9 +187,8 @@ fn tables_at_the_end(log: &Path, folder: &Path) -> u64 {
     let recording =
         read_recording(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
     let key = key();
-    let readings = &recording.readings;
-    run.publish_parts(parts(&recording, readings), |part| {
-        logs(&recording, readings, part, &key)
+    run.publish_parts(parts((&recording).into()), |part| {
+        logs((&recording).into(), part, &key)
     })
     .expect("space on disk");
     every_sample(run.written()[0].rows, &recording.counts)

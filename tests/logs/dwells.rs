@@ -22,6 +22,8 @@ const REST: usize = 300;
 
 /// One joint state: stamp, angles.
 type State = (i64, [f64; 2]);
+/// A command, or a reading with an orientation: stamp, position, quaternion.
+type Pose = (i64, [f64; 7]);
 
 fn states() -> Vec<State> {
     let angle = |i: usize| {
@@ -39,13 +41,18 @@ fn states() -> Vec<State> {
 /// A log of these joint states, with one command and one reading.
 fn log(states: &[State]) -> Vec<u8> {
     let reading = [(states[0].0, [3.0, 0.0, 4.0])];
-    log_with(states, "PointStamped", &reading)
+    log_with(states, &[command(states)], "PointStamped", &reading)
 }
 
-/// The same with these readings: stamps and the numbers behind them, a reading for each joint state as long as there are
-/// some.
+fn command(states: &[State]) -> Pose {
+    (states[0].0, [0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0])
+}
+
+/// The same with these commands and readings: stamps and the numbers behind them, one of each for each joint state as long
+/// as there are some.
 fn log_with<const N: usize>(
     states: &[State],
+    commands: &[Pose],
     reading_type: &str,
     readings: &[(i64, [f64; N])],
 ) -> Vec<u8> {
@@ -56,11 +63,12 @@ fn log_with<const N: usize>(
     let joints = log.channel("/joints", "JointState");
     let command = log.channel("/command", "PoseStamped");
     let reading = log.channel("/reading", reading_type);
-    let stamp = states[0].0;
-    let pose = Cdr::stamped(stamp).numbers(&[0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 1.0]);
-    log.write(command, 0, &pose.done());
-    let mut readings = readings.iter();
+    let (mut commands, mut readings) = (commands.iter(), readings.iter());
     for (place, (stamp, angles)) in (0..).zip(states) {
+        if let Some((stamp, numbers)) = commands.next() {
+            let message = Cdr::stamped(*stamp).numbers(numbers).done();
+            log.write(command, place, &message);
+        }
         if let Some((stamp, numbers)) = readings.next() {
             let message = Cdr::stamped(*stamp).numbers(numbers).done();
             log.write(reading, place, &message);
@@ -96,11 +104,13 @@ fn whole(logs: &SessionLogs, limits: Limits) -> Result<(Recording, Rest), LogErr
     Ok((recording, rest))
 }
 
-/// The same with the readings in memory.
+/// The same with commands and readings in memory.
 fn in_memory(read: SessionRead) -> (Recording, Rest) {
     let mut recording = read.recording;
     let readings = read.readings.read(0..read.readings.count());
     recording.readings = readings.expect("put aside before");
+    let commands = read.commands.read(0..read.commands.count());
+    recording.commands = commands.expect("put aside before");
     (recording, read.joints)
 }
 
@@ -223,7 +233,7 @@ fn a_split_recording_streams_if_its_parts_are_given_in_order() {
 }
 
 /// 5 ms apart.
-fn readings() -> Vec<(i64, [f64; 7])> {
+fn poses() -> Vec<Pose> {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let reading = |i: i32| {
         let stamp = 7_000_000_000 + i64::from(i) * 5_000_000;
@@ -233,39 +243,48 @@ fn readings() -> Vec<(i64, [f64; 7])> {
     (0..60_000).map(reading).collect()
 }
 
-fn with_readings(readings: &[(i64, [f64; 7])]) -> (usize, usize) {
+fn with_readings(readings: &[Pose]) -> (usize, usize) {
     let folder = Folder::new();
-    let log = log_with(&states(), "PoseStamped", readings);
+    let states = states();
+    let log = log_with(&states, &[command(&states)], "PoseStamped", readings);
+    both_ways(&[folder.file("log.mcap", &log)])
+}
+
+fn with_commands(commands: &[Pose]) -> (usize, usize) {
+    let folder = Folder::new();
+    let states = states();
+    let log = log_with(&states, commands, "PoseStamped", &[command(&states)]);
     both_ways(&[folder.file("log.mcap", &log)])
 }
 
 #[test]
-fn readings_are_put_aside_in_order_whatever_is_wrong_with_some() {
-    let mut readings = readings();
-    readings[5_000..20_000]
-        .chunks_mut(89)
-        .for_each(<[_]>::reverse);
-    readings[30_000..38_000].rotate_left(2000);
+fn poses_are_put_aside_in_order_whatever_is_wrong_with_some() {
+    let mut poses = poses();
+    poses[5_000..20_000].chunks_mut(89).for_each(<[_]>::reverse);
+    poses[30_000..38_000].rotate_left(2000);
     for place in (40_000..45_000).step_by(10) {
-        readings[place].0 = readings[place - 1].0;
+        poses[place].0 = poses[place - 1].0;
     }
-    readings[9].1[2] = f64::NAN;
-    readings[10].1[5] = f64::INFINITY;
-    readings[11].1[3..].fill(0.0); // a zero quaternion
-    readings[12].1.fill(0.0); // a missing reflector
-    readings[50_000].1[6] = 2.0; // not of unit length
-    assert_eq!(with_readings(&readings), (1, DWELLS));
+    poses[9].1[2] = f64::NAN;
+    poses[10].1[5] = f64::INFINITY;
+    poses[11].1[3..].fill(0.0); // a zero quaternion
+    poses[12].1.fill(0.0); // a missing reflector
+    poses[50_000].1[6] = 2.0; // not of unit length
+    assert_eq!(with_readings(&poses), (1, DWELLS));
+    assert_eq!(with_commands(&poses), (1, DWELLS));
 }
 
 #[test]
-fn readings_far_out_of_order_and_none_that_can_be_used_are_read_as_a_whole() {
-    let mut late = readings();
+fn poses_far_out_of_order_and_none_that_can_be_used_are_read_as_a_whole() {
+    let mut late = poses();
     late.rotate_left(20_000);
     assert_eq!(with_readings(&late), (2, DWELLS));
-    let mut none = readings();
+    assert_eq!(with_commands(&late), (2, DWELLS));
+    let mut none = poses();
     none.truncate(100);
-    for reading in &mut none {
-        reading.1[0] = f64::NAN;
+    for pose in &mut none {
+        pose.1[0] = f64::NAN;
     }
     assert_eq!(with_readings(&none), (2, 0)); // read again, for the error
+    assert_eq!(with_commands(&none), (2, 0));
 }

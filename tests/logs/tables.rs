@@ -40,7 +40,7 @@ fn while_read(logs: &SessionLogs, mapping: &Mapping) -> Published {
         let mut table = LogTable::new(run, "session");
         let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
         let read = read_dwells_beside(logs, mapping, limits, &rule, &mut table, &Quiet)?;
-        let table = table.finish(&read.recording, &*read.readings);
+        let table = table.finish((&read).into());
         let table = table.expect("room on the disk");
         run.keep(table.expect("samples"));
         assert!(run.written().is_empty(), "not in its place yet");
@@ -52,9 +52,8 @@ fn while_read(logs: &SessionLogs, mapping: &Mapping) -> Published {
 fn at_the_end(logs: &SessionLogs, mapping: &Mapping) -> Published {
     published(|run| {
         let recording = read_session(logs, mapping, Limits::default(), &Quiet)?;
-        let readings = &recording.readings;
-        let table = |part| rows(&recording, readings, part, &key());
-        run.publish_parts(parts(&recording, readings), table)
+        let table = |part| rows((&recording).into(), part, &key());
+        run.publish_parts(parts((&recording).into()), table)
             .expect("room on the disk");
         Ok(())
     })
@@ -130,7 +129,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
     drop(table);
     assert_eq!(files(), 0);
     // Whole, but the run comes to nothing.
-    let table = LogTable::new(&run, "session").finish(&read.recording, &*read.readings);
+    let table = LogTable::new(&run, "session").finish((&read).into());
     run.keep(
         table
             .expect("room on the disk")
@@ -152,7 +151,7 @@ fn what_breaks_the_contract_is_told_at_the_end_and_leaves_no_file() {
     table.take(&[3, 4], &[0.0, f64::NAN]);
     table.take(&[5], &[0.0]);
     let nothing = posegrid::ingest::Recording::default();
-    let error = table.finish(&nothing, &nothing.readings);
+    let error = table.finish((&nothing).into());
     let error = error.expect_err("no angle is NaN").to_string();
     assert!(error.contains("\"joints_rad\", row 1: NaN"), "{error}");
     let found: Vec<Table> = lake.read("logs", &key()).into_iter().collect();

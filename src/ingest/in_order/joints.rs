@@ -14,6 +14,15 @@ pub struct HeldJoints {
 }
 
 impl HeldJoints {
+    /// None yet.
+    pub fn of(mapping: &Mapping) -> Self {
+        Self {
+            unit: mapping.controller.unit,
+            stamps: Vec::new(),
+            angles: JointAngles::of(mapping.joints.len()),
+        }
+    }
+
     /// Stamps of some samples, and their angles row behind row.
     pub fn rows(&self, rows: std::ops::Range<usize>) -> (&[i64], &[f64]) {
         (&self.stamps[rows.clone()], self.angles.of_rows(rows))
@@ -22,18 +31,6 @@ impl HeldJoints {
 
 impl Held for HeldJoints {
     type Block = DecodedJoints;
-
-    fn none(mapping: &Mapping) -> Self {
-        Self {
-            unit: mapping.controller.unit,
-            stamps: Vec::new(),
-            angles: JointAngles::of(mapping.joints.len()),
-        }
-    }
-
-    fn topic(mapping: &Mapping) -> &str {
-        &mapping.controller.topic
-    }
 
     fn stamps_of(block: &DecodedJoints) -> &[i64] {
         &block.stamps

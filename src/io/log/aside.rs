@@ -1,43 +1,45 @@
-//! Readings while the log is read: put in order of time, then aside.
+//! Poses while the log is read: put in order of time, then aside.
 
 use std::io;
 use std::ops::Range;
 
 use super::LogError;
 use super::block::Extent;
-use super::spilled::SpilledReadings;
+use super::spilled::SpilledPoses;
 use super::waiting::Waiting;
-use crate::ingest::{DecodedPoses, HeldReadings, InOrder, Mapping, StreamAccount};
+use crate::ingest::{DecodedPoses, HeldPoses, InOrder, StreamAccount};
 
-/// Readings that are put aside together.
+/// Poses that are put aside together.
 const TOGETHER: usize = 4096;
 
-/// Readings, being put aside.
-pub struct AsideReadings {
-    in_order: InOrder<HeldReadings>,
-    spilled: SpilledReadings,
+/// Poses of one topic, being put aside.
+pub struct AsidePoses<C> {
+    in_order: InOrder<HeldPoses>,
+    spilled: SpilledPoses<C>,
     waiting: Waiting<DecodedPoses>,
     /// Whether there was room for all of them so far.
     room: io::Result<()>,
 }
 
-impl AsideReadings {
-    /// None yet.
-    pub fn new(mapping: &Mapping) -> Self {
+impl<C> AsidePoses<C> {
+    /// None yet, to be held back in `held`.
+    pub fn new(held: HeldPoses, topic: &str) -> Self {
         Self {
-            in_order: InOrder::new(mapping, TOGETHER),
-            spilled: SpilledReadings::default(),
+            in_order: InOrder::new(held, topic, TOGETHER),
+            spilled: SpilledPoses::default(),
             waiting: Waiting::default(),
             room: Ok(()),
         }
     }
 
-    /// Takes the readings of a block of `file`, and leaves a buffer for those of another.
-    pub fn take(&mut self, readings: &mut DecodedPoses, file: &str, extent: &Extent) {
-        self.waiting.take(readings, file, extent);
+    /// Takes the poses of a block of `file`, and leaves a buffer for those of another.
+    pub fn take(&mut self, poses: &mut DecodedPoses, file: &str, extent: &Extent) {
+        if !poses.stamps.is_empty() {
+            self.waiting.take(poses, file, extent);
+        }
     }
 
-    /// Works on the readings that wait, in the order they came in.
+    /// Works on the poses that wait, in the order they came in.
     pub fn work(&mut self) {
         let (in_order, spilled, room) = (&mut self.in_order, &mut self.spilled, &mut self.room);
         self.waiting.work(|block| {
@@ -48,7 +50,7 @@ impl AsideReadings {
     }
 
     /// All of them, and what became of the messages; `None` where the log has to be read as a whole.
-    pub fn finish(mut self) -> Result<(Option<StreamAccount>, SpilledReadings), LogError> {
+    pub fn finish(mut self) -> Result<(Option<StreamAccount>, SpilledPoses<C>), LogError> {
         let (spilled, room) = (&mut self.spilled, &mut self.room);
         let account = self
             .in_order
@@ -62,10 +64,10 @@ impl AsideReadings {
 }
 
 /// What is wrong is told at the end.
-fn put_aside(
-    spilled: &mut SpilledReadings,
+fn put_aside<C>(
+    spilled: &mut SpilledPoses<C>,
     room: &mut io::Result<()>,
-    held: &HeldReadings,
+    held: &HeldPoses,
     rows: Range<usize>,
 ) {
     if room.is_ok() {

@@ -1,27 +1,28 @@
-//! The long streams while the log is read: joint states → where the joints rest, and no sample kept; readings → put aside.
+//! The long streams while the log is read: joint states → where the joints rest, and no sample kept; poses → put aside.
 //!
 //! 1. The rows of each block wait until the next blocks are being opened ([`LongStreams::take`]); meanwhile
 //!    ([`LongStreams::work`]) they are checked and put in order of time ([`InOrder`]);
 //! 2. joint samples that none can come before any more go to the [`Finder`] and to whoever else wants them
-//!    ([`JointSink`]); such readings are put aside ([`AsideReadings`]), as the join needs to see them again;
+//!    ([`JointSink`]); commanded poses and readings are put aside ([`AsidePoses`]), as the join needs to see them again;
 //! 3. where the right threshold shows too late, the log is read again with it alone; where a row comes too late, it is read
 //!    again as a whole. What is found is the same, to the last bit.
 
 use std::sync::PoisonError;
 
-use super::aside::AsideReadings;
+use super::aside::AsidePoses;
 use super::block::Extent;
 use super::session::{SessionLogs, decode_all};
-use super::spilled::SpilledReadings;
+use super::spilled::SpilledPoses;
 use super::waiting::Waiting;
 use super::{Limits, LogError, read_session};
 use crate::ingest::{
-    DecodedJoints, DecodedPoses, GivenOn, HELD_BACK, HeldJoints, InOrder, JointSamples, Mapping,
-    Readings, Recording, StreamAccount, ingest_beside,
+    DecodedJoints, DecodedPoses, GivenOn, HELD_BACK, HeldJoints, HeldPoses, InOrder, JointSamples,
+    Mapping, Poses, Recording, StreamAccount, ingest_beside,
 };
 use crate::io::table::ROW_GROUP_ROWS;
 use crate::join::rest::{Finder, Forgotten, Rest, RestRule, at_rest};
 use crate::progress::Progress;
+use crate::units::{Controller, Tracker};
 
 /// Joint samples that are given on together: those of a row group, so that a table needs no copy of its own.
 const PIECE: usize = ROW_GROUP_ROWS;
@@ -44,18 +45,21 @@ impl JointSink for () {
 /// What was read of a session whose long streams are not in memory.
 #[derive(Debug)]
 pub struct SessionRead {
-    /// All but joint samples and readings; it accounts for both.
+    /// All but joint samples, commanded poses and readings; it accounts for them.
     pub recording: Recording,
     /// Where the joints rest.
     pub joints: Rest,
+    /// The commanded poses; none where the pipeline file names no topic of them.
+    pub commands: Box<dyn Poses<Controller>>,
     /// The target's readings.
-    pub readings: Box<dyn Readings>,
+    pub readings: Box<dyn Poses<Tracker>>,
 }
 
-/// Joint states and readings of a session, being read.
+/// Joint states, commanded poses and readings of a session, being read.
 pub struct LongStreams<'s> {
     joints: JointDwells<'s>,
-    readings: AsideReadings,
+    commands: Option<AsidePoses<Controller>>,
+    readings: AsidePoses<Tracker>,
 }
 
 /// The joints' dwells, being found.
@@ -64,6 +68,14 @@ struct JointDwells<'s> {
     finder: Finder,
     sink: &'s mut dyn JointSink,
     waiting: Waiting<DecodedJoints>,
+}
+
+/// What is left of the streams when all is read.
+struct Finished {
+    given_on: GivenOn,
+    rest: Rest,
+    commands: SpilledPoses<Controller>,
+    readings: SpilledPoses<Tracker>,
 }
 
 /// Why what was found while reading cannot stand.
@@ -77,14 +89,17 @@ enum Again {
 
 impl<'s> LongStreams<'s> {
     fn new(mapping: &Mapping, rule: &RestRule, sink: &'s mut dyn JointSink) -> Self {
+        let (controller, tracker) = (&mapping.controller, &mapping.tracker);
+        let commanded = mapping.commanded.as_ref();
         Self {
             joints: JointDwells {
-                in_order: InOrder::new(mapping, PIECE),
+                in_order: InOrder::new(HeldJoints::of(mapping), &controller.topic, PIECE),
                 finder: Finder::new(mapping.joints.len(), rule),
                 sink,
                 waiting: Waiting::default(),
             },
-            readings: AsideReadings::new(mapping),
+            commands: commanded.map(|of| AsidePoses::new(HeldPoses::commands(of), &of.topic)),
+            readings: AsidePoses::new(HeldPoses::readings(tracker), &tracker.topic),
         }
     }
 
@@ -92,6 +107,7 @@ impl<'s> LongStreams<'s> {
     pub fn take(
         &mut self,
         joints: &mut DecodedJoints,
+        commands: &mut DecodedPoses,
         readings: &mut DecodedPoses,
         file: &str,
         extent: &Extent,
@@ -99,25 +115,44 @@ impl<'s> LongStreams<'s> {
         if !joints.stamps.is_empty() {
             self.joints.waiting.take(joints, file, extent);
         }
-        if !readings.stamps.is_empty() {
-            self.readings.take(readings, file, extent);
+        if let Some(aside) = &mut self.commands {
+            aside.take(commands, file, extent);
         }
+        self.readings.take(readings, file, extent);
     }
 
     /// Works on the rows that wait, in the order they came in.
     pub fn work(&mut self) {
         self.joints.work();
+        if let Some(commands) = &mut self.commands {
+            commands.work();
+        }
         self.readings.work();
     }
 
-    fn finish(mut self) -> Result<Result<(GivenOn, Rest, SpilledReadings), Again>, LogError> {
+    fn finish(mut self) -> Result<Result<Finished, Again>, LogError> {
         self.work();
         let joints = self.joints.finish();
-        let (readings, spilled) = self.readings.finish()?;
+        let commands = self.commands.map(AsidePoses::finish).transpose()?;
+        let (readings, readings_aside) = self.readings.finish()?;
+        let (commands, commands_aside) = match commands {
+            None => (None, SpilledPoses::default()),
+            Some((None, _)) => return Ok(Err(Again::AsAWhole)),
+            Some((commands, aside)) => (commands, aside),
+        };
         let Some(readings) = readings else {
             return Ok(Err(Again::AsAWhole));
         };
-        Ok(joints.map(|(joints, rest)| (GivenOn { joints, readings }, rest, spilled)))
+        Ok(joints.map(|(joints, rest)| Finished {
+            given_on: GivenOn {
+                joints,
+                commands,
+                readings,
+            },
+            rest,
+            commands: commands_aside,
+            readings: readings_aside,
+        }))
     }
 }
 
@@ -148,8 +183,8 @@ fn give_on(finder: &mut Finder, sink: &mut dyn JointSink, stamps: &[i64], angles
     rayon::join(|| finder.push(stamps, angles), || sink.take(stamps, angles));
 }
 
-/// Reads all logs of a session as [`read_session`] does, but holds neither joint samples nor readings in memory: of the
-/// joints only the rest by `rule` is returned, and readings are put aside. Memory grows with the dwells, not with the log.
+/// Reads all logs of a session as [`read_session`] does, but holds neither joint samples nor poses in memory: of the
+/// joints only the rest by `rule` is returned, and poses are put aside. Memory grows with the dwells, not with the log.
 pub fn read_dwells(
     logs: &SessionLogs,
     mapping: &Mapping,
@@ -209,14 +244,15 @@ impl Reading<'_> {
         let decoded = decode_all(logs, mapping, self.limits, &mut long, self.progress)?;
         let long = long.expect("given back by each file").into_inner();
         let long = long.unwrap_or_else(PoisonError::into_inner);
-        let (given_on, joints, spilled) = match long.finish()? {
+        let found = match long.finish()? {
             Ok(found) => found,
             Err(again) => return Ok(Err(again)),
         };
         Ok(Ok(SessionRead {
-            recording: ingest_beside(decoded, mapping, Some(given_on))?,
-            joints,
-            readings: Box::new(spilled),
+            recording: ingest_beside(decoded, mapping, Some(found.given_on))?,
+            joints: found.rest,
+            commands: Box::new(found.commands),
+            readings: Box::new(found.readings),
         }))
     }
 
@@ -242,6 +278,7 @@ impl Reading<'_> {
             sink.take(&stamps_ns[piece.clone()], angles.of_rows(piece));
         }
         Ok(SessionRead {
+            commands: Box::new(std::mem::take(&mut recording.commands)),
             readings: Box::new(std::mem::take(&mut recording.readings)),
             joints: at_rest(&stamps_ns, angles.all(), angles.joints(), rule),
             recording,

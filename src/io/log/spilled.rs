@@ -1,15 +1,17 @@
-//! Readings of the target, put aside while the log is read: row by row in an unnamed temporary file, but for the last ones.
+//! Poses, put aside while the log is read: row by row in an unnamed temporary file, but for the last ones.
 //!
-//! A row is the stamp, the position and, where the readings have them, orientation and covariance: numbers of eight bytes,
+//! A row is the stamp, the position and, where there are such, orientation and covariance: numbers of eight bytes,
 //! the least significant first. A short log stays in memory; a long one takes no more of it than that.
 
+use std::fmt::Debug;
 use std::fs::File;
 use std::io::{self, Write as _};
+use std::marker::PhantomData;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 
 use super::unnamed::unnamed;
-use crate::ingest::{Readings, ReadingsError, TargetReadings};
+use crate::ingest::{PoseSamples, Poses, PosesError};
 use crate::units::Stamp;
 
 /// Bytes that are kept in memory before they are written.
@@ -17,9 +19,10 @@ const IN_MEMORY: usize = 4 << 20;
 /// Bytes of a number.
 const NUMBER: usize = 8;
 
-/// Readings that were put aside.
+/// Poses that were put aside.
 #[derive(Debug)]
-pub struct SpilledReadings {
+pub struct SpilledPoses<C> {
+    clock: PhantomData<C>,
     form: Form,
     /// The first rows, where there were too many for memory.
     file: Option<File>,
@@ -30,7 +33,7 @@ pub struct SpilledReadings {
     most: usize,
 }
 
-/// Which columns the readings have.
+/// Which columns the poses have.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Form {
     orientations: bool,
@@ -44,16 +47,17 @@ impl Form {
     }
 }
 
-impl Default for SpilledReadings {
+impl<C> Default for SpilledPoses<C> {
     fn default() -> Self {
         Self::keeping(IN_MEMORY)
     }
 }
 
-impl SpilledReadings {
+impl<C> SpilledPoses<C> {
     /// None yet; rows of so many bytes are kept in memory.
     fn keeping(most: usize) -> Self {
         Self {
+            clock: PhantomData,
             form: Form::default(),
             file: None,
             in_file: 0,
@@ -62,21 +66,21 @@ impl SpilledReadings {
         }
     }
 
-    /// Puts further readings aside; all have the same columns.
-    pub fn append(&mut self, readings: &TargetReadings) -> io::Result<()> {
+    /// Puts further poses aside; all have the same columns.
+    pub fn append(&mut self, poses: &PoseSamples<C>) -> io::Result<()> {
         let form = Form {
-            orientations: readings.orientations.is_some(),
-            covariances: readings.covariances.is_some(),
+            orientations: poses.orientations.is_some(),
+            covariances: poses.covariances.is_some(),
         };
-        if self.count() == 0 {
+        if self.rows() == 0 {
             self.form = form;
         }
         debug_assert_eq!(form, self.form, "of one kind");
-        for (row, stamp) in readings.stamps.iter().enumerate() {
+        for (row, stamp) in poses.stamps.iter().enumerate() {
             self.latest.extend_from_slice(&stamp.ns().to_le_bytes());
-            let orientation = readings.orientations.as_ref().map(|all| all[row]);
-            let covariance = readings.covariances.as_ref().map(|all| all[row]);
-            let numbers = readings.positions[row].into_iter();
+            let orientation = poses.orientations.as_ref().map(|all| all[row]);
+            let covariance = poses.covariances.as_ref().map(|all| all[row]);
+            let numbers = poses.positions[row].into_iter();
             let numbers = numbers.chain(orientation.into_iter().flatten());
             for number in numbers.chain(covariance.into_iter().flatten()) {
                 self.latest.extend_from_slice(&number.to_le_bytes());
@@ -99,6 +103,10 @@ impl SpilledReadings {
         Ok(())
     }
 
+    fn rows(&self) -> usize {
+        self.in_file + self.latest.len() / self.form.row_bytes()
+    }
+
     /// The bytes of some rows.
     fn bytes(&self, rows: &Range<usize>) -> io::Result<Vec<u8>> {
         let row_bytes = self.form.row_bytes();
@@ -114,15 +122,15 @@ impl SpilledReadings {
     }
 }
 
-impl Readings for SpilledReadings {
+impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
     fn count(&self) -> usize {
-        self.in_file + self.latest.len() / self.form.row_bytes()
+        self.rows()
     }
 
-    fn read(&self, rows: Range<usize>) -> Result<TargetReadings, ReadingsError> {
+    fn read(&self, rows: Range<usize>) -> Result<PoseSamples<C>, PosesError> {
         let bytes = self.bytes(&rows)?;
         let (numbers, _) = bytes.as_chunks::<NUMBER>();
-        let mut found = TargetReadings::default();
+        let mut found = PoseSamples::default();
         for row in numbers.chunks_exact(self.form.row_bytes() / NUMBER) {
             let number = |place: usize| f64::from_le_bytes(row[place]);
             found
@@ -141,11 +149,16 @@ impl Readings for SpilledReadings {
         }
         Ok(found)
     }
+
+    fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError> {
+        Ok(self.read(row..row + 1)?.stamps[0])
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ingest::TargetReadings;
 
     /// Readings whose every number is another one.
     fn readings(rows: Range<i32>, orientations: bool, covariances: bool) -> TargetReadings {
@@ -173,7 +186,7 @@ mod tests {
             let of = |rows| readings(rows, orientations, covariances);
             // In memory; three times to the file, some left; all in the file.
             for most in [IN_MEMORY, 700, 1] {
-                let mut spilled = SpilledReadings::keeping(most);
+                let mut spilled = SpilledPoses::keeping(most);
                 for first in (0..60).step_by(5) {
                     spilled.append(&of(first..first + 5)).expect("room");
                 }

@@ -242,12 +242,18 @@ impl Visitor for Streams<'_> {
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
         if let Some(long) = &mut self.long {
             let long = long.get_mut().unwrap_or_else(PoisonError::into_inner);
-            long.take(&mut part.joints, &mut part.readings, &self.file, extent);
+            long.take(
+                &mut part.joints,
+                &mut part.commands,
+                &mut part.readings,
+                &self.file,
+                extent,
+            );
         } else {
             append_joints(&mut self.joints, &mut part.joints, extent);
+            append_poses(&mut self.commands, &mut part.commands, extent);
             append_poses(&mut self.readings, &mut part.readings, extent);
         }
-        append_poses(&mut self.commands, &mut part.commands, extent);
         self.temperatures
             .celsius
             .append(&mut part.temperatures.celsius);

@@ -5,14 +5,14 @@
 
 use super::PublishError;
 use crate::ingest::{
-    CommandSamples, JointSamples, Readings, Recording, TargetReadings, TemperatureSamples,
+    CommandSamples, JointSamples, Poses, Recording, TargetReadings, TemperatureSamples,
 };
 use crate::io::lake::{OpenRun, OpenTable, WholeTable};
-use crate::io::log::JointSink;
+use crate::io::log::{JointSink, SessionRead};
 use crate::io::schema;
 use crate::io::table::{Columns, ROW_GROUP_ROWS, Table};
 use crate::manifest::RunKey;
-use crate::units::Stamp;
+use crate::units::{Controller, Stamp, Tracker};
 
 /// Columns of positions, orientations and stated covariances.
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
@@ -27,6 +27,36 @@ const COVARIANCE: [&str; 6] = [
 ];
 
 type Rows = std::ops::Range<usize>;
+
+/// All samples of a session, wherever they are kept.
+#[derive(Debug, Clone, Copy)]
+pub struct Samples<'a> {
+    /// Its joint samples and temperatures.
+    recording: &'a Recording,
+    commands: &'a dyn Poses<Controller>,
+    readings: &'a dyn Poses<Tracker>,
+}
+
+impl<'a> From<&'a Recording> for Samples<'a> {
+    fn from(recording: &'a Recording) -> Self {
+        Self {
+            recording,
+            commands: &recording.commands,
+            readings: &recording.readings,
+        }
+    }
+}
+
+/// But for the joint samples, which were given on.
+impl<'a> From<&'a SessionRead> for Samples<'a> {
+    fn from(read: &'a SessionRead) -> Self {
+        Self {
+            recording: &read.recording,
+            commands: &*read.commands,
+            readings: &*read.readings,
+        }
+    }
+}
 
 /// A part of the table: some samples of one source.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,17 +96,11 @@ impl<'r> LogTable<'r> {
         }
     }
 
-    /// Writes the other samples of the recording and the readings behind the joint samples given before, for
+    /// Writes all other samples behind the joint samples given before, for
     /// [`OpenRun::keep`]; `None` where there are none at all.
-    pub fn finish(
-        self,
-        recording: &Recording,
-        readings: &dyn Readings,
-    ) -> Result<Option<WholeTable>, PublishError> {
+    pub fn finish(self, samples: Samples<'_>) -> Result<Option<WholeTable>, PublishError> {
         let mut table = self.table?;
-        table.append_all(parts(recording, readings), |part| {
-            logs(recording, readings, part, &self.key)
-        })?;
+        table.append_all(parts(samples), |part| logs(samples, part, &self.key))?;
         Ok(table.finish()?)
     }
 }
@@ -110,11 +134,12 @@ impl JointSink for LogTable<'_> {
 }
 
 /// The parts of the table, in the order of its rows.
-pub fn parts(recording: &Recording, readings: &dyn Readings) -> Vec<Part> {
+pub fn parts(samples: Samples<'_>) -> Vec<Part> {
+    let recording = samples.recording;
     let samples = [
         (Source::Joints, recording.joints.stamps.len()),
-        (Source::Command, recording.commands.stamps.len()),
-        (Source::Target, readings.count()),
+        (Source::Command, samples.commands.count()),
+        (Source::Target, samples.readings.count()),
         (Source::Temperature, recording.temperatures.stamps.len()),
     ];
     let of_source = |(source, samples): (Source, usize)| {
@@ -128,12 +153,12 @@ pub fn parts(recording: &Recording, readings: &dyn Readings) -> Vec<Part> {
 }
 
 /// One part of the table.
-pub fn logs(
-    recording: &Recording,
-    readings: &dyn Readings,
-    part: Part,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+pub fn logs(samples: Samples<'_>, part: Part, key: &RunKey) -> Result<Table, PublishError> {
+    let Samples {
+        recording,
+        commands,
+        readings,
+    } = samples;
     let rows = part.rows;
     match part.source {
         Source::Joints => {
@@ -141,7 +166,7 @@ pub fn logs(
             let angles = angles.of_rows(rows.clone());
             joint_rows(rows.clone(), in_ns(&stamps[rows]), angles, key)
         }
-        Source::Command => command_rows(&recording.commands, rows, key),
+        Source::Command => command_rows(&commands.read(rows.clone())?, rows, key),
         Source::Target => target_rows(&readings.read(rows.clone())?, rows, key),
         Source::Temperature => temperature_rows(&recording.temperatures, rows, key),
     }
@@ -176,13 +201,11 @@ fn command_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let stamps_ns = in_ns(&commands.stamps[rows.clone()]);
-    let table = columns(key, "command", rows.clone(), stamps_ns)?
+    let table = columns(key, "command", rows, in_ns(&commands.stamps))?
         .absent(["joints_rad", "temperature_c"])
         .absent(COVARIANCE);
-    let orientations = commands.orientations.as_ref();
-    let orientations = orientations.map(|all| &all[rows.clone()]);
-    Ok(placed(table, &commands.positions[rows], orientations).finish()?)
+    let orientations = commands.orientations.as_deref();
+    Ok(placed(table, &commands.positions, orientations).finish()?)
 }
 
 /// Further joint samples, as many as a part `like` this one has.

@@ -28,7 +28,7 @@ pub(super) fn read_for(
     let mut samples = LogTable::new(run, &files.name);
     let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
     within(plan, files, &read.recording)?;
-    if let Some(table) = samples.finish(&read.recording, &*read.readings)? {
+    if let Some(table) = samples.finish((&read).into())? {
         run.keep(table);
     }
     Ok(read)
@@ -67,9 +67,13 @@ pub(in crate::pipeline) fn joined(
     let SessionRead {
         recording,
         joints,
+        commands,
         readings,
     } = read;
-    let joined = join_at_rest(&recording, &joints, &*readings, &plan.arm, &plan.join);
+    let (commands, readings) = (&*commands, &*readings);
+    let joined = join_at_rest(
+        &recording, &joints, commands, readings, &plan.arm, &plan.join,
+    );
     let joined = joined.map_err(wrong)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),

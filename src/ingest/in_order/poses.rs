@@ -1,19 +1,22 @@
-//! Readings of the target that are held back.
+//! Commanded poses or readings of the target that are held back.
 
 use std::ops::Range;
 
 use super::super::decoded::{DecodedPoses, Origins};
 use super::super::poses;
 use super::super::rows::Rows;
-use super::super::{LengthUnit, Mapping, SpanClock, TargetReadings};
+use super::super::{CommandedSettings, LengthUnit, PoseSamples, SpanClock, TrackerSettings};
 use super::{Held, reordered};
 use crate::units::Stamp;
 
-/// Readings, in mm.
+/// Poses or points, in mm.
 #[derive(Debug)]
-pub struct HeldReadings {
+pub struct HeldPoses {
+    clock: SpanClock,
     unit: LengthUnit,
-    ignore_orientation: bool,
+    /// Which columns are kept, where messages have them.
+    wants_orientations: bool,
+    wants_covariances: bool,
     stamps: Vec<i64>,
     positions: Vec<[f64; 3]>,
     /// `None` where no message has any, once there was one.
@@ -24,11 +27,41 @@ pub struct HeldReadings {
     not_unit: u64,
 }
 
-impl HeldReadings {
-    /// Some of them.
-    pub fn rows(&self, rows: Range<usize>) -> TargetReadings {
+impl HeldPoses {
+    /// No commanded poses yet.
+    pub const fn commands(settings: &CommandedSettings) -> Self {
+        Self::none(SpanClock::Controller, settings.unit, (true, false))
+    }
+
+    /// No readings yet.
+    pub const fn readings(settings: &TrackerSettings) -> Self {
+        let orientations = !settings.ignore_orientation;
+        Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
+    }
+
+    const fn none(
+        clock: SpanClock,
+        unit: LengthUnit,
+        (wants_orientations, wants_covariances): (bool, bool),
+    ) -> Self {
+        Self {
+            clock,
+            unit,
+            wants_orientations,
+            wants_covariances,
+            stamps: Vec::new(),
+            positions: Vec::new(),
+            orientations: None,
+            covariances: None,
+            kind: None,
+            not_unit: 0,
+        }
+    }
+
+    /// Some of them, in the clock that they are of.
+    pub fn rows<C>(&self, rows: Range<usize>) -> PoseSamples<C> {
         let stamps = self.stamps[rows.clone()].iter();
-        TargetReadings {
+        PoseSamples {
             stamps: stamps.map(|&ns| Stamp::from_ns(ns)).collect(),
             positions: self.positions[rows.clone()].to_vec(),
             orientations: self
@@ -42,29 +75,12 @@ impl HeldReadings {
     /// Orientations as far as they are wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
         let orientations = block.orientations.as_ref();
-        orientations.filter(|_| !self.ignore_orientation)
+        orientations.filter(|_| self.wants_orientations)
     }
 }
 
-impl Held for HeldReadings {
+impl Held for HeldPoses {
     type Block = DecodedPoses;
-
-    fn none(mapping: &Mapping) -> Self {
-        Self {
-            unit: mapping.tracker.unit,
-            ignore_orientation: mapping.tracker.ignore_orientation,
-            stamps: Vec::new(),
-            positions: Vec::new(),
-            orientations: None,
-            covariances: None,
-            kind: None,
-            not_unit: 0,
-        }
-    }
-
-    fn topic(mapping: &Mapping) -> &str {
-        &mapping.tracker.topic
-    }
 
     fn stamps_of(block: &DecodedPoses) -> &[i64] {
         &block.stamps
@@ -72,7 +88,7 @@ impl Held for HeldReadings {
 
     fn judge(&self, block: &DecodedPoses, origins: &Origins) -> Rows {
         let orientations = self.orientations(block);
-        Rows::judge(&block.stamps, origins, SpanClock::Tracker, |row| {
+        Rows::judge(&block.stamps, origins, self.clock, |row| {
             poses::fault(
                 block.positions[row],
                 orientations.and_then(|all| all.get(row)),
@@ -103,7 +119,9 @@ impl Held for HeldReadings {
             rows.append(more, all);
             self.not_unit += poses::normalise_all(&mut all[held..]);
         }
-        if let Some(more) = &block.covariances {
+        if let Some(more) = &block.covariances
+            && self.wants_covariances
+        {
             let all = self.covariances.get_or_insert_default();
             rows.append(more, all);
             poses::scale(&mut all[held..], to_mm * to_mm);
