@@ -30,7 +30,7 @@ pub fn measure_all(folder: &Path, joint_states: u64) {
         mapping.commanded = None;
         let rounds = (0..ROUNDS).map(|_| {
             let floor = measure(&format!("{form:?}: zstd decompression alone"), None, || {
-                decompress(&path)
+                decompress(&path, 1)
             });
             let before = cpu_seconds();
             measure(&format!("{form:?}: decode to columns"), Some(floor), || {

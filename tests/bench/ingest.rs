@@ -19,6 +19,7 @@ mod steps;
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom};
 use std::path::Path;
+use std::thread;
 use std::time::Instant;
 
 use mcap::records::{MessageHeader, op};
@@ -96,35 +97,55 @@ fn cpu_seconds() -> (f64, f64) {
     (next(), next())
 }
 
-/// Decompresses every chunk into one buffer; returns how many bytes.
-fn decompress(path: &Path) -> u64 {
+/// Decompresses every chunk, into one buffer a thread; returns how many bytes.
+fn decompress(path: &Path, threads: usize) -> u64 {
+    let chunks = chunks(path);
+    let shares = chunks.chunks(chunks.len().div_ceil(threads));
+    thread::scope(|scope| {
+        let of_share = |share| scope.spawn(move || decompress_some(path, share));
+        let running: Vec<_> = shares.map(of_share).collect();
+        let bytes = running.into_iter().map(thread::ScopedJoinHandle::join);
+        bytes.map(|bytes| bytes.expect("a sound log")).sum()
+    })
+}
+
+/// Place and length of each chunk record, without what stands before its content.
+fn chunks(path: &Path) -> Vec<(u64, u64)> {
+    let mut file = File::open(path).expect("just written");
+    let mut at = 8;
+    let (mut header, mut found) = ([0; 9], Vec::new());
+    while file.seek(SeekFrom::Start(at)).is_ok() && file.read_exact(&mut header).is_ok() {
+        let length = u64::from_le_bytes(header[1..].try_into().expect("eight bytes"));
+        at += 9;
+        if header[0] == op::CHUNK {
+            found.push((at, length));
+        }
+        at += length;
+    }
+    found
+}
+
+fn decompress_some(path: &Path, chunks: &[(u64, u64)]) -> u64 {
     let mut file = File::open(path).expect("just written");
     let mut zstd = zstd::bulk::Decompressor::new().expect("memory");
     let (mut stored, mut records, mut total) = (Vec::new(), Vec::new(), 0);
-    file.seek(SeekFrom::Start(8)).expect("a file");
-    let mut header = [0; 9];
-    while file.read_exact(&mut header).is_ok() {
-        let length = u64::from_le_bytes(header[1..].try_into().expect("eight bytes"));
-        if header[0] == op::CHUNK {
-            stored.clear();
-            (&mut file)
-                .take(length)
-                .read_to_end(&mut stored)
-                .expect("a sound log");
-            let Ok(mcap::records::Record::Chunk { header, data }) =
-                mcap::parse_record(op::CHUNK, &stored)
-            else {
-                panic!("a sound chunk")
-            };
-            records.clear();
-            records.reserve(usize::try_from(header.uncompressed_size).expect("small"));
-            zstd.decompress_to_buffer(&data[..], &mut records)
-                .expect("a sound chunk");
-            total += records.len() as u64;
-        } else {
-            file.seek_relative(i64::try_from(length).expect("small"))
-                .expect("a file");
-        }
+    for &(at, length) in chunks {
+        file.seek(SeekFrom::Start(at)).expect("a file");
+        stored.clear();
+        (&mut file)
+            .take(length)
+            .read_to_end(&mut stored)
+            .expect("a sound log");
+        let Ok(mcap::records::Record::Chunk { header, data }) =
+            mcap::parse_record(op::CHUNK, &stored)
+        else {
+            panic!("a sound chunk")
+        };
+        records.clear();
+        records.reserve(usize::try_from(header.uncompressed_size).expect("small"));
+        zstd.decompress_to_buffer(&data[..], &mut records)
+            .expect("a sound chunk");
+        total += records.len() as u64;
     }
     total
 }
