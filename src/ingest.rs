@@ -220,7 +220,8 @@ pub fn ingest_beside(
     } else {
         recording.joints = joints(decoded.joints, mapping, &mut recording)?;
         recording.commands = commands(decoded.commands, mapping, &mut recording)?;
-        recording.readings = readings(decoded.readings, mapping, &mut recording)?;
+        let held = HeldPoses::readings(&mapping.tracker);
+        recording.readings = poses(&decoded.readings, held, "readings", &mut recording)?;
     }
     if let Some(temperatures) = decoded.temperatures {
         recording.temperatures = self::temperatures(temperatures, &mut recording);
@@ -256,88 +257,33 @@ fn commands(
     mapping: &Mapping,
     recording: &mut Recording,
 ) -> Result<CommandSamples, IngestError> {
-    let (Some(decoded), Some(settings)) = (decoded, &mapping.commanded) else {
-        return Ok(CommandSamples::default());
-    };
-    let poses = self::poses(decoded, settings.unit, false, "commands", recording)?;
-    Ok(CommandSamples {
-        stamps: stamps(poses.stamps),
-        positions: poses.positions,
-        orientations: poses.orientations,
-        covariances: None,
-    })
+    match (decoded, &mapping.commanded) {
+        (Some(decoded), Some(settings)) => {
+            let held = HeldPoses::commands(settings);
+            poses(&decoded, held, "commands", recording)
+        }
+        _ => Ok(CommandSamples::default()),
+    }
 }
 
-fn readings(
-    decoded: DecodedPoses,
-    mapping: &Mapping,
-    recording: &mut Recording,
-) -> Result<TargetReadings, IngestError> {
-    let settings = &mapping.tracker;
-    let ignore_orientation = settings.ignore_orientation;
-    let poses = self::poses(
-        decoded,
-        settings.unit,
-        ignore_orientation,
-        "readings",
-        recording,
-    )?;
-    Ok(TargetReadings {
-        stamps: stamps(poses.stamps),
-        positions: poses.positions,
-        orientations: poses.orientations,
-        covariances: poses.covariances,
-    })
-}
-
-/// Positions in mm, unit quaternions.
-fn poses(
-    mut decoded: DecodedPoses,
-    unit: LengthUnit,
-    ignore_orientation: bool,
+/// All poses of a stream, as `held` keeps them.
+fn poses<C>(
+    decoded: &DecodedPoses,
+    mut held: HeldPoses,
     stream: &str,
     recording: &mut Recording,
-) -> Result<DecodedPoses, IngestError> {
-    if ignore_orientation {
-        decoded.orientations = None;
-    }
-    let clock = match stream {
-        "commands" => SpanClock::Controller,
-        _ => SpanClock::Tracker,
-    };
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
-        poses::fault(
-            decoded.positions[row],
-            decoded.orientations.as_ref().map(|all| &all[row]),
-            decoded.covariances.as_ref().map(|all| &all[row]),
-        )
-    });
+) -> Result<PoseSamples<C>, IngestError> {
+    let rows = held.judge(decoded, &decoded.origins);
     rows.require(&decoded.origins, &decoded.stamps, recording)?;
-    let to_mm = unit.to_mm();
-    let mut positions = rows.of(decoded.positions);
-    poses::scale(&mut positions, to_mm);
-    let covariances = decoded.covariances.map(|column| {
-        let mut column = rows.of(column);
-        poses::scale(&mut column, to_mm * to_mm);
-        column
-    });
-    let orientations = decoded.orientations.map(|column| {
-        let mut column = rows.of(column);
-        let not_unit = poses::normalise_all(&mut column);
-        recording
-            .counts
-            .insert(format!("{stream}.{}", poses::NOT_UNIT), not_unit);
-        column
-    });
-    let poses = DecodedPoses {
-        stamps: rows.of(decoded.stamps),
-        origins: decoded.origins,
-        positions,
-        orientations,
-        covariances,
+    let alike = held.take(&rows, decoded);
+    assert!(alike, "a topic of two kinds is refused when it is decoded");
+    let account = StreamAccount {
+        counts: rows.counts,
+        further: held.further_counts(),
+        rejects: rows.rejects,
     };
-    recording.account(stream, rows.counts, rows.rejects);
-    Ok(poses)
+    recording.account_for(stream, account);
+    Ok(held.into_samples())
 }
 
 fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {

@@ -72,6 +72,16 @@ impl HeldPoses {
         }
     }
 
+    /// All of them.
+    pub fn into_samples<C>(self) -> PoseSamples<C> {
+        PoseSamples {
+            stamps: self.stamps.into_iter().map(Stamp::from_ns).collect(),
+            positions: self.positions,
+            orientations: self.orientations,
+            covariances: self.covariances,
+        }
+    }
+
     /// Orientations as far as they are wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
         let orientations = block.orientations.as_ref();

@@ -49,8 +49,8 @@ impl<C> AsidePoses<C> {
         });
     }
 
-    /// All of them, and what became of the messages; `None` where the log has to be read as a whole.
-    pub fn finish(mut self) -> Result<(Option<StreamAccount>, SpilledPoses<C>), LogError> {
+    /// What became of the messages, and all of them; `None` where the log has to be read as a whole.
+    pub fn finish(mut self) -> Result<Option<(StreamAccount, SpilledPoses<C>)>, LogError> {
         let (spilled, room) = (&mut self.spilled, &mut self.room);
         let account = self
             .in_order
@@ -59,7 +59,7 @@ impl<C> AsidePoses<C> {
             folder: std::env::temp_dir().display().to_string(),
             source,
         })?;
-        Ok((account, self.spilled))
+        Ok(account.map(|account| (account, self.spilled)))
     }
 }
 

@@ -134,24 +134,20 @@ impl<'s> LongStreams<'s> {
         self.work();
         let joints = self.joints.finish();
         let commands = self.commands.map(AsidePoses::finish).transpose()?;
-        let (readings, readings_aside) = self.readings.finish()?;
-        let (commands, commands_aside) = match commands {
-            None => (None, SpilledPoses::default()),
-            Some((None, _)) => return Ok(Err(Again::AsAWhole)),
-            Some((commands, aside)) => (commands, aside),
+        let (of_readings, readings) = match self.readings.finish()? {
+            Some(found) if !matches!(commands, Some(None)) => found,
+            _ => return Ok(Err(Again::AsAWhole)),
         };
-        let Some(readings) = readings else {
-            return Ok(Err(Again::AsAWhole));
-        };
-        Ok(joints.map(|(joints, rest)| Finished {
+        let (of_commands, commands) = commands.flatten().unzip();
+        Ok(joints.map(|(of_joints, rest)| Finished {
             given_on: GivenOn {
-                joints,
-                commands,
-                readings,
+                joints: of_joints,
+                commands: of_commands,
+                readings: of_readings,
             },
             rest,
-            commands: commands_aside,
-            readings: readings_aside,
+            commands: commands.unwrap_or_default(),
+            readings,
         }))
     }
 }
