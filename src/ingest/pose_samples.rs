@@ -69,6 +69,19 @@ pub trait Poses<C>: Debug + Send + Sync {
     fn read(&self, rows: Range<usize>) -> Result<PoseSamples<C>, PosesError>;
     /// When one of them was taken.
     fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError>;
+    /// How many come first whose stamps are `before`.
+    fn count_while(&self, before: &dyn Fn(Stamp<C>) -> bool) -> Result<usize, PosesError> {
+        let (mut from, mut to) = (0, self.count());
+        while from < to {
+            let middle = usize::midpoint(from, to);
+            if before(self.stamp(middle)?) {
+                from = middle + 1;
+            } else {
+                to = middle;
+            }
+        }
+        Ok(from)
+    }
 }
 
 /// All in memory.

@@ -83,29 +83,15 @@ fn last_before(
     moment: impl Fn(&Occasion) -> Stamp<Controller>,
 ) -> Result<Vec<Option<Stated>>, PosesError> {
     let last = |dwell: &Occasion| {
-        let row = rows_up_to(commands, moment(dwell))?.checked_sub(1);
+        let moment = moment(dwell);
+        let row = commands
+            .count_while(&|stamp| stamp <= moment)?
+            .checked_sub(1);
         let stated = row.map(|row| Stated::read(commands, row)).transpose()?;
         // A command that is no number commands nothing.
         Ok(stated.filter(|stated| stated.position.iter().all(|x| x.abs() < FARTHEST_MM)))
     };
     dwells.iter().map(last).collect()
-}
-
-/// How many commands were stated up to a moment.
-fn rows_up_to(
-    commands: &dyn Poses<Controller>,
-    moment: Stamp<Controller>,
-) -> Result<usize, PosesError> {
-    let (mut from, mut to) = (0, commands.count());
-    while from < to {
-        let middle = usize::midpoint(from, to);
-        if commands.stamp(middle)? <= moment {
-            from = middle + 1;
-        } else {
-            to = middle;
-        }
-    }
-    Ok(from)
 }
 
 impl Stated {

@@ -27,8 +27,6 @@ pub struct Sightings<'a> {
     /// Stretches in rows of the readings.
     rest: Rest,
     missing: Missing,
-    /// The stamp of each first reading of a piece.
-    firsts: Vec<Stamp<Tracker>>,
 }
 
 /// Rows of the readings and their columns.
@@ -65,7 +63,6 @@ impl<'a> Sightings<'a> {
             readings,
             rest: Rest::default(),
             missing: Missing::default(),
-            firsts: Vec::new(),
         };
         let rule = settings.target_rule();
         seen.rest = rest_of(3, &rule, |finder| seen.look(finder))?;
@@ -80,11 +77,10 @@ impl<'a> Sightings<'a> {
 
     /// Gives a finder all that are measurements, and notes the others.
     fn look(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
-        (self.missing, self.firsts) = (Missing::default(), Vec::new());
+        self.missing = Missing::default();
         let count = self.readings.count();
         for first in (0..count).step_by(PIECE) {
             let seen = self.read(first..(first + PIECE).min(count))?;
-            self.firsts.extend(seen.readings.stamps.first());
             self.missing.extend(&seen);
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
             let measured: Vec<[f64; 3]> = seen.measured().map(|row| seen.position(row)).collect();
@@ -126,20 +122,9 @@ impl<'a> Sightings<'a> {
 
     /// The readings from `start` to `end`.
     pub fn between(&self, start: Stamp<Tracker>, end: Stamp<Tracker>) -> Result<Seen, JoinError> {
-        let first = self.row_after(|stamp| stamp < start)?;
-        let behind = self.row_after(|stamp| stamp <= end)?;
+        let first = self.readings.count_while(&|stamp| stamp < start)?;
+        let behind = self.readings.count_while(&|stamp| stamp <= end)?;
         self.read(first..behind.max(first))
-    }
-
-    /// The first row behind those whose stamps are `before`.
-    fn row_after(&self, before: impl Fn(Stamp<Tracker>) -> bool) -> Result<usize, JoinError> {
-        let piece = self.firsts.partition_point(|&first| before(first));
-        let Some(piece) = piece.checked_sub(1) else {
-            return Ok(0);
-        };
-        let first = piece * PIECE;
-        let seen = self.read(first..(first + PIECE).min(self.count()))?;
-        Ok(first + seen.readings.stamps.partition_point(|&stamp| before(stamp)))
     }
 }
 

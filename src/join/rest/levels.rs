@@ -52,8 +52,6 @@ pub struct Levels {
     by: Vec<ByThreshold>,
     /// Of the window before.
     level: usize,
-    /// Windows in which more moves than this, but not more than that, are of the same level.
-    of_level: (f64, f64),
     window: usize,
     min_stretch_ns: i64,
     kept: Range<usize>,
@@ -91,11 +89,9 @@ struct End {
 impl Levels {
     /// By these thresholds, sorted, in windows of so many samples.
     pub fn new(thresholds: Vec<f64>, window: usize, min_stretch_ns: i64) -> Self {
-        let above_all = thresholds.last().copied().unwrap_or(f64::NEG_INFINITY);
         Self {
             by: vec![ByThreshold::default(); thresholds.len()],
             level: thresholds.len(),
-            of_level: (above_all, f64::INFINITY),
             kept: 0..thresholds.len(),
             thresholds,
             window,
@@ -109,7 +105,7 @@ impl Levels {
     pub fn windows(&mut self, first: usize, ranges: &[f64], samples: &Samples) {
         let mut next = 0;
         loop {
-            let (above, up_to) = self.of_level;
+            let (above, up_to) = self.bounds();
             let of_another = |&range: &f64| range <= above || range > up_to;
             let Some(same) = ranges[next..].iter().position(of_another) else {
                 return;
@@ -142,13 +138,16 @@ impl Levels {
                 by.begin(first, samples);
             }
         }
-        let below = level.checked_sub(1).map(|below| self.thresholds[below]);
-        let up_to = self.thresholds.get(level).copied();
         self.level = level;
-        self.of_level = (
-            below.unwrap_or(f64::NEG_INFINITY),
-            up_to.unwrap_or(f64::INFINITY),
-        );
+    }
+
+    /// Windows in which more moves than the first, but not more than the second, are of the same level.
+    fn bounds(&self) -> (f64, f64) {
+        let (below, above) = self.thresholds.split_at(self.level);
+        (
+            below.last().copied().unwrap_or(f64::NEG_INFINITY),
+            above.first().copied().unwrap_or(f64::INFINITY),
+        )
     }
 
     /// The number of the lowest threshold that a range is within, which is seldom far from the one before.

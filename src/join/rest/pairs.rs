@@ -51,11 +51,7 @@ pub const fn count(columns: usize) -> usize {
 
 /// One pair of the columns at each sample, whose values stand one sample behind the other; a pair that is not full has its
 /// column twice.
-pub fn of(
-    values: &[f64],
-    columns: usize,
-    pair: usize,
-) -> impl ExactSizeIterator<Item = Pair> + DoubleEndedIterator {
+pub fn of(values: &[f64], columns: usize, pair: usize) -> impl Iterator<Item = Pair> {
     let (a, b) = (2 * pair, (2 * pair + 1).min(columns - 1));
     let samples = values.chunks_exact(columns);
     samples.map(move |sample| [sample[a], sample[b]])

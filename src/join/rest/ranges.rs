@@ -27,7 +27,7 @@ impl Ranges {
     /// of their neighbours.
     pub fn widen(
         &mut self,
-        values: impl ExactSizeIterator<Item = Pair>,
+        values: impl Iterator<Item = Pair>,
         samples: usize,
         ends: (bool, bool),
     ) {
@@ -75,7 +75,7 @@ impl Ranges {
 }
 
 fn median_of_three(
-    mut values: impl ExactSizeIterator<Item = Pair>,
+    mut values: impl Iterator<Item = Pair>,
     (is_first, is_last): (bool, bool),
     smooth: &mut Vec<Pair>,
 ) {
