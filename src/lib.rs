@@ -7,8 +7,56 @@
 //!  tracker.mcap ────┘
 //! ```
 //!
-//! Core modules ([`units`], [`geometry`], [`kinematics`]) know no stage. A stage is a plain function that uses core and
-//! the output of earlier stages. Only [`io`], the pipeline and the command line read and write.
+//! What the stages compute, and why, stands in the chapters of [`method`]: formulas, sources and measured figures. This page
+//! is the map of the code.
+//!
+//! # The stages, in the order of the data
+//!
+//! | stage | from | to |
+//! |---|---|---|
+//! | [`ingest`] | decoded messages of both logs | samples in mm, rad and ns, in order of time |
+//! | [`join`] | samples and readings | stations, the relation of the clocks, rejects |
+//! | [`fit`] | stations | identified parameters and the full error model, with covariances |
+//! | [`similarity`] | errors and residuals | semivariograms |
+//! | [`grid`] | stations and error models | judged steps and the chosen table |
+//! | [`compensation`] | a table or the identified arm, target poses | commands, or reasons why there are none |
+//! | [`report`] | models and stations that judge them | residuals, accuracy figures, pages for people |
+//!
+//! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
+//! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
+//!
+//! # Rings: who may use whom
+//!
+//! ```text
+//!  core  ←  stages  ←  io  ←  pipeline  ←  cli
+//! ```
+//!
+//! | ring | modules | may use |
+//! |---|---|---|
+//! | core | [`units`], [`geometry`], [`kinematics`], [`linalg`], [`figures`], [`progress`] | core |
+//! | stages | those above, [`simulate`], [`plan`], [`history`] | core, and stages before them in the order of the data |
+//! | io | [`io`]: logs, messages, Parquet tables, schemas, the lake; [`manifest`]: provenance | core, stages |
+//! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io |
+//! | cli | [`cli`]: arguments, messages, exit codes | everything |
+//!
+//! One tie still goes up: [`io::tables`] takes a run's result as [`pipeline::outcome`] has it.
+//!
+//! # Where to add
+//!
+//! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], and its name
+//!   goes into the allowed values of `schemas/accuracy.toml` (a new version of the schema, and a line in its `changes`).
+//! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
+//!   [`kinematics::arm::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
+//! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
+//!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that measures distances has no place yet: a
+//!   station has one measured point or pose ([`join::Attained`]).
+//! - *A model*: a further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
+//!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]). A model of another kind implements
+//!   [`fit::ErrorModel`] for grids and compensation, and is a variant of [`report::Model`] for figures and tables.
+//! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
+//!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
+//!   [`io::log`].
+//! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] that makes its rows.
 
 // Core: knows no stage.
 pub mod figures;
@@ -17,6 +65,9 @@ pub mod kinematics;
 pub mod linalg;
 pub mod progress;
 pub mod units;
+
+// The method: text only.
+pub mod method;
 
 // The stages, in data order.
 pub mod ingest;
