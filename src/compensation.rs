@@ -2,7 +2,8 @@
 //!
 //! Inputs are a [`Target`] in the frame of commands and either a [`CompensationTable`], which knows the error at the nodes
 //! of a lattice in one orientation, or an [`IdentifiedArm`], which predicts it at any joint angles. Output is the
-//! [`Corrected`] command with the uncertainty of its correction, or why there is none ([`Refused`]). Steps (METHOD.md 6):
+//! [`Corrected`] command with the uncertainty of its correction, or why there is none ([`Refused`]). Steps
+//! ([`crate::method::compensation`]):
 //! 1. the target is held against what the table is valid for: orientation, arm configuration, tool; or the arm: joint
 //!    limits, joint ranges measured, singularities;
 //! 2. `ê(c)`, attained minus commanded position of the tool point at the command c: from the eight nodes around it

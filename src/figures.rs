@@ -1,7 +1,7 @@
 //! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
 //!
 //! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
-//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` (METHOD.md 5); too few errors have none.
+//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn ranks_are_the_ones_of_the_method() {
-        // METHOD.md 5: 59 for 95/95, 299 for 99/95; 95 of 96, 675 of 700; 99/95: 698 of 700.
+        // The examples of method::grids: 59 for 95/95, 299 for 99/95; 95 of 96, 675 of 700; 99/95: 698 of 700.
         let p95 = Coverage {
             share: 0.95,
             confidence: 0.95,

@@ -1,6 +1,7 @@
 //! Fit: joined stations → an identified arm, with its covariance and with what could not be told apart.
 //!
-//! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps (METHOD.md 3):
+//! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps
+//! ([`crate::method::identification`]):
 //! 1. stations become [`Observation`]s with a covariance each ([`observation`]);
 //! 2. starting frames from a closed-form alignment, then base and target alone ([`start`]);
 //! 3. the structural rank on the nominal arm ([`rank`]);
@@ -38,7 +39,7 @@ pub use solve::{Convergence, Solution};
 
 use crate::kinematics::{Arm, Chain};
 
-/// Above this condition number the identification is ill posed (Schröer's rule; METHOD.md 3).
+/// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
 
 /// The `[fit]` section of a pipeline file.

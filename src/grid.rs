@@ -1,7 +1,8 @@
 //! Grid: stations and an error model → judged steps, and the table of the largest step that holds.
 //!
 //! Inputs are stations with their errors and folds, one error model per fold and one of all stations; output is one
-//! [`Judged`] row per step, node source, interpolation and judgement, and the chosen [`Table`]. Steps (METHOD.md 5):
+//! [`Judged`] row per step, node source, interpolation and judgement, and the chosen [`Table`]. Steps
+//! ([`crate::method::grids`]):
 //! 1. the box, the tool orientation and the arm configuration of the table ([`settings`]);
 //! 2. nodes of each step, placed by inverse kinematics; refused where the arm cannot serve ([`node`]);
 //! 3. the session's own nodes, where it was measured on a grid ([`measured`]);

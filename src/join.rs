@@ -1,6 +1,6 @@
 //! Join: two logs with a clock each → stations, each a dwell of the arm with what the tracker saw of it.
 //!
-//! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. METHOD.md 8.
+//! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. The method is in [`crate::method::join`].
 //!
 //! 1. [`sighting`], [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.

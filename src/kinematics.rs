@@ -1,8 +1,9 @@
 //! The arm as a chain of elementary transforms.
 //!
 //! Every link is a product of elementary motions, each a constant, a joint variable, or a constant with a free
-//! parameter (an *elementary transform sequence*; METHOD.md 2). DH, Hayati and a URDF are all such sequences, so one
-//! core serves every convention and the derivative of any element is one column: its unit twist carried to the end.
+//! parameter (an *elementary transform sequence*; [`crate::method::kinematics`]). DH, Hayati and a URDF are all such
+//! sequences, so one core serves every convention and the derivative of any element is one column: its unit twist
+//! carried to the end.
 //!
 //! - [`chain`]: the sequence, its forward kinematics and its differential.
 //! - [`parameter`]: what can be identified, by name.

@@ -1,4 +1,4 @@
-//! Plan: before the tracker is set up, which step, which poses, and what accuracy to expect (METHOD.md 9).
+//! Plan: before the tracker is set up, which step, which poses, and what accuracy to expect ([`crate::method::planning`]).
 //!
 //! Inputs: the nominal arm and [`PlanSettings`]: what is expected of robots, the cell, the region, the tolerance. Output: a
 //! [`SamplingPlan`]. Nothing here fits, grids or judges by itself: robots are drawn by [`crate::simulate`] and go through the

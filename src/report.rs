@@ -1,8 +1,8 @@
 //! Report: predictions held against measurements → residuals and accuracy figures, with what each is a figure of.
 //!
 //! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
-//! (METHOD.md 7): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or *after*.
-//! [`page`] tells them to people, with the charts of [`chart`].
+//! ([`crate::method::accuracy`]): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or
+//! *after*. [`page`] tells them to people, with the charts of [`chart`].
 
 pub mod accuracy;
 pub mod chart;

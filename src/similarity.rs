@@ -1,4 +1,4 @@
-//! Similarity: how alike errors are at a separation, in joint space and in space (METHOD.md 4).
+//! Similarity: how alike errors are at a separation, in joint space and in space ([`crate::method::similarity`]).
 //!
 //! Inputs are error vectors with the joint angles and positions they belong to; output is one [`Semivariogram`] per
 //! space and quantity. Steps:

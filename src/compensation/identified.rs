@@ -6,7 +6,7 @@
 //! 2. these are held against the joint ranges and the arm configurations measured: beyond them the model falls back to its
 //!    prior;
 //! 3. the command is moved against the error that the model predicts at its joint angles, in the gauge of base and target
-//!    (METHOD.md 6), just as for the nodes of a grid: what both say at a node is the same;
+//!    ([`crate::method::compensation`]), just as for the nodes of a grid: what both say at a node is the same;
 //! 4. the error's covariance at the joint command is that of the correction.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};

@@ -1,7 +1,7 @@
 //! Commands in the base frame, and what the arm fell short of them: commanded minus reported joint angles.
 //!
 //! The angles a controller reports at rest differ from the nominal inverse kinematics of its command by 0.1–2 mrad, and
-//! the arm may stand nearer the command (METHOD.md 3). Steps:
+//! the arm may stand nearer the command ([`crate::method::error_model`]). Steps:
 //! 1. the constant turn between commanded and nominal orientation is the tool's as the controller rounds it, no error
 //!    of the arm: its median per axis is taken out;
 //! 2. one regularised step of inverse kinematics from the reported angles, bounded at singularities, gives the

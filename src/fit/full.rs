@@ -1,9 +1,10 @@
 //! The whole error model: geometry, joint curves, gravity, gear lines, drift and blend as one Gaussian model.
 //!
-//! All parts are linear in their unknowns around the geometric fit (METHOD.md 3), so they are one Bayesian linear
-//! regression with a diagonal prior: curves are Fourier series whose coefficients' variances are those of the kernels
-//! ([`spectrum`]), sizes follow from the marginal likelihood ([`components`]), noise and weights from leave-one-out
-//! residuals ([`noise`]), gear lines from their periodogram ([`lines`]). The cost is linear in the number of stations.
+//! All parts are linear in their unknowns around the geometric fit ([`crate::method::error_model`]), so they are one
+//! Bayesian linear regression with a diagonal prior: curves are Fourier series whose coefficients' variances are those of
+//! the kernels ([`spectrum`]), sizes follow from the marginal likelihood ([`components`]), noise and weights from
+//! leave-one-out residuals ([`noise`]), gear lines from their periodogram ([`lines`]). The cost is linear in the number of
+//! stations.
 //!
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.

@@ -1,4 +1,4 @@
-//! The gauge in which errors are stated: nominal arm, base and target fitted (METHOD.md 6).
+//! The gauge in which errors are stated: nominal arm, base and target fitted ([`crate::method::compensation`]).
 //!
 //! An error is attained minus commanded position in the controller's base frame. The target is a point of its own; the
 //! controller's tool point follows from it by the lever between the two, turned as the flange really is where the

@@ -1,7 +1,7 @@
 //! Which stations judge and which train: whole blocks of the work space, never single points of a dense set.
 //!
 //! The work space is cut into blocks; a block's fold is the parity of its indices, so that the eight folds interleave
-//! and every station is held out exactly once. METHOD.md 5 and 12: neighbours of a held-out point leak it.
+//! and every station is held out exactly once: neighbours of a held-out point leak it ([`crate::method::accuracy`]).
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};

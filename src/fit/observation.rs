@@ -1,7 +1,8 @@
 //! Paired stations → observations: what was measured, and how well.
 //!
-//! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it, METHOD.md 7),
-//! plus the arm's repeatability, plus what the scatter of the readings leaves in their mean: `scatter²/n`.
+//! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
+//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus what the scatter of the readings leaves in their
+//! mean: `scatter²/n`.
 
 use std::collections::BTreeMap;
 

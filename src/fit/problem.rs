@@ -1,7 +1,7 @@
 //! The identification problem: residuals of all observations and their identification Jacobian.
 //!
-//! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` (METHOD.md 2). Geometry is shared by all
-//! sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
+//! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` ([`crate::method::kinematics`]). Geometry is
+//! shared by all sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
 
 mod rows;
 mod unknowns;

@@ -1,8 +1,8 @@
 //! What the poses can tell apart: structural rank, the directions that are told apart at the solution, observability.
 //!
-//! METHOD.md 3. Zero columns come out first; the structural rank is found on the column-scaled Jacobian of the nominal
-//! arm, whose geometry is exact, so that its zero singular values are zeros to rounding. At the solution a parameter is
-//! *told apart* when its standard error is below half its prior's.
+//! The method is in [`crate::method::identification`]. Zero columns come out first; the structural rank is found on the
+//! column-scaled Jacobian of the nominal arm, whose geometry is exact, so that its zero singular values are zeros to
+//! rounding. At the solution a parameter is *told apart* when its standard error is below half its prior's.
 
 use nalgebra::{DMatrix, DVector};
 

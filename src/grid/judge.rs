@@ -3,7 +3,7 @@
 //! *Local cell*: a cell of the step around each held-out station, at that station's own orientation and configuration,
 //! the station at a quasi-random place of it (a table's targets lie anywhere in their cells). *Table*: the very nodes
 //! that would be published, for held-out stations in the box, of the same configuration and within the orientation
-//! tolerance. Only *table* gives the verdict (METHOD.md 5).
+//! tolerance. Only *table* gives the verdict ([`crate::method::grids`]).
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -194,7 +194,8 @@ pub struct Expect {
 }
 
 impl Default for Expect {
-    /// METHOD.md 9: lengths 0.3 mm, angles 0.02°, compliance, harmonics; the rest as good industrial arms have it.
+    /// The robots of [`crate::method::planning`]: lengths 0.3 mm, angles 0.02°, compliance, harmonics; the rest as good
+    /// industrial arms have it.
     fn default() -> Self {
         Self {
             length_sd_mm: 0.3,

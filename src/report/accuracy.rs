@@ -59,8 +59,8 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
 }
 
 /// The same figures with the bound of commands of another day: `moved` is by how much a station's error may have been another
-/// on another day, mm, several for each station (METHOD.md 7 wants what a table will do, not what one session did). Never less than
-/// the session's own bound.
+/// on another day, mm, several for each station ([`crate::method::accuracy`]: what a table will do, not what one
+/// session did). Never less than the session's own bound.
 pub fn of_another_day<'m>(
     own: Accuracy,
     set: &ResidualSet,

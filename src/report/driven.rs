@@ -1,7 +1,8 @@
 //! A session that a table drove: what the table achieved, how it was applied, whether its promise is kept.
 //!
 //! Inputs: the corrected targets that were driven ([`CorrectedTarget`]), the session's commands, and where its tool point came
-//! to stand. Outputs are figures *measured after* (METHOD.md 7), against the promise of the table's own run. Steps:
+//! to stand. Outputs are figures *measured after* ([`crate::method::accuracy`]), against the promise of the table's own
+//! run. Steps:
 //! 1. each station's command is matched with the target it is near to ([`matched`]): nearer than any other by half, so that
 //!    a command corrected wrongly is still told whose it is;
 //! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);

@@ -1,7 +1,7 @@
 //! Figures of ISO 9283: what repeated visits of a pose say of an arm.
 //!
 //! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the standard's
-//! names, lengths mm, angles rad (ISO 9283:1998, clause 7; METHOD.md 7). Steps:
+//! names, lengths mm, angles rad (ISO 9283:1998, clause 7; [`crate::method::accuracy`]). Steps:
 //! 1. [`poses`] tells which dwells went to one pose;
 //! 2. of each pose: accuracy AP, the barycentre of the attained positions against the command, and repeatability RP,
 //!    `l̄ + 3 S_l` of the distances to the barycentre (`pose`);

@@ -1,4 +1,5 @@
-//! Figures for the tool tip: the error of the point that was measured, carried there by lever arm (METHOD.md 7).
+//! Figures for the tool tip: the error of the point that was measured, carried there by lever arm
+//! ([`crate::method::accuracy`]).
 //!
 //! Input: residuals, each with how the flange stood and how it was predicted or commanded to stand ([`Turn`]), and the lever
 //! from their point to the tip. Output: residuals of the tip, `e_tip = e + (R_attained − R_wanted) · lever`, as vectors

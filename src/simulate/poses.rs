@@ -83,7 +83,7 @@ fn serpentine(
     Ok(nodes)
 }
 
-/// `⌊Δ/L⌋ + 1` nodes along each axis (METHOD.md 5), at least one and together no more than a session can have.
+/// `⌊Δ/L⌋ + 1` nodes along each axis ([`crate::method::grids`]), at least one and together no more than a session can have.
 fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3], SimulateError> {
     // The tolerance forgives a size that is a whole number of steps but for rounding.
     let steps = |axis: usize| ((upper[axis] - lower[axis]) / step + 1e-9).floor();

@@ -96,7 +96,7 @@ pub struct JointErrors {
     pub backlash_rad: f64,
     /// How far the controller stops short of its command, typically, rad.
     pub stops_short_rad: f64,
-    /// Share of the way from reported to commanded angle at which the arm stands (METHOD.md's β).
+    /// Share of the way from reported to commanded angle at which the arm stands: β in [`crate::method::error_model`].
     pub nearer_command: f64,
     /// Standard deviation from visit to visit, rad.
     pub repeatability_rad: f64,
@@ -130,7 +130,7 @@ pub struct Cell {
     pub six_dof: bool,
 }
 
-/// Uncertainty of the instrument: maximum permissible errors over a divisor (METHOD.md 7).
+/// Uncertainty of the instrument: maximum permissible errors over a divisor ([`crate::method::uncertainty`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TrackerErrors {
     /// Along the beam: constant part, mm.
@@ -295,7 +295,7 @@ impl TrackerErrors {
         }
     }
 
-    /// METHOD.md 7's example: 10 µm + 0.3 µm/m along the beam, 15 µm + 6 µm/m across, divisor 2.
+    /// The example of [`crate::method::uncertainty`]: 10 µm + 0.3 µm/m along the beam, 15 µm + 6 µm/m across, divisor 2.
     pub const fn adm() -> Self {
         Self {
             radial_mm: 0.010,

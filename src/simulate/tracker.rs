@@ -1,8 +1,8 @@
 //! What the tracker sees: the target in its frame, at its own times, with its noise, losses and outliers.
 //!
-//! Uncertainty (METHOD.md 7): standard deviations `(constant + per distance · distance) / divisor` along and across the
-//! beam. Half of that variance is the same for all readings of a station (refraction, the reflector's seat), the other
-//! half is new in every reading.
+//! Uncertainty ([`crate::method::uncertainty`]): standard deviations `(constant + per distance · distance) / divisor`
+//! along and across the beam. Half of that variance is the same for all readings of a station (refraction, the reflector's
+//! seat), the other half is new in every reading.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 

@@ -2,7 +2,7 @@
 //!
 //! An actual joint angle is `q + curve(q) + line(q) + visit`, where `visit` is what differs from visit to visit (backlash,
 //! stopping short, repeatability). Then each axis gives way under gravity: `compliance · torque`, the torque that of point
-//! masses halfway between neighbouring joint origins, and of a payload at the target (METHOD.md 3).
+//! masses halfway between neighbouring joint origins, and of a payload at the target ([`crate::method::error_model`]).
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::Serialize;

@@ -170,7 +170,7 @@ fn parameters_say_what_was_told_apart() {
     for row in d_4 {
         assert!(
             (table.f64("nominal").value(row) - 1200.0).abs() < 1e-9,
-            "METHOD.md 10"
+            "the nominal arm of pipelines/robots"
         );
         let parts = [
             table.f64("nominal").value(row),
