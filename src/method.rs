@@ -20,6 +20,11 @@
 //! | [`uncertainty`] | What is in a stated standard deviation, and does it hold? | all of them |
 //! | [`sources`] | Where does it come from? | |
 
+#![expect(
+    clippy::doc_markdown,
+    reason = "the chapters are prose: names of people are not names of items"
+)]
+
 #[doc = include_str!("method/problem.md")]
 pub mod problem {}
 
