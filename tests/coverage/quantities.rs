@@ -2,7 +2,7 @@
 //!
 //! What is identifiable needs a word. The base takes any turn of joint 1, the target any of the last joint, a curve's mean
 //! trades with θ, and gravity with both: of such directions the data say nothing, and their intervals are the prior's. So
-//! a parameter counts where its standard deviation is below half its prior's (method::identification), with the truth as
+//! a parameter counts where its standard deviation is below half its prior's (`method::identification`), with the truth as
 //! an offset from the nominal arm, which is the model's own gauge; a curve counts less its mean over the visited angles,
 //! where that is told apart by the same rule. Positions need no gauge.
 
