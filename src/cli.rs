@@ -2,6 +2,10 @@
 //!
 //! Results go to stdout, messages and progress bars to stderr. An interrupt ends `run` at its next step and any other command
 //! at once: a lake stays sound either way, since a run exists only once it is whole.
+//!
+//! Work goes on when messages cannot be written. Results that cannot be written are exit code 1; where their reader has gone
+//! away (`| head -1`) a command ends as if SIGPIPE had ended it, without a word. `run` has done its work by then, and a reader
+//! who left changes nothing of what it came to.
 
 pub mod check;
 pub mod compensate;
@@ -14,25 +18,32 @@ pub mod progress;
 pub mod run;
 pub mod schema;
 pub mod simulate;
+pub mod streams;
 pub mod verify;
 
 use std::fmt::Display;
+use std::io::{self, Write as _};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
+use signal_hook::consts::SIGXFSZ;
 
 use crate::io::memory::keep_what_is_freed;
 use messages::LogFormat;
 use progress::Bars;
+use streams::Undelivered;
 
 /// Everything asked for is there, and within tolerance.
 pub const DONE: u8 = 0;
-/// Something asked for has no result.
+/// Something asked for has no result, or results cannot be written.
 pub const NO_RESULT: u8 = 1;
 /// Bad usage, or a bad pipeline file.
 pub const BAD_USAGE: u8 = 2;
 /// There is a result, but a tolerance is not met or not shown to be.
 pub const NOT_MET: u8 = 3;
+/// Whoever read the results has gone away: that of a process which SIGPIPE (13) ended, by the shells' custom.
+pub const READER_GONE: u8 = 128 + 13;
 
 /// From a robot controller's log and a laser tracker's log to identified errors, error-similarity grids and a
 /// compensation table.
@@ -47,11 +58,13 @@ struct Arguments {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done and within tolerance; 1 some session has no result;
-            2 bad usage or bad pipeline file; 3 all have results, but a tolerance
-            is not met or not shown, or more was rejected than the pipeline file
-            allows. 1 outranks 3. A run that a signal ended: 130 (SIGINT) or 143
-            (SIGTERM).
+Exit codes: 0 done and within tolerance; 1 some session has no result, or
+            results cannot be written to stdout; 2 bad usage or bad pipeline
+            file; 3 all have results, but a tolerance is not met or not shown,
+            or more was rejected than the pipeline file allows. 1 outranks 3.
+            A run that a signal ended: 130 (SIGINT) or 143 (SIGTERM); any
+            command but `run` whose reader has gone away (`| head -1`): 141.
+            Messages that cannot be written change nothing.
 
 Example:
   posegrid run pipelines/quickstart.toml";
@@ -74,33 +87,53 @@ enum Command {
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
     keep_what_is_freed();
-    let arguments = Arguments::parse();
-    let bars = Bars::new(arguments.log_format);
-    messages::start(arguments.log_format, &bars);
-    match arguments.command {
-        Command::Run(args) => ExitCode::from(run::run(&args, &bars)),
-        Command::Check(args) => shown(check::check(&args)),
-        Command::Inspect(args) => inspect::run(&args, &bars.of("inspect")),
-        Command::Simulate(args) => shown(simulate::run(&args)),
-        Command::Plan(args) => ExitCode::from(plan::run(&args, &bars)),
-        Command::Compensate(args) => compensate::main(&args),
-        Command::History(args) => ExitCode::from(history::run(&args, &bars)),
-        Command::Export(args) => export::main(&args),
-        Command::Verify(args) => ExitCode::from(verify::run(&args, &bars)),
-        Command::Schema(args) => shown(schema::show(&args)),
+    outlive_limits_of_files();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => return ExitCode::from(answered(&answer)),
+    };
+    let bars = &Bars::new(arguments.log_format);
+    messages::start(arguments.log_format, bars);
+    ExitCode::from(match arguments.command {
+        Command::Run(args) => run::run(&args, bars),
+        Command::Check(args) => shown(check::check(&args), bars),
+        Command::Inspect(args) => inspect::run(&args, bars),
+        Command::Simulate(args) => shown(simulate::run(&args), bars),
+        Command::Plan(args) => plan::run(&args, bars),
+        Command::Compensate(args) => compensate::main(&args, bars),
+        Command::History(args) => history::run(&args, bars),
+        Command::Export(args) => export::main(&args, bars),
+        Command::Verify(args) => verify::run(&args, bars),
+        Command::Schema(args) => shown(schema::show(&args), bars),
+    })
+}
+
+/// A file that would become larger than this process may write is an error like a full disk's, and not its end: the file may be
+/// that of the messages. Where that cannot be asked for it stays as it is.
+fn outlive_limits_of_files() {
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
+}
+
+/// Tells what stands for arguments: help and version are results, anything else is a message.
+fn answered(answer: &clap::Error) -> u8 {
+    let written = answer.print().and_then(|()| io::stdout().flush());
+    if answer.use_stderr() {
+        return BAD_USAGE;
     }
+    messages::start(LogFormat::Text, &Bars::new(LogFormat::Text));
+    messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
 /// Tells a command's result on stdout, or its error on stderr.
-fn shown(result: Result<impl Display, impl Display>) -> ExitCode {
+fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
         Ok(result) => {
-            messages::result(result);
-            ExitCode::from(DONE)
+            let told = messages::result(result, bars);
+            told.map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{error}");
-            ExitCode::from(BAD_USAGE)
+            BAD_USAGE
         }
     }
 }

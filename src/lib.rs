@@ -58,6 +58,9 @@
 //!   [`io::log`].
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] that makes its rows.
 
+// `println!` and `eprintln!` end the thread where stdout or stderr refuses: `cli::streams` has what does not.
+#![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
+
 // Core: knows no stage.
 pub mod figures;
 pub mod geometry;

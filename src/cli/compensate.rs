@@ -10,13 +10,13 @@ mod told;
 mod used_with;
 mod write;
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use clap::Args;
 
-use super::messages::Printable;
+use super::messages::{self, Printable};
+use super::progress::Bars;
 use crate::compensation::validity::Held;
 use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
@@ -78,20 +78,27 @@ pub struct Compensated {
     outcomes: Vec<Result<Corrected, Refused>>,
 }
 
-/// Runs the command: the result goes to `--out` or standard output, everything else to standard error.
-pub fn main(args: &CompensateArgs) -> ExitCode {
-    match run(args, io::stdout().lock()) {
-        Ok(compensated) => {
-            for line in compensated.to_string().lines() {
-                tracing::info!("{}", Printable(line));
-            }
-            ExitCode::from(compensated.exit_code())
-        }
+/// Runs the command: the result goes to `--out` or standard output, everything else to standard error. Gives the exit code.
+pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
+    // Made whole first: what goes wrong on the way leaves no half of it on a pipe.
+    let mut for_stdout = Vec::new();
+    match run(args, &mut for_stdout) {
+        Ok(compensated) => told(&compensated, &for_stdout, bars),
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
-            ExitCode::from(error.exit_code())
+            error.exit_code()
         }
     }
+}
+
+fn told(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
+    if let Err(undelivered) = messages::deliver(for_stdout, bars) {
+        return undelivered.exit_code();
+    }
+    for line in compensated.to_string().lines() {
+        tracing::info!("{}", Printable(line));
+    }
+    compensated.exit_code()
 }
 
 /// Corrects the targets and writes the result, to `stdout` where the arguments name no file.

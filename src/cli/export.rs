@@ -2,13 +2,14 @@
 //!
 //! Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read or is not one of those for the format.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
 
-use super::messages::Printable;
+use super::messages::{self, Printable};
+use super::progress::Bars;
+use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::export::{ExportError, curves_json, nodes_csv, residuals_mcap, urdf};
 use crate::io::table;
@@ -58,19 +59,22 @@ pub enum ExportFormat {
     Mcap,
 }
 
-/// Runs the command: the result goes to `--out` or standard output, errors to standard error.
-pub fn main(args: &ExportArgs) -> ExitCode {
-    match run(args, io::stdout().lock()) {
-        Ok(()) => ExitCode::from(DONE),
+/// Runs the command: the result goes to `--out` or standard output, errors to standard error. Gives the exit code.
+pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
+    match run(args) {
+        Ok(for_stdout) => {
+            let told = messages::deliver(&for_stdout, bars);
+            told.map_or_else(Undelivered::exit_code, |()| DONE)
+        }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
-            ExitCode::from(exit_code(&error))
+            exit_code(&error)
         }
     }
 }
 
-/// Writes what the arguments ask for, to `stdout` where they name no file.
-pub fn run(args: &ExportArgs, mut stdout: impl Write) -> Result<(), ExportError> {
+/// Writes what the arguments ask for; gives what is for standard output, which is all of it where they name no file.
+pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
     let taken = args.out.iter().find(|out| out.exists());
     if let Some(out) = taken {
         return Err(ExportError::Exists(out.clone()));
@@ -78,17 +82,15 @@ pub fn run(args: &ExportArgs, mut stdout: impl Write) -> Result<(), ExportError>
     // Made whole first: a table that turns out wrong leaves no half of it on a pipe.
     let mut made = Vec::new();
     args.make(&mut made)?;
-    match &args.out {
-        Some(out) => write_whole(out, |sink| sink.write_all(&made)).map_err(|source| {
-            let path = out.clone();
-            ExportError::NotWritten { path, source }
-        }),
-        None => match stdout.write_all(&made).and_then(|()| stdout.flush()) {
-            // A reader that has gone away wants no more of it.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-            done => Ok(done?),
-        },
-    }
+    let Some(out) = &args.out else {
+        return Ok(made);
+    };
+    let written = write_whole(out, |sink| sink.write_all(&made));
+    written.map_err(|source| ExportError::NotWritten {
+        path: out.clone(),
+        source,
+    })?;
+    Ok(Vec::new())
 }
 
 impl ExportArgs {

@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
+use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
@@ -73,19 +74,41 @@ enum HistoryCommandError {
 
 /// Tells the history; gives the exit code.
 pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
-    match told(args, bars) {
-        Ok(robots) => exit_code(&robots),
-        Err(error) => {
-            tracing::error!("{}", Printable(&error.to_string()));
-            match error {
-                HistoryCommandError::History(_) => BAD_USAGE,
-                HistoryCommandError::Tables(_) | HistoryCommandError::Write { .. } => NO_RESULT,
-            }
-        }
+    let (lake, robots) = match made(args, bars) {
+        Ok(made) => made,
+        Err(error) => return failed(&error),
+    };
+    robots.iter().for_each(warn);
+    // What was asked for as files is there before anything is told, so that it does not hang on whether that can be.
+    let folder = args.output.as_deref();
+    let written = folder.map_or_else(|| Ok(Vec::new()), |to| output(&lake, &robots, to));
+    let mut text: String = robots
+        .iter()
+        .flat_map(words)
+        .map(|text| line(&text))
+        .collect();
+    let paths = written.iter().flatten();
+    text.extend(paths.map(|path| line(&format!("written: {}", path.display()))));
+    let told = messages::result(text, bars);
+    match written {
+        Ok(_) => told.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
+        Err(error) => failed(&error),
     }
 }
 
-fn told(args: &HistoryArgs, bars: &Bars) -> Result<Vec<RobotHistory>, HistoryCommandError> {
+fn failed(error: &HistoryCommandError) -> u8 {
+    tracing::error!("{}", Printable(&error.to_string()));
+    match error {
+        HistoryCommandError::History(_) => BAD_USAGE,
+        HistoryCommandError::Tables(_) | HistoryCommandError::Write { .. } => NO_RESULT,
+    }
+}
+
+fn line(text: &str) -> String {
+    format!("{}\n", Printable(text))
+}
+
+fn made(args: &HistoryArgs, bars: &Bars) -> Result<(Lake, Vec<RobotHistory>), HistoryCommandError> {
     let lake = Lake::at(&Place::of(&args.lake)).map_err(HistoryError::from)?;
     let asked = Asked {
         robot: args.robot.clone(),
@@ -94,22 +117,7 @@ fn told(args: &HistoryArgs, bars: &Bars) -> Result<Vec<RobotHistory>, HistoryCom
         fresh: args.fresh,
     };
     let robots = history(&lake, &asked, &bars.of("history"))?;
-    for robot in &robots {
-        warn(robot);
-        for line in words(robot) {
-            messages::result(Printable(&line));
-        }
-    }
-    if let Some(folder) = &args.output {
-        let written = output(&lake, &robots, folder)?;
-        for path in written {
-            messages::result(format!(
-                "written: {}",
-                Printable(&path.display().to_string())
-            ));
-        }
-    }
-    Ok(robots)
+    Ok((lake, robots))
 }
 
 fn warn(robot: &RobotHistory) {

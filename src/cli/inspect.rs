@@ -8,14 +8,14 @@ mod snippet;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use clap::Args;
 
+use super::progress::Bars;
+use super::streams::Undelivered;
 use super::{DONE, NO_RESULT, NOT_MET, messages};
 use crate::io::inspect::inspect;
 use crate::io::log::Limits;
-use crate::progress::Progress;
 
 pub use describe::describe;
 pub use snippet::snippet;
@@ -36,13 +36,19 @@ pub struct InspectArgs {
 }
 
 /// Inspects each log; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable.
-pub fn run(args: &InspectArgs, progress: &dyn Progress) -> ExitCode {
+pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
+    told(args, bars).unwrap_or_else(Undelivered::exit_code)
+}
+
+/// As far as somebody reads it.
+fn told(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
+    let progress = bars.of("inspect");
     let mut found = Vec::new();
     let mut unreadable = false;
     for path in args.logs.iter().flat_map(|path| logs_in(path)) {
-        match inspect(&path, Limits::default(), progress) {
+        match inspect(&path, Limits::default(), &progress) {
             Ok(log) => {
-                messages::result(describe(&log));
+                messages::result(describe(&log), bars)?;
                 found.push(log);
             }
             Err(error) => {
@@ -52,10 +58,10 @@ pub fn run(args: &InspectArgs, progress: &dyn Progress) -> ExitCode {
         }
     }
     if let Some(snippet) = snippet(&found) {
-        messages::result(snippet);
+        messages::result(snippet, bars)?;
     }
     let damaged = found.iter().any(|log| !log.account.rejects.is_empty());
-    ExitCode::from(match (unreadable, damaged) {
+    Ok(match (unreadable, damaged) {
         (true, _) => NO_RESULT,
         (false, true) => NOT_MET,
         (false, false) => DONE,

@@ -13,6 +13,7 @@ use thiserror::Error;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::run::near;
+use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
@@ -90,8 +91,9 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     };
     match ended {
         Ok((is_met, words)) => {
-            messages::result(words);
-            if is_met { DONE } else { NOT_MET }
+            let told = messages::result(words, bars);
+            let met = if is_met { DONE } else { NOT_MET };
+            told.map_or_else(Undelivered::exit_code, |()| met)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));

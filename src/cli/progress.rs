@@ -1,13 +1,18 @@
 //! Progress bars on a terminal, nothing elsewhere.
 
+mod screen;
+
+use std::io::{self, IsTerminal as _};
 use std::sync::Mutex;
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::messages::LogFormat;
+use super::streams::Stream;
 use crate::progress::Progress;
+use screen::Screen;
 
-/// All bars of this process; messages are written aside of them.
+/// All bars of this process; messages and results are written aside of them.
 #[derive(Debug, Clone)]
 pub struct Bars(MultiProgress);
 
@@ -20,6 +25,8 @@ pub struct TerminalProgress {
     tasks: Mutex<Vec<ProgressBar>>,
 }
 
+/// A bar is drawn so many times a second at most.
+const DRAWN_HZ: u8 = 20;
 /// What was done, how fast, and how long it will take.
 const TEMPLATE: &str =
     "{prefix} {msg:24} {bar:30} {human_pos}/{human_len} {per_sec} {eta} remaining";
@@ -27,17 +34,19 @@ const TEMPLATE: &str =
 impl Bars {
     /// Bars on stderr where it is a terminal and messages are for people.
     pub fn new(format: LogFormat) -> Self {
-        let target = match format {
-            // Hides itself where stderr is no terminal.
-            LogFormat::Text => ProgressDrawTarget::stderr(),
-            LogFormat::Json => ProgressDrawTarget::hidden(),
+        let is_drawn = format == LogFormat::Text && io::stderr().is_terminal();
+        let target = if is_drawn {
+            ProgressDrawTarget::term_like_with_hz(Box::new(Screen::new()), DRAWN_HZ)
+        } else {
+            ProgressDrawTarget::hidden()
         };
         Self(MultiProgress::with_draw_target(target))
     }
 
-    /// Does something that writes to the terminal while no bar is drawn.
-    pub fn aside<T>(&self, write: impl FnOnce() -> T) -> T {
-        self.0.suspend(write)
+    /// Writes to a stream while no bar is drawn. It takes bytes, and no function that makes them: one that had something
+    /// to tell meanwhile would wait for its own end.
+    pub(super) fn write_aside(&self, to: Stream, bytes: &[u8]) -> io::Result<()> {
+        self.0.suspend(|| to.write(bytes))
     }
 
     /// Bars of a session.

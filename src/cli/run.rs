@@ -3,7 +3,8 @@
 //! 1. The pipeline file becomes a list of pieces of work ([`Plan`]); sessions that wait or cannot be used are set aside.
 //! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
 //! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
-//! 4. A line for each session, what is new in words, and the totals are the result (`summary`).
+//! 4. A line for each session, what is new in words, and the totals are the result (`summary`). Where it cannot be written the
+//!    work is done all the same, with exit code 1; a reader who left changes no exit code.
 //!
 //! A first SIGINT or SIGTERM ends the pieces under way and starts no other (`stop`); a second one ends the process.
 
@@ -19,6 +20,7 @@ use clap::Args;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
+use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
@@ -86,8 +88,8 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     tell(&plan);
     if args.dry_run {
-        messages::result(work(&plan));
-        return DONE;
+        let told = messages::result(work(&plan), bars);
+        return told.map_or_else(Undelivered::exit_code, |()| DONE);
     }
     batch(&plan, args, bars)
 }
@@ -127,8 +129,21 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
     let (endings, without) = work::all(plan, args.jobs, bars, &stop);
     let mut set_aside = [plan.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    messages::result(summary::summary(plan, &endings, &set_aside));
-    summary::exit_code(&endings, &set_aside, &stop)
+    let told = messages::result(summary::summary(plan, &endings, &set_aside), bars);
+    let code = summary::exit_code(&endings, &set_aside, &stop);
+    with_words(code, told, &stop)
+}
+
+/// The exit code of a batch that came to `code`, which is done whether or not its words reached anybody.
+fn with_words(code: u8, told: Result<(), Undelivered>, stop: &Stop) -> u8 {
+    let by_signal = stop.exit_code() == Some(code);
+    match told {
+        Err(Undelivered::Refused) => {
+            tracing::error!("what was published stands all the same; run again to be told of it");
+            if by_signal { code } else { NO_RESULT }
+        }
+        Ok(()) | Err(Undelivered::ReaderGone) => code,
+    }
 }
 
 /// Removes what killed runs left under temporary names; where that fails, the lake is as sound as before.

@@ -14,6 +14,7 @@ use clap::Args;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
+use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
@@ -77,24 +78,29 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
         }
     };
     clean();
-    let verdicts = all(&selected, &lake, bars);
-    messages::result(words::summary(&verdicts, &selected));
-    exit_code(&verdicts)
+    told(&selected, &lake, bars).unwrap_or_else(Undelivered::exit_code)
+}
+
+/// As far as somebody reads it: no run is computed again whose verdict nobody would hear.
+fn told(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<u8, Undelivered> {
+    let verdicts = all(selected, lake, bars)?;
+    messages::result(words::summary(&verdicts, selected), bars)?;
+    Ok(exit_code(&verdicts))
 }
 
 /// Verifies run after run, each of which uses every core, and tells each as soon as it is done.
-fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Vec<Verdict> {
+fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<Vec<Verdict>, Undelivered> {
     let progress = bars.of("verify");
     progress.begin("runs", selected.runs.len() as u64);
     let mut verdicts = Vec::new();
     for run in &selected.runs {
         let (verdict, text) = one(run, &selected.register, lake, bars);
-        bars.aside(|| messages::result(text));
+        messages::result(text, bars)?;
         verdicts.push(verdict);
         progress.advance(1);
     }
     progress.end();
-    verdicts
+    Ok(verdicts)
 }
 
 /// Verifies one run; whatever goes wrong with it stays with it.

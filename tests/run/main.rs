@@ -18,4 +18,5 @@ mod same_work;
 mod split;
 mod targets;
 mod unattended;
+mod unwritable;
 mod verify;

@@ -95,20 +95,6 @@ pub enum WriteCause {
     Parquet(#[from] ParquetError),
 }
 
-impl WriteCause {
-    pub(crate) fn is_broken_pipe(&self) -> bool {
-        let io = match self {
-            Self::Io(error) => Some(error),
-            Self::Csv(error) => match error.kind() {
-                csv::ErrorKind::Io(error) => Some(error),
-                _ => None,
-            },
-            Self::Parquet(_) => None,
-        };
-        io.is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
-    }
-}
-
 impl CompensateCommandError {
     /// The exit code of the command.
     pub const fn exit_code(&self) -> u8 {

@@ -58,14 +58,7 @@ impl CompensateArgs {
             move |source| CompensateCommandError::Write { path, source }
         };
         let Some(out) = &self.out else {
-            let done = written.form(form, stdout);
-            // A reader that has gone away wants no more of it.
-            let gone = done.as_ref().is_err_and(WriteCause::is_broken_pipe);
-            return if gone {
-                Ok(())
-            } else {
-                done.map_err(failed(None))
-            };
+            return written.form(form, stdout).map_err(failed(None));
         };
         let Some(list) = written.targets.list.as_ref().filter(|_| form == Form::Krl) else {
             return write_whole(out, |sink| written.form(form, sink)).map_err(failed(Some(out)));

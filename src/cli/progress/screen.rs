@@ -1,0 +1,116 @@
+//! The terminal that bars are drawn on.
+
+use std::io;
+use std::sync::{Mutex, MutexGuard};
+
+use console::Term;
+use indicatif::TermLike;
+
+use crate::cli::streams::Stream;
+
+/// stderr as a terminal that never refuses: a bar that cannot be drawn, as the terminal was closed, is not drawn.
+///
+/// The bars' own terminal passes an error on to whoever suspends them, who takes it for a defect, and keeps what it could not
+/// write, more of it with each step.
+#[derive(Debug)]
+pub(super) struct Screen {
+    size: Term,
+    /// What is written at the next flush, all at once, so that a bar does not flicker.
+    pending: Mutex<String>,
+}
+
+impl Screen {
+    pub(super) fn new() -> Self {
+        Self {
+            size: Term::stderr(),
+            pending: Mutex::default(),
+        }
+    }
+
+    fn pending(&self) -> MutexGuard<'_, String> {
+        match self.pending.lock() {
+            Ok(pending) => pending,
+            Err(poisoned) => poisoned.into_inner(),
+        }
+    }
+
+    fn put(&self, text: &str) {
+        self.pending().push_str(text);
+    }
+
+    /// Moves the cursor by so many places; 0 would be taken for 1.
+    fn go(&self, places: usize, direction: char) {
+        if places > 0 {
+            self.put(&format!("\x1b[{places}{direction}"));
+        }
+    }
+}
+
+impl TermLike for Screen {
+    fn width(&self) -> u16 {
+        self.size.size().1
+    }
+
+    fn height(&self) -> u16 {
+        self.size.size().0
+    }
+
+    fn move_cursor_up(&self, lines: usize) -> io::Result<()> {
+        self.go(lines, 'A');
+        Ok(())
+    }
+
+    fn move_cursor_down(&self, lines: usize) -> io::Result<()> {
+        self.go(lines, 'B');
+        Ok(())
+    }
+
+    fn move_cursor_right(&self, places: usize) -> io::Result<()> {
+        self.go(places, 'C');
+        Ok(())
+    }
+
+    fn move_cursor_left(&self, places: usize) -> io::Result<()> {
+        self.go(places, 'D');
+        Ok(())
+    }
+
+    fn write_line(&self, text: &str) -> io::Result<()> {
+        self.put(text);
+        self.put("\n");
+        Ok(())
+    }
+
+    fn write_str(&self, text: &str) -> io::Result<()> {
+        self.put(text);
+        Ok(())
+    }
+
+    fn clear_line(&self) -> io::Result<()> {
+        self.put("\r\x1b[2K");
+        Ok(())
+    }
+
+    fn flush(&self) -> io::Result<()> {
+        let pending = std::mem::take(&mut *self.pending());
+        // There is nowhere to tell it.
+        let _ = Stream::Messages.write(pending.as_bytes());
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_drawn_is_put_together_and_a_move_by_nothing_is_none() {
+        let screen = Screen::new();
+        screen.move_cursor_up(0).unwrap();
+        screen.move_cursor_up(2).unwrap();
+        screen.clear_line().unwrap();
+        screen.write_line("a").unwrap();
+        screen.write_str("b").unwrap();
+        assert_eq!(*screen.pending(), "\x1b[2A\r\x1b[2Ka\nb");
+    }
+}
