@@ -1,5 +1,5 @@
 //! Faults put into the real `posegrid run` from outside, by `strace`: killed at any system call, told by each that the disk is
-//! full, asked by a signal to end, two at once. After each of them:
+//! full, asked by a signal to end, two at once, unheard as stdout or stderr refuses its words. After each of them:
 //!
 //! 1. no reader finds half a table: every file in the lake under its own name is whole, and every row of `runs` has all its
 //!    files, with the digests that it states ([`lake::check`]);
@@ -17,6 +17,7 @@ mod lake;
 mod signals;
 mod strace;
 mod two;
+mod unwritable;
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -27,12 +28,17 @@ use cell::{Cell, published};
 const UNDISTURBED: i32 = 3;
 
 /// A cell with a small session; decoded samples are published too, as they are written in parts.
+fn new() -> Cell {
+    Cell::new()
+        .with("lake = \"lake\"", "lake = \"lake\"\nlogs = true")
+        .with_simulated("mon", &["--random", "12"])
+}
+
+/// Such a cell after an undisturbed run.
 fn small() -> &'static Cell {
     static CELL: OnceLock<Cell> = OnceLock::new();
     CELL.get_or_init(|| {
-        let cell = Cell::new()
-            .with("lake = \"lake\"", "lake = \"lake\"\nlogs = true")
-            .with_simulated("mon", &["--random", "12"]);
+        let cell = new();
         let ended = cell.run(&[]);
         ended.expect(UNDISTURBED, &["1 done, 0 done before"]);
         cell

@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Output};
 use std::sync::OnceLock;
-use std::time::{Duration, SystemTime};
+use std::thread::{self, JoinHandle, sleep};
+use std::time::{Duration, Instant, SystemTime};
 
 use assert_cmd::Command;
 use posegrid::io::schema;
@@ -23,6 +25,8 @@ const CHANGES: [(&str, &str); 5] = [
     ("lake = \"../lake\"", "lake = \"lake\""),
 ];
 
+/// Far more than any of these commands takes: one that is not over by then hangs.
+const HANGS: Duration = Duration::from_mins(3);
 /// A cell whose folder goes with it.
 pub struct Cell {
     root: tempfile::TempDir,
@@ -205,6 +209,39 @@ pub fn posegrid() -> Command {
 /// Runs a command to its end.
 pub fn ended(command: &mut Command) -> Ended {
     Ended::from(command.output().expect("started"))
+}
+
+/// Waits for the end of a command, which has to come, and reads what it tells.
+pub fn in_time(mut child: Child) -> Output {
+    let (stdout, stderr) = (all_of(child.stdout.take()), all_of(child.stderr.take()));
+    let begun = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("our own child") {
+            break status;
+        }
+        if begun.elapsed() > HANGS {
+            child.kill().expect("our own child");
+            panic!("it hangs");
+        }
+        sleep(Duration::from_millis(5));
+    };
+    let joined = |read: JoinHandle<Vec<u8>>| read.join().expect("read");
+    let (stdout, stderr) = (joined(stdout), joined(stderr));
+    Output {
+        status,
+        stdout,
+        stderr,
+    }
+}
+
+fn all_of(stream: Option<impl Read + Send + 'static>) -> JoinHandle<Vec<u8>> {
+    thread::spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(mut stream) = stream {
+            stream.read_to_end(&mut bytes).expect("readable");
+        }
+        bytes
+    })
 }
 
 impl From<Output> for Ended {
