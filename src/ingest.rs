@@ -69,6 +69,21 @@ pub struct TemperatureSamples {
     pub celsius: Vec<f64>,
 }
 
+/// What a reject of a log says of the log.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LossKind {
+    /// Bytes cannot be read, and with them whatever they held.
+    #[default]
+    Bytes,
+    /// Messages were read and cannot be used.
+    Unusable,
+    /// Messages that the log's own summary counts are not there: they were cut out, or stand where nothing tells that they
+    /// are messages.
+    Missing,
+    /// No message is lost.
+    Nothing,
+}
+
 /// Something in a log that was left out.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogReject {
@@ -86,6 +101,8 @@ pub struct LogReject {
     pub clock: SpanClock,
     /// How many messages were lost, where known.
     pub messages: Option<u64>,
+    /// What it says of the log.
+    pub loss: LossKind,
     /// Why, in words.
     pub reason: String,
 }
@@ -114,9 +131,9 @@ impl SpanClock {
 }
 
 impl LogReject {
-    /// Whether bytes of the file are lost: not messages of a known topic, and not bytes without messages.
+    /// Whether bytes of the file are lost: not messages that were read or are not there, and not bytes without messages.
     pub fn is_damage(&self) -> bool {
-        self.topic.is_none() && self.messages != Some(0)
+        self.loss == LossKind::Bytes
     }
 
     /// Counts one more message, logged at `time_ns`.
@@ -130,7 +147,10 @@ impl LogReject {
     pub fn join(&mut self, other: &Self) {
         self.byte_start = self.byte_start.min(other.byte_start);
         self.byte_end = self.byte_end.max(other.byte_end);
-        self.messages = self.messages.zip(other.messages).map(|(a, b)| a + b);
+        self.messages = self
+            .messages
+            .zip(other.messages)
+            .map(|(a, b)| a.saturating_add(b));
         self.time_span_ns = match (self.time_span_ns, other.time_span_ns) {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
             (one, another) => one.or(another),

@@ -93,6 +93,20 @@ fn escaped(text: &str) -> String {
         .collect()
 }
 
+/// The longest name that is shown whole, letters.
+const LONGEST_SHOWN: usize = 200;
+
+/// The same of a name that may be of any length and many channels may share: a very long one is cut.
+fn shown(text: &str) -> String {
+    match text.char_indices().nth(LONGEST_SHOWN) {
+        None => escaped(text),
+        Some((end, _)) => {
+            let more = text.len() - end;
+            format!("{}… and {more} bytes more", escaped(&text[..end]))
+        }
+    }
+}
+
 /// A name from a file as a TOML string.
 fn toml_text(text: &str) -> String {
     let mut quoted = String::from('"');

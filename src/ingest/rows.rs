@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::decoded::Origins;
-use super::{JointAngles, LogReject, SpanClock, StreamCounts};
+use super::{JointAngles, LogReject, LossKind, SpanClock, StreamCounts};
 
 /// Why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -161,6 +161,7 @@ fn rejects(
                 time_span_ns: None,
                 clock,
                 messages: Some(0),
+                loss: LossKind::Unusable,
                 reason: fault.to_string(),
             });
         reject.widen(stamps[row]);

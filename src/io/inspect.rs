@@ -8,11 +8,12 @@ mod clock;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Glance, Limits, MessageRecord, Schema, Suggestion,
-    Visitor, ns, scan, suggest,
+    Account, Channel, Extent, FileError, Glance, Limits, MessageRecord, Schema, Suggestible,
+    Suggestion, Visitor, ns, scan,
 };
 use crate::io::message::{Plan, Row, Value};
 use crate::progress::Progress;
@@ -23,6 +24,10 @@ pub use clock::{ClockSummary, Differences};
 const MOST_JOINTS: usize = 64;
 /// The longest message that is kept to guess what is in it.
 const LONGEST_SAMPLE: usize = 64 * 1024;
+/// Bytes of joint names and guessed fields that are kept of one file.
+const MOST_GUESSES: usize = 4 * 1024 * 1024;
+/// Bytes of the shortest message record.
+const SHORTEST_MESSAGE: u64 = 31;
 
 /// What is in one log.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,12 +43,10 @@ pub struct Inspection {
 pub struct ChannelSummary {
     /// The topic.
     pub topic: String,
-    /// The message type, empty without a schema.
-    pub type_name: String,
     /// How messages are serialised.
     pub encoding: String,
-    /// The language of the schema.
-    pub schema_encoding: String,
+    /// The message type and its definition, shared by the channels that have it.
+    pub schema: Option<Arc<Schema>>,
     /// What could be made of it, if that can be told.
     pub suggestion: Option<Suggestion>,
     /// Its messages.
@@ -82,6 +85,16 @@ pub struct Traffic {
 }
 
 impl ChannelSummary {
+    /// The message type, empty without a schema.
+    pub fn type_name(&self) -> &str {
+        self.schema.as_ref().map_or("", |schema| &schema.name)
+    }
+
+    /// The language of the schema, empty without one.
+    pub fn schema_encoding(&self) -> &str {
+        self.schema.as_ref().map_or("", |schema| &schema.encoding)
+    }
+
     /// The time source that would suit the channel best.
     pub fn best_time(&self) -> TimeSource {
         let Traffic {
@@ -101,7 +114,7 @@ impl ChannelSummary {
 }
 
 impl Traffic {
-    fn add(&mut self, message: &MessageRecord<'_>, take: &Take, row: &mut Row) {
+    fn add(&mut self, message: &MessageRecord<'_>, kind: &Kind, row: &mut Row) {
         let (log, publish) = (ns(message.log_time), ns(message.publish_time));
         self.count_sequence(message.sequence, message.sequence);
         self.last_sequence = self.last_sequence.max(message.sequence);
@@ -109,7 +122,7 @@ impl Traffic {
         self.log.add(log);
         self.publish.add(publish);
         self.log_less_publish.add(log.saturating_sub(publish));
-        let stamp = take.glance.stamp.as_ref();
+        let stamp = kind.glance.stamp.as_ref();
         match stamp.map_or(Header::None, |plan| header(plan, message.payload, row)) {
             Header::Stamp(header) => {
                 self.header.add(header);
@@ -119,10 +132,10 @@ impl Traffic {
             Header::None => {}
         }
         if self.messages == 0 {
-            let names = take.glance.joint_names.as_ref();
+            let names = kind.glance.joint_names.as_ref();
             self.joints =
                 names.map_or_else(Vec::new, |plan| joint_names(plan, message.payload, row));
-            let sample = take.sample && message.payload.len() <= LONGEST_SAMPLE;
+            let sample = kind.wants_sample() && message.payload.len() <= LONGEST_SAMPLE;
             self.sample = sample.then(|| message.payload.to_vec());
         }
         self.messages += 1;
@@ -135,9 +148,6 @@ impl Traffic {
         }
         if self.joints.is_empty() {
             self.joints = later.joints;
-        }
-        if self.messages == 0 {
-            self.sample = later.sample;
         }
         self.messages += later.messages;
         self.bytes += later.bytes;
@@ -173,50 +183,94 @@ pub fn inspect(
     let mut survey = Survey::default();
     let name = path.display().to_string();
     let account = scan(path, &name, limits, &mut survey, progress)?;
-    let channels = survey.channels.into_values();
-    let mut channels: Vec<_> = channels.map(Surveyed::summed_up).collect();
+    let mut channels = survey.channels;
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { account, channels })
 }
 
 /// What to take of a channel's messages.
 struct Take {
+    /// The channel's place among all.
+    place: usize,
+    kind: Arc<Kind>,
+}
+
+/// What is known of messages by their schema and encoding: looked at once, however many channels share them.
+struct Kind {
+    schema: Option<Arc<Schema>>,
     glance: Glance,
-    /// Whether the first one is kept: JSON may come without a schema.
-    sample: bool,
+    suggestible: Suggestible,
+}
+
+impl Kind {
+    fn of(encoding: &str, schema: Option<&Arc<Schema>>) -> Self {
+        let definition = schema.map_or(&[][..], |schema| &schema.definition);
+        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
+        Self {
+            schema: schema.cloned(),
+            glance: Glance::of(encoding, name, language, definition),
+            suggestible: Suggestible::of(encoding, name, language, definition),
+        }
+    }
+
+    /// Whether it is of this schema: another log of the file may give its id to another one.
+    fn is_of(&self, schema: Option<&Arc<Schema>>) -> bool {
+        match (&self.schema, schema) {
+            (Some(own), Some(schema)) => Arc::ptr_eq(own, schema),
+            (own, schema) => own.is_none() && schema.is_none(),
+        }
+    }
+
+    /// Whether the first message is kept: JSON may come without a schema.
+    const fn wants_sample(&self) -> bool {
+        matches!(self.suggestible, Suggestible::Json(_))
+    }
 }
 
 /// What one block gives.
 #[derive(Default)]
 struct Part {
     row: Row,
-    traffic: BTreeMap<u16, Traffic>,
-}
-
-/// A channel and its schema's text.
-struct Surveyed {
-    channel: ChannelSummary,
-    definition: Vec<u8>,
-}
-
-impl Surveyed {
-    fn summed_up(self) -> ChannelSummary {
-        let mut channel = self.channel;
-        let sample = channel.traffic.sample.take();
-        channel.suggestion = suggest(
-            &channel.encoding,
-            &channel.type_name,
-            &channel.schema_encoding,
-            &self.definition,
-            sample.as_deref(),
-        );
-        channel
-    }
+    /// By the channel's place.
+    traffic: BTreeMap<usize, Traffic>,
 }
 
 #[derive(Default)]
 struct Survey {
-    channels: BTreeMap<u16, Surveyed>,
+    channels: Vec<ChannelSummary>,
+    kinds: BTreeMap<(u16, String), Arc<Kind>>,
+    /// Of each channel.
+    kind_of: Vec<Arc<Kind>>,
+    /// Bytes of joint names and guessed fields.
+    guesses: usize,
+}
+
+impl Survey {
+    fn kind(&mut self, channel: &Channel, schema: Option<&Arc<Schema>>) -> Arc<Kind> {
+        let key = (channel.schema_id, channel.encoding.clone());
+        match self.kinds.get(&key) {
+            Some(kind) if kind.is_of(schema) => Arc::clone(kind),
+            _ => {
+                let kind = Arc::new(Kind::of(&channel.encoding, schema));
+                self.kinds.insert(key, Arc::clone(&kind));
+                kind
+            }
+        }
+    }
+
+    /// Whether there is room for so many bytes more.
+    const fn has_room(&mut self, bytes: usize) -> bool {
+        let has_room = self.guesses + bytes <= MOST_GUESSES;
+        if has_room {
+            self.guesses += bytes;
+        }
+        has_room
+    }
+
+    fn suggested(&mut self, suggestion: Option<Suggestion>) -> Option<Suggestion> {
+        let bytes = |found: &Suggestion| found.fields.as_ref().map_or(0, String::len);
+        suggestion.filter(|found| self.has_room(bytes(found)))
+    }
 }
 
 impl Visitor for Survey {
@@ -224,23 +278,36 @@ impl Visitor for Survey {
     type Part = Part;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Take, FileError> {
-        let definition = schema.map_or(&[][..], |s| &s.definition);
-        let surveyed = Surveyed {
-            channel: summary(channel, schema),
-            definition: definition.to_owned(),
-        };
-        self.channels.insert(channel.id, surveyed);
-        let (name, language) = schema.map_or(("", ""), |s| (&s.name, &s.encoding));
-        Ok(Take {
-            glance: Glance::of(&channel.encoding, name, language, definition),
-            sample: channel.encoding == "json",
-        })
+    fn channel(
+        &mut self,
+        channel: &Channel,
+        schema: Option<&Arc<Schema>>,
+    ) -> Result<Take, FileError> {
+        let place = self.channels.len();
+        let kind = self.kind(channel, schema);
+        let suggestion = kind.suggestible.suggestion(None);
+        let suggestion = self.suggested(suggestion);
+        self.channels.push(ChannelSummary {
+            topic: channel.topic.clone(),
+            encoding: channel.encoding.clone(),
+            schema: schema.cloned(),
+            suggestion,
+            traffic: Traffic::default(),
+        });
+        self.kind_of.push(Arc::clone(&kind));
+        Ok(Take { place, kind })
+    }
+
+    /// The messages of a block may each be of another channel.
+    fn part_bytes(&self, block: u64) -> u64 {
+        let channels = (block / SHORTEST_MESSAGE).min(self.channels.len() as u64);
+        // A tree keeps room for more.
+        channels * 2 * size_of::<Traffic>() as u64
     }
 
     fn message(&self, take: &Take, message: &MessageRecord<'_>, part: &mut Part) {
-        let traffic = part.traffic.entry(message.channel_id).or_default();
-        traffic.add(message, take, &mut part.row);
+        let traffic = part.traffic.entry(take.place).or_default();
+        traffic.add(message, &take.kind, &mut part.row);
     }
 
     fn clear(&self, part: &mut Part) {
@@ -248,23 +315,23 @@ impl Visitor for Survey {
     }
 
     fn merge(&mut self, _: &Extent, part: &mut Part, _: &mut Vec<LogReject>) {
-        for (id, traffic) in std::mem::take(&mut part.traffic) {
-            let surveyed = self.channels.get_mut(&id).expect("met before its messages");
-            surveyed.channel.traffic.append(traffic);
+        for (place, mut later) in std::mem::take(&mut part.traffic) {
+            let first = self.channels[place].traffic.messages == 0;
+            if let Some(sample) = later.sample.take().filter(|_| first) {
+                let suggestion = self.kind_of[place].suggestible.suggestion(Some(&sample));
+                self.channels[place].suggestion = self.suggested(suggestion);
+            }
+            let names = later
+                .joints
+                .iter()
+                .map(|name| name.len() + size_of::<String>());
+            let names = names.sum();
+            let known = !self.channels[place].traffic.joints.is_empty();
+            if known || !self.has_room(names) {
+                later.joints = Vec::new();
+            }
+            self.channels[place].traffic.append(later);
         }
-    }
-}
-
-fn summary(channel: &Channel, schema: Option<&Schema>) -> ChannelSummary {
-    ChannelSummary {
-        topic: channel.topic.clone(),
-        type_name: schema.map(|schema| schema.name.clone()).unwrap_or_default(),
-        encoding: channel.encoding.clone(),
-        schema_encoding: schema
-            .map(|schema| schema.encoding.clone())
-            .unwrap_or_default(),
-        suggestion: None,
-        traffic: Traffic::default(),
     }
 }
 

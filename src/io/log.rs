@@ -51,7 +51,7 @@ pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use scan::{Visitor, ns, scan};
 pub use session::{SessionLogs, decode_session, read_metadata};
-pub use streams::{Glance, Layout, Suggestion, suggest};
+pub use streams::{Glance, Layout, Suggestible, Suggestion, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
 
@@ -90,6 +90,16 @@ pub enum FileError {
         file: String,
         /// Why.
         source: io::Error,
+    },
+    /// Something that cannot be read by position.
+    #[error(
+        "{file}: it is {what}, not a file, and a log is read by position; copy what comes out of it into a file first"
+    )]
+    NotAFile {
+        /// The file, as it was named.
+        file: String,
+        /// A pipe, a device, a directory.
+        what: &'static str,
     },
     /// Nothing in it.
     #[error("{file}: the file is empty; was the recorder stopped before it wrote anything?")]

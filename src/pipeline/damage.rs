@@ -1,6 +1,8 @@
 //! Damage of logs and rejected messages, held against what the pipeline file allows.
 //!
-//! Damage is bytes that cannot be read: of each log more than `max_lost_share` of them leave the session without a result.
+//! Damage is bytes that cannot be read, and messages that are known to be lost: with those bytes, or since the log's own
+//! summary counts them and they are not there. More than `max_lost_share` of a log's bytes or messages, or of the messages
+//! of one topic that the pipeline file names, leave the session without a result.
 //! Rejects are messages that were read and cannot be used: of each topic more than `max_rejected_share` of them leave a
 //! result that does not count as good.
 
@@ -16,40 +18,89 @@ const LOGS: [(&str, &str); 3] = [
     ("log", "the log"),
 ];
 
+/// What the messages of each topic are called that the pipeline file names.
+const STREAMS: [(&str, &str); 4] = [
+    ("joints", "the joint states"),
+    ("commands", "the commanded poses"),
+    ("readings", "the tracker's readings"),
+    ("temperatures", "the temperatures"),
+];
+
 /// More of a log is lost than the pipeline file allows.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error(
-    "{log}: {lost} of {bytes} bytes were lost to damage ({:.2} %), more than [input] max_lost_share = {allowed} allows; \
-     `posegrid inspect` shows where",
-    percent(*lost, *bytes)
+    "{}, more than [input] max_lost_share = {allowed} allows; `posegrid inspect` shows where", .loss.words()
 )]
 pub struct DamageError {
-    log: &'static str,
-    lost: u64,
-    bytes: u64,
+    loss: Loss,
     allowed: f64,
 }
 
+/// A part of something that is lost.
+#[derive(Debug, Clone, PartialEq)]
+struct Loss {
+    of: &'static str,
+    unit: &'static str,
+    lost: u64,
+    all: u64,
+}
+
+impl Loss {
+    fn words(&self) -> String {
+        let Self {
+            of,
+            unit,
+            lost,
+            all,
+        } = self;
+        let cause = if *unit == "bytes" {
+            "lost to damage"
+        } else {
+            "lost"
+        };
+        let percent = percent(*lost, *all);
+        format!("{of}: {lost} of {all} {unit} were {cause} ({percent:.2} %)")
+    }
+
+    fn is_beyond(&self, allowed: f64) -> bool {
+        self.lost as f64 > allowed * self.all as f64
+    }
+}
+
 /// Bytes lost and bytes in all of each of a session's logs.
-fn lost(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = (&'static str, u64, u64)> {
-    LOGS.into_iter().filter_map(|(role, log)| {
-        let bytes = *counts.get(&format!("{role}.bytes"))?;
+fn bytes(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
+    LOGS.into_iter().filter_map(|(role, of)| {
+        let all = *counts.get(&format!("{role}.bytes"))?;
         let lost = counts.get(&format!("{role}.bytes_lost")).copied();
-        Some((log, lost.unwrap_or(0), bytes))
+        Some(Loss {
+            of,
+            unit: "bytes",
+            lost: lost.unwrap_or(0),
+            all,
+        })
     })
 }
 
-/// Refuses a session of which one log lost more than a share of its bytes.
-pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), DamageError> {
-    let beyond = |(_, lost, bytes): &(_, u64, u64)| *lost as f64 > allowed * *bytes as f64;
-    match self::lost(counts).find(beyond) {
-        None => Ok(()),
-        Some((log, lost, bytes)) => Err(DamageError {
-            log,
+/// Messages lost of each log and of each topic that is read, as far as they are counted.
+fn messages(counts: &BTreeMap<String, u64>) -> impl Iterator<Item = Loss> {
+    LOGS.into_iter().chain(STREAMS).filter_map(|(name, of)| {
+        let count = |what: &str| counts.get(&format!("{name}.{what}")).copied();
+        let lost = count("messages_lost")?;
+        Some(Loss {
+            of,
+            unit: "messages",
             lost,
-            bytes,
-            allowed,
-        }),
+            all: lost.saturating_add(count("messages").unwrap_or(0)),
+        })
+    })
+}
+
+/// Refuses a session of which one log lost more than a share of its bytes or messages, or of those of one topic.
+pub fn within(counts: &BTreeMap<String, u64>, allowed: f64) -> Result<(), DamageError> {
+    let mut losses = bytes(counts).chain(messages(counts));
+    match losses.find(|loss| loss.is_beyond(allowed)) {
+        None => Ok(()),
+        Some(loss) => Err(DamageError { loss, allowed }),
     }
 }
 
@@ -65,14 +116,22 @@ pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
             )
         })
     };
-    let damaged = lost(counts).filter(|(_, lost, _)| *lost > 0);
-    let damaged = damaged.map(|(log, lost, bytes)| {
+    let damaged = bytes(counts).filter(|loss| loss.lost > 0);
+    let damaged = damaged.map(|Loss { of, lost, all, .. }| {
         format!(
-            "{session}: {log} is damaged: {lost} of {bytes} bytes lost ({:.2} %); the table rejects tells where",
-            percent(lost, bytes)
+            "{session}: {of} is damaged: {lost} of {all} bytes lost ({:.2} %); the table rejects tells where",
+            percent(lost, all)
         )
     });
-    damaged.chain(LOGS.into_iter().filter_map(cut)).collect()
+    let missing = messages(counts).filter(|loss| loss.lost > 0);
+    let missing = missing.map(|loss| {
+        let words = loss.words();
+        format!("{session}: {words}; the table rejects tells where")
+    });
+    damaged
+        .chain(missing)
+        .chain(LOGS.into_iter().filter_map(cut))
+        .collect()
 }
 
 /// One entry of the counts in a row of `runs`.

@@ -125,7 +125,7 @@ pub struct InputSection {
     /// How long a log without an end has to be still to be taken for a damaged one, s; until then its session waits.
     #[serde(default = "settle_s", skip_serializing)]
     pub settle_s: u64,
-    /// Share of a log's bytes that may be lost to damage before its session fails.
+    /// Share of a log's bytes or messages, or of those of a topic that is read, that may be lost before its session fails.
     #[serde(default = "max_lost_share")]
     pub max_lost_share: f64,
     /// Share of a topic's messages that may be rejected before a result does not count as good.

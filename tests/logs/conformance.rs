@@ -5,6 +5,7 @@
 //! built here are the same to the byte.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use posegrid::ingest::LogReject;
 use posegrid::io::log::{
@@ -368,8 +369,13 @@ impl Visitor for Everything {
     type Part = Vec<(u16, u32, u64, u64, Vec<u8>)>;
     type Error = FileError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<(), FileError> {
-        self.channels.push((channel.clone(), schema.cloned()));
+    fn channel(
+        &mut self,
+        channel: &Channel,
+        schema: Option<&Arc<Schema>>,
+    ) -> Result<(), FileError> {
+        let schema = schema.map(|schema| Schema::clone(schema));
+        self.channels.push((channel.clone(), schema));
         Ok(())
     }
 

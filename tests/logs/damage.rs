@@ -27,7 +27,7 @@ fn storages() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 /// Top-level frames: first byte, one past the last byte, opcode.
-fn frames(log: &[u8]) -> Vec<(usize, usize, u8)> {
+pub fn frames(log: &[u8]) -> Vec<(usize, usize, u8)> {
     let mut found = Vec::new();
     let mut at = 8;
     while at + 9 <= log.len() {

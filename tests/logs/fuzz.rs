@@ -26,6 +26,7 @@ use crate::dwells::streamed_as_whole;
 use crate::encodings::sample::Noise;
 use crate::encodings::worded::{Seen, compare};
 use crate::mutator::log::Log;
+use crate::raw::{self, Body, op};
 use crate::{conformance, encodings};
 
 /// Inputs of one target in the tests.
@@ -105,6 +106,96 @@ fn change(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
         _ => bytes.truncate(at),
     }
     bytes.truncate(LONGEST);
+}
+
+/// Places of records in a log, as far as their lengths lead from one to the next, and one past the last.
+fn record_places(bytes: &[u8]) -> Vec<usize> {
+    let mut places = vec![8.min(bytes.len())];
+    while let Some(&at) = places.last()
+        && let Some(length) = bytes.get(at + 1..at + 9).and_then(|b| b.first_chunk())
+        && let Ok(length) = usize::try_from(u64::from_le_bytes(*length))
+        && let Some(end) = at.checked_add(9).and_then(|body| body.checked_add(length))
+        && end <= bytes.len()
+    {
+        places.push(end);
+    }
+    places
+}
+
+/// Changes a log by whole records: cuts some out, puts others in, another log behind it, an end where there is none, counts
+/// that are wrong.
+fn change_log(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
+    let places = record_places(bytes);
+    let at = *chance.of(&places);
+    let next = places.iter().find(|&&place| place > at);
+    let next = next.copied().unwrap_or(at);
+    match chance.below(16) {
+        0 => drop(bytes.drain(at..next)),
+        1 => {
+            let end = raw::data_end(0).record(op::DATA_END);
+            drop(bytes.splice(at..at, end));
+        }
+        2 => {
+            let opcode = 0x80 | chance.next().to_le_bytes()[0];
+            let body = Body(vec![chance.next().to_le_bytes()[0]; chance.below(100)]);
+            drop(bytes.splice(at..at, body.record(opcode)));
+        }
+        3 => {
+            let other = chance.of(others).clone();
+            drop(bytes.splice(at..at, other));
+        }
+        4 => bytes.extend(chance.of(others)),
+        5 => {
+            let other = chance.of(others);
+            let from = record_places(other);
+            let (one, two) = (*chance.of(&from), *chance.of(&from));
+            let records = other[one.min(two)..one.max(two)].to_vec();
+            drop(bytes.splice(at..at, records));
+        }
+        6 => set_statistics(bytes, chance),
+        7 if next > at => {
+            // A record that takes in the ones behind it.
+            let to = *chance.of(&places);
+            if let Some(length) = to.checked_sub(at + 9) {
+                bytes[at + 1..at + 9].copy_from_slice(&(length as u64).to_le_bytes());
+            }
+        }
+        _ => return change(bytes, others, chance),
+    }
+    bytes.truncate(LONGEST);
+}
+
+/// Makes the summary count otherwise, and its checksum fit.
+fn set_statistics(bytes: &mut [u8], chance: &mut Chance) {
+    let places = record_places(bytes);
+    let of = |opcode| {
+        places
+            .iter()
+            .find(|&&at| bytes.get(at) == Some(&opcode))
+            .copied()
+    };
+    let (Some(counts), Some(footer)) = (of(op::STATISTICS), of(op::FOOTER)) else {
+        return;
+    };
+    let number = chance.of(&NUMBERS).to_le_bytes();
+    // Of all messages, or of a channel: behind lengths and other counts.
+    let field = counts + 9 + *chance.of(&[0, 48, 58]);
+    let Some(place) = bytes.get_mut(field..field + 8) else {
+        return;
+    };
+    place.copy_from_slice(&number);
+    let start = bytes
+        .get(footer + 9..footer + 17)
+        .and_then(|b| b.first_chunk());
+    let start = start.map_or(0, |start| u64::from_le_bytes(*start));
+    let covered = usize::try_from(start)
+        .ok()
+        .and_then(|start| bytes.get(start..footer + 25));
+    if let Some(crc) = covered.map(crc32fast::hash)
+        && let Some(place) = bytes.get_mut(footer + 25..footer + 29)
+    {
+        place.copy_from_slice(&crc.to_le_bytes());
+    }
 }
 
 /// Changes a text in one of the ways that people do.
@@ -202,7 +293,7 @@ fn without_numbers(text: &str) -> String {
 
 /// Reads a log in all ways; what goes in comes out or is counted, and is the same whether or not it is held in memory.
 fn read_log(path: &Path) -> String {
-    let mut outcome = String::new();
+    let (mut outcome, mut accounts) = (String::new(), None);
     match inspect(path, LIMITS, &Quiet) {
         Err(error) => outcome += &error.to_string(),
         Ok(found) => {
@@ -212,6 +303,7 @@ fn read_log(path: &Path) -> String {
                 .map(|channel| channel.traffic.messages)
                 .sum();
             assert!(counted <= found.account.messages);
+            accounts = Some(found.account.clone());
             for reject in &found.account.rejects {
                 assert!(reject.byte_start <= reject.byte_end, "{reject:?}");
                 outcome += &reject.reason;
@@ -228,6 +320,16 @@ fn read_log(path: &Path) -> String {
                 assert_eq!(messages, kept + rejected, "{stream}");
             }
             assert!(recording.joints.stamps.is_sorted());
+            // Both ways of reading see the same log, and lose the same of it.
+            let account = accounts.expect("what can be read can be inspected");
+            let counts = [
+                ("log.messages", account.messages),
+                ("log.messages_lost", account.messages_lost),
+                ("log.bytes_lost", account.bytes_lost()),
+            ];
+            for (name, count) in counts {
+                assert_eq!(recording.counts[name], count, "{name}");
+            }
         }
     }
     let logs = SessionLogs::of_two(path, path);
@@ -241,13 +343,24 @@ fn logs() -> Vec<Vec<u8>> {
         [None, Some(Compression::Zstd), Some(Compression::Lz4)].map(|c| session_log(c, 30)),
     );
     seeds.extend(conformance::samples());
+    let private = Body(vec![7; 40]).record(0x91);
+    seeds.push(raw::log(&[
+        private.clone(),
+        raw::data_end(0).record(op::DATA_END),
+        private,
+    ]));
+    let both = [
+        session_log(None, 10),
+        session_log(Some(Compression::Zstd), 20),
+    ];
+    seeds.push(both.concat());
     seeds
 }
 
 #[test]
 fn log_file() {
     let folder = Folder::new();
-    fuzz("log_file", logs(), change, |bytes| {
+    fuzz("log_file", logs(), change_log, |bytes| {
         read_log(&folder.file("log.mcap", bytes))
     });
 }

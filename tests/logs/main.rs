@@ -1,5 +1,6 @@
 //! Logs in, recordings out: on real recordings, on logs built here, and on logs that were damaged on purpose.
 
+mod behind;
 mod build;
 mod conformance;
 mod damage;

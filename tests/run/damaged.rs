@@ -95,6 +95,67 @@ fn damage_beyond_the_limit_of_the_pipeline_file_fails_the_session() {
     assert!(cell.lake().is_empty());
 }
 
+/// The log without its third chunk and the indexes of it; its summary has moved, and is sound.
+fn without_a_chunk(log: &[u8]) -> Vec<u8> {
+    use mcap::records::op;
+    let number = |at: usize| {
+        let bytes = log[at..at + 8].try_into().expect("eight");
+        usize::try_from(u64::from_le_bytes(bytes)).expect("a place in the log")
+    };
+    let (mut found, mut at, mut chunk, mut summary) = (mcap::MAGIC.to_vec(), 8, 0, 0);
+    while log[at] != op::FOOTER {
+        let end = at + 9 + number(at + 1);
+        chunk += usize::from(log[at] == op::CHUNK);
+        if chunk != 3 || !matches!(log[at], op::CHUNK | op::MESSAGE_INDEX) {
+            found.extend(&log[at..end]);
+        }
+        if log[at] == op::DATA_END {
+            summary = found.len();
+        }
+        at = end;
+    }
+    let footer = found.len();
+    found.extend(&log[at..]);
+    found[footer + 9..footer + 17].copy_from_slice(&(summary as u64).to_le_bytes());
+    let crc = crc32fast::hash(&found[summary..footer + 25]);
+    found[footer + 25..footer + 29].copy_from_slice(&crc.to_le_bytes());
+    found
+}
+
+#[test]
+fn a_chunk_cut_out_cleanly_is_lost_messages_that_the_limit_sees() {
+    let cell = tolerant().with_log("mon", "controller.mcap", |log| without_a_chunk(&log));
+    let run = cell.run(&[]);
+    assert!([0, 3].contains(&run.code), "{}", run.messages);
+    assert!(
+        run.results.contains("messages were lost"),
+        "{}",
+        run.results
+    );
+    let rejects = cell.table("rejects", "mon");
+    let (kind, topic) = (rejects.text("kind"), rejects.text("topic"));
+    let (number, reason) = (rejects.i64("number"), rejects.text("reason"));
+    let told =
+        (0..rejects.rows()).find(|&row| reason.value(row).contains("the summary, whose checksum"));
+    let row = told.expect("a row of its own");
+    assert_eq!(
+        (kind.value(row), topic.value(row)),
+        ("messages", "/joint_states")
+    );
+    assert!(number.value(row) > 100, "{}", number.value(row));
+    let inspected = ended(
+        posegrid()
+            .arg("inspect")
+            .arg(cell.session("mon").join("controller.mcap")),
+    );
+    inspected.expect(3, &["messages lost"]);
+    // The default limit.
+    let cell = cell.with("max_lost_share = 1.0", "max_lost_share = 0.01");
+    let _ = fs::remove_dir_all(cell.path("lake"));
+    cell.run(&[])
+        .expect(1, &["messages were lost", "max_lost_share = 0.01"]);
+}
+
 /// The log with one joint state in ten cut short.
 fn with_short_messages(log: &[u8]) -> Vec<u8> {
     let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).expect("in memory");

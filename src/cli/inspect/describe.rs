@@ -1,8 +1,9 @@
 //! One log in words.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::escaped;
+use super::{escaped, shown};
 use crate::ingest::LogReject;
 use crate::io::inspect::{ChannelSummary, ClockSummary, Differences, Inspection, Traffic};
 use crate::io::log::{Account, Ending};
@@ -25,11 +26,12 @@ pub fn describe(found: &Inspection) -> String {
     ));
     line(format!(
         "  profile {:?}, written by {:?}",
-        escaped(&account.profile),
-        escaped(&account.library)
+        shown(&account.profile),
+        shown(&account.library)
     ));
     line(format!("  {}", storage(account)));
     line(format!("  {}", ending(account.ending)));
+    remarks(account).into_iter().for_each(&mut line);
     for (name, key, value) in &account.metadata {
         line(format!(
             "  metadata {}.{} = {}",
@@ -38,8 +40,12 @@ pub fn describe(found: &Inspection) -> String {
             escaped(value)
         ));
     }
+    let mut of_topic = BTreeMap::<&str, usize>::new();
     for channel in &found.channels {
-        line(of_channel(channel, &found.channels));
+        *of_topic.entry(&channel.topic).or_default() += 1;
+    }
+    for channel in &found.channels {
+        line(of_channel(channel, of_topic[channel.topic.as_str()]));
     }
     line(damage(account));
     text
@@ -81,6 +87,31 @@ fn storage(account: &Account) -> String {
     }
 }
 
+/// What is unusual and no damage.
+fn remarks(account: &Account) -> Vec<String> {
+    let mut found = Vec::new();
+    if account.logs > 1 {
+        found.push(format!(
+            "  {} logs in one file, one behind another",
+            account.logs
+        ));
+    }
+    if !account.private_records.is_empty() {
+        let of = |(opcode, count): (&u8, &u64)| format!("{count} with opcode 0x{opcode:02x}");
+        let opcodes: Vec<String> = account.private_records.iter().map(of).collect();
+        found.push(format!(
+            "  records of an application's own, stepped over: {}",
+            opcodes.join(", ")
+        ));
+    }
+    if let Some((stated, read)) = account.undercounted {
+        found.push(format!(
+            "  the summary counts {stated} messages where {read} are: its writer counted wrongly, none is lost"
+        ));
+    }
+    found
+}
+
 const fn ending(ending: Ending) -> &'static str {
     match ending {
         Ending::Cut => "no closing mark at its end",
@@ -91,21 +122,17 @@ const fn ending(ending: Ending) -> &'static str {
     }
 }
 
-fn of_channel(channel: &ChannelSummary, all: &[ChannelSummary]) -> String {
-    let mut text = format!("\n  {}\n", escaped(&channel.topic));
+/// A channel, of so many that have its topic.
+fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
+    let mut text = format!("\n  {}\n", shown(&channel.topic));
     let mut line = |line: String| text.extend(["    ", line.as_str(), "\n"]);
     line(format!(
         "{} ({}, schema in {})",
-        or_none(&channel.type_name),
+        or_none(channel.type_name()),
         or_none(&channel.encoding),
-        or_none(&channel.schema_encoding)
+        or_none(channel.schema_encoding())
     ));
-    if all
-        .iter()
-        .filter(|other| other.topic == channel.topic)
-        .count()
-        > 1
-    {
+    if of_topic > 1 {
         line("another channel has this topic: both are read as one".to_owned());
     }
     let traffic = &channel.traffic;
@@ -226,10 +253,11 @@ fn damage(account: &Account) -> String {
     }
     let (lost, bytes) = (account.bytes_lost(), account.bytes.max(1));
     let mut text = format!(
-        "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %); [input] max_lost_share says how much may be",
+        "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %){}; [input] max_lost_share says how much may be",
         rejects.len(),
         account.bytes,
-        100.0 * lost as f64 / bytes as f64
+        100.0 * lost as f64 / bytes as f64,
+        messages_lost(account)
     );
     for reject in rejects.iter().take(MOST_PRINTED) {
         text += "\n    ";
@@ -242,10 +270,24 @@ fn damage(account: &Account) -> String {
     text
 }
 
+/// How many messages are known to be lost, with a leading comma; empty where none is.
+fn messages_lost(account: &Account) -> String {
+    let lost = account.messages_lost;
+    if lost == 0 {
+        return String::new();
+    }
+    let all = account.messages.saturating_add(lost);
+    let percent = 100.0 * lost as f64 / all as f64;
+    format!(", {lost} of {all} messages lost ({percent:.2} %)")
+}
+
 fn of_reject(reject: &LogReject) -> String {
     let mut text = format!("bytes {}..{}", reject.byte_start, reject.byte_end);
     if let Some(messages) = reject.messages {
         write!(text, ", {messages} messages").expect("writing to a string");
+    }
+    if let Some(topic) = &reject.topic {
+        write!(text, " of {}", shown(topic)).expect("writing to a string");
     }
     if let Some((first, last)) = reject.time_span_ns {
         let (first, last) = (moment(first), moment(last));
@@ -259,7 +301,7 @@ fn or_none(text: &str) -> String {
     if text.is_empty() {
         "none".to_owned()
     } else {
-        escaped(text)
+        shown(text)
     }
 }
 

@@ -5,9 +5,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::{escaped, toml_text};
+use super::{escaped, shown, toml_text};
 use crate::io::inspect::{ChannelSummary, Inspection};
 use crate::io::log::Layout;
+
+/// Topics that are named where none fits.
+const MOST_TOPICS: usize = 100;
 
 /// A section that a topic is looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,13 +38,12 @@ impl Section {
     }
 
     /// Commands stand beside joint states; poses in a log without joint states are a tracker's, whatever they are called.
-    fn suits(self, log: &Inspection, channel: &ChannelSummary) -> bool {
+    fn suits(self, beside_joints: bool, channel: &ChannelSummary) -> bool {
         let is_pose = matches!(
             layout(channel),
             Some(Layout::Pose | Layout::Point | Layout::PoseWithCovariance)
         );
-        let is_command =
-            sounds_like_a_command(&channel.topic) && log.channels.iter().any(is_joints);
+        let is_command = beside_joints && sounds_like_a_command(&channel.topic);
         match self {
             Self::Controller => is_joints(channel),
             Self::Commanded => is_pose && is_command,
@@ -88,7 +90,9 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
     text += &input(found);
     let mut missing = Vec::new();
     for section in SECTIONS {
-        match most(found, &|log, channel| section.suits(log, channel)) {
+        match most(found, &|beside_joints, channel| {
+            section.suits(beside_joints, channel)
+        }) {
             Some(channel) => text += &of_section(section, channel, found),
             None if section == Section::Commanded => {}
             None => missing.push(section),
@@ -100,14 +104,16 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
     Some(text)
 }
 
-/// The channel with the most messages among those that suit.
+/// The channel with the most messages among those that suit, of a log with joint states or without.
 fn most<'f>(
     found: &'f [Inspection],
-    suits: &dyn Fn(&Inspection, &ChannelSummary) -> bool,
+    suits: &dyn Fn(bool, &ChannelSummary) -> bool,
 ) -> Option<&'f ChannelSummary> {
     let of_log = |log: &'f Inspection| {
+        let beside_joints = log.channels.iter().any(is_joints);
         let channels = log.channels.iter();
-        channels.filter(move |channel| channel.traffic.messages > 0 && suits(log, channel))
+        channels
+            .filter(move |channel| channel.traffic.messages > 0 && suits(beside_joints, channel))
     };
     found
         .iter()
@@ -156,9 +162,10 @@ fn input(found: &[Inspection]) -> String {
         ("controller", Section::Controller),
         ("tracker", Section::Tracker),
     ] {
-        let Some(topic) =
-            most(found, &|log, channel| section.suits(log, channel)).map(|c| &c.topic)
-        else {
+        let Some(topic) = most(found, &|beside_joints, channel| {
+            section.suits(beside_joints, channel)
+        })
+        .map(|c| &c.topic) else {
             continue;
         };
         let parts = parts(found, topic);
@@ -227,18 +234,20 @@ fn of_missing(section: Section, found: &[Inspection]) -> String {
         Section::Controller => "joint states",
         Section::Commanded | Section::Tracker => "poses or points of a target",
     };
-    let kinds: Vec<String> = found
-        .iter()
-        .flat_map(|log| &log.channels)
-        .map(|channel| {
-            format!(
-                "{} ({}, {})",
-                escaped(&channel.topic),
-                escaped(&channel.type_name),
-                escaped(&channel.encoding)
-            )
-        })
-        .collect();
+    let channels = || found.iter().flat_map(|log| &log.channels);
+    let kind = |channel: &ChannelSummary| {
+        format!(
+            "{} ({}, {})",
+            shown(&channel.topic),
+            shown(channel.type_name()),
+            shown(&channel.encoding)
+        )
+    };
+    let mut kinds: Vec<String> = channels().take(MOST_TOPICS).map(kind).collect();
+    let more = channels().count() - kinds.len();
+    if more > 0 {
+        kinds.push(format!("and {more} more"));
+    }
     let kinds = if kinds.is_empty() {
         "none".to_owned()
     } else {

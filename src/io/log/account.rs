@@ -34,7 +34,17 @@ pub struct Account {
     pub messages_outside_chunks: u64,
     /// Messages in sound blocks.
     pub messages: u64,
-    /// Channels, by id.
+    /// Messages that are lost as far as indexes and sound summaries count them, in damaged bytes or missing.
+    pub messages_lost: u64,
+    /// The same by topic, where a channel's definition is known.
+    pub lost_of: BTreeMap<String, u64>,
+    /// Messages by the sound summaries' statistics and messages read of these logs, where fewer are counted than there are.
+    pub undercounted: Option<(u64, u64)>,
+    /// Logs in the file, one behind another.
+    pub logs: u64,
+    /// Records of an application's own, by opcode.
+    pub private_records: BTreeMap<u8, u64>,
+    /// Channels: those of each log by id.
     pub channels: Vec<Channel>,
     /// Metadata records: name, key, value.
     pub metadata: Vec<(String, String, String)>,
@@ -52,6 +62,19 @@ impl Account {
                 *self.chunks.entry(chunk.compression.clone()).or_default() += 1;
                 self.chunks_unchecked += u64::from(chunk.crc == 0);
             }
+        }
+    }
+
+    /// Counts records of an application's own.
+    pub(super) fn private(&mut self, opcode: u8, count: u64) {
+        *self.private_records.entry(opcode).or_default() += count;
+    }
+
+    /// Counts messages of a topic as lost.
+    pub(super) fn lose(&mut self, topic: &str, messages: u64) {
+        if messages > 0 {
+            let lost = self.lost_of.entry(topic.to_owned()).or_default();
+            *lost = lost.saturating_add(messages);
         }
     }
 
@@ -78,7 +101,7 @@ impl Account {
         let full = self.rejects.len() >= MOST_REJECTS;
         match self.rejects.last_mut() {
             Some(last) if full => {
-                last.join(&reject);
+                last.absorb(reject);
                 "many more losses, told together; see the first ones".clone_into(&mut last.reason);
             }
             Some(last)
@@ -86,6 +109,7 @@ impl Account {
                     && last.byte_start != last.byte_end
                     && last.reason == reject.reason
                     && last.topic == reject.topic
+                    && last.loss == reject.loss
                     && last.messages.is_none()
                     && reject.messages.is_none() =>
             {
@@ -96,16 +120,28 @@ impl Account {
     }
 }
 
+impl LogReject {
+    /// Takes one of another kind into this one: bytes that are no loss are not counted as one for its sake.
+    fn absorb(&mut self, other: Self) {
+        match (self.is_damage(), other.is_damage()) {
+            (true, false) => self.messages = None,
+            (false, true) => *self = other,
+            _ => self.join(&other),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ingest::SpanClock;
+    use crate::ingest::{LossKind, SpanClock};
 
     #[test]
     fn lost_bytes_are_counted_once_and_notes_are_not_losses() {
-        let reject = |range: std::ops::Range<u64>, topic: Option<&str>, messages| LogReject {
+        let reject = |range: std::ops::Range<u64>, loss, messages| LogReject {
             file: "f".to_owned(),
-            topic: topic.map(str::to_owned),
+            topic: None,
+            loss,
             byte_start: range.start,
             byte_end: range.end,
             time_span_ns: None,
@@ -115,13 +151,14 @@ mod tests {
         };
         let account = Account {
             rejects: vec![
-                reject(100..300, None, None),
+                reject(100..300, LossKind::Bytes, None),
                 // Twice the same chunk, and one that reaches into it: 50 bytes more.
-                reject(100..300, None, Some(7)),
-                reject(50..150, None, None),
-                // A summary that is damaged, and messages that a stream cannot use.
-                reject(400..900, None, Some(0)),
-                reject(400..900, Some("/joints"), Some(3)),
+                reject(100..300, LossKind::Bytes, Some(7)),
+                reject(50..150, LossKind::Bytes, None),
+                // A summary that is damaged, messages that a stream cannot use, messages that are not there.
+                reject(400..900, LossKind::Nothing, Some(0)),
+                reject(400..900, LossKind::Unusable, Some(3)),
+                reject(0..900, LossKind::Missing, Some(3)),
             ],
             ..Account::default()
         };

@@ -26,8 +26,6 @@ pub struct Extent {
     pub end: u64,
     /// The chunk's header; `None` for a run of records.
     pub chunk: Option<ChunkRecord>,
-    /// Messages that the message indexes after the chunk list.
-    pub indexed: Option<u64>,
 }
 
 /// Why records of a block, or all of it, are left out.
@@ -116,6 +114,12 @@ pub struct Block<P> {
     pub metadata: Metadata,
     /// Messages walked.
     pub messages: u64,
+    /// Of which channels: as they stand, several of one channel in a row told together.
+    pub of_channels: Vec<(u16, u32)>,
+    /// Records of an application's own, by opcode.
+    pub private_records: BTreeMap<u8, u64>,
+    /// Messages that the message indexes after a chunk list, where it cannot be read.
+    pub indexed: Option<u64>,
     records: Vec<u8>,
     decompressor: Decompressor,
 }
@@ -130,6 +134,9 @@ impl<P: Default> Default for Block<P> {
             faults: Vec::new(),
             metadata: Metadata::default(),
             messages: 0,
+            of_channels: Vec::new(),
+            private_records: BTreeMap::new(),
+            indexed: None,
             records: Vec::new(),
             decompressor: Decompressor::default(),
         }
@@ -196,7 +203,8 @@ impl<P> Block<P> {
 
     /// Bytes of the buffers that it keeps for the next block.
     pub fn kept(&self) -> u64 {
-        (self.stored.capacity() + self.records.capacity()) as u64
+        let of_channels = self.of_channels.capacity() * size_of::<(u16, u32)>();
+        (self.stored.capacity() + self.records.capacity() + of_channels) as u64
     }
 
     fn clear<V: Visitor<Part = P>>(&mut self, visitor: &V) {
@@ -204,6 +212,9 @@ impl<P> Block<P> {
         self.faults.clear();
         self.metadata = Metadata::default();
         self.messages = 0;
+        self.of_channels.clear();
+        self.private_records.clear();
+        self.indexed = None;
     }
 
     fn walk<V: Visitor<Part = P>>(
@@ -227,6 +238,10 @@ impl<P> Block<P> {
                     Some(message) => {
                         self.messages += 1;
                         let id = message.channel_id;
+                        match self.of_channels.last_mut() {
+                            Some((of, count)) if *of == id && *count < u32::MAX => *count += 1,
+                            _ => self.of_channels.push((id, 1)),
+                        }
                         if known.is_none_or(|(of, _)| of != id) {
                             known = registry.decoder(id).map(|decoder| (id, decoder));
                         }
@@ -242,6 +257,10 @@ impl<P> Block<P> {
                 Ok((_, op::SCHEMA, body)) => see_schema(registry, body),
                 Ok((_, op::CHANNEL, body)) => see_channel(registry, body),
                 Ok((_, op::METADATA, body)) if !in_chunk => self.metadata.take(body),
+                Ok((_, opcode @ op::FIRST_PRIVATE.., _)) => {
+                    *self.private_records.entry(opcode).or_default() += 1;
+                    Seen::Known
+                }
                 Ok((_, opcode, _)) => Seen::Fault(BlockFault::Opcode(opcode)),
             };
             match seen {

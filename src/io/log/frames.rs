@@ -2,13 +2,18 @@
 //!
 //! Only the data section is walked; the summary after it is a hint that can be missing or lie. Each record is an
 //! opcode, a length and a body. A frame is believed when its opcode belongs here and its length fits the file and,
-//! where the body says so again, the body.
+//! where the body says so again, the body. Records of an application's own (opcodes 0x80 to 0xff) are stepped over.
+//!
+//! The end of the data section is not believed either: where records of data stand behind it, they are read, and
+//! where another log begins (magic bytes and a header, as `cat a.mcap b.mcap` leaves them), it is walked too.
 //!
 //! A record that is unsound but well framed is lost alone. Where framing itself is lost, the next frame that cannot
 //! be there by chance is looked for: a chunk whose lengths add up, the end of the data section or, in logs
 //! without chunks, three sound records in a row.
 
 mod again;
+mod behind;
+mod indexed;
 mod judge;
 mod loss;
 mod records;
@@ -16,17 +21,18 @@ mod records;
 use std::io;
 
 use super::Limits;
-use super::record::{ChunkRecord, FRAME_HEADER, indexed_messages, op};
+use super::record::{ChunkRecord, FRAME_HEADER, op};
 use super::source::Source;
 use judge::Judged;
 
+pub use indexed::indexed_behind;
 pub use loss::{Loss, Lost};
 pub use records::Records;
 
 /// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.
 const MOST_PROBES: u32 = 1_000_000;
 
-/// A part of the data section.
+/// A part of the file's data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
     /// A schema, channel, message or metadata record from `start` to `end`; `is_message` tells which.
@@ -41,37 +47,72 @@ pub enum Piece {
         end: u64,
         chunk: ChunkRecord,
     },
-    /// A message index: how many messages of the chunk before it lists.
-    Index { messages: u64 },
+    /// A record of an application's own.
+    Private { start: u64, end: u64, opcode: u8 },
+    /// Another log begins here, with its magic bytes.
+    Log { start: u64 },
     /// Bytes that cannot be read.
     Lost(Lost),
 }
 
-/// Walks the frames of one log.
+/// Walks the frames of one file.
 pub struct Frames<'s> {
     source: &'s mut Source,
     limits: Limits,
     at: u64,
     probes_left: u32,
-    chunked: bool,
+    /// Where the record before begins, if it ends where the walk is and may hold what is not its own.
+    before: Option<u64>,
+    /// Nothing is left in the file.
     ended: bool,
+    /// Of the log that is walked.
+    log: LogSoFar,
+}
+
+/// What is known of the log that is walked.
+#[derive(Debug, Default)]
+struct LogSoFar {
+    /// Where it begins, with its magic bytes.
+    start: u64,
+    /// It has chunks.
+    chunked: bool,
+    /// Records of data stood behind what said that there are none.
+    went_on: bool,
     data_crc: Option<(u64, u32)>,
     data_end: Option<u64>,
+    /// One past its closing mark, once that was met.
+    end: Option<u64>,
 }
 
 impl<'s> Frames<'s> {
-    /// Starts at byte `at`, after the header.
+    /// Starts at byte `at`, after the first log's header.
     pub const fn new(source: &'s mut Source, at: u64, limits: Limits) -> Self {
         Self {
             source,
             limits,
             at,
             probes_left: MOST_PROBES,
-            chunked: false,
+            before: None,
             ended: false,
-            data_crc: None,
-            data_end: None,
+            log: LogSoFar {
+                start: 0,
+                chunked: false,
+                went_on: false,
+                data_crc: None,
+                data_end: None,
+                end: None,
+            },
         }
+    }
+
+    /// Goes on with the log that begins at `start`; its header ends at byte `at`.
+    pub fn begin(&mut self, start: u64, at: u64) {
+        self.at = at;
+        self.before = None;
+        self.log = LogSoFar {
+            start,
+            ..LogSoFar::default()
+        };
     }
 
     /// How far the walk has come.
@@ -86,15 +127,25 @@ impl<'s> Frames<'s> {
 
     /// Where the data section ends and its checksum, where its end record was met and gives one.
     pub const fn data_crc(&self) -> Option<(u64, u32)> {
-        self.data_crc
+        self.log.data_crc
     }
 
     /// One past the record that ends the data section, if it was met.
     pub const fn data_end(&self) -> Option<u64> {
-        self.data_end
+        self.log.data_end
     }
 
-    /// The next part of the data section; `None` after its end.
+    /// Where the log that is walked begins.
+    pub const fn log_start(&self) -> u64 {
+        self.log.start
+    }
+
+    /// One past the closing mark of the log that is walked, if it was met.
+    pub const fn log_end(&self) -> Option<u64> {
+        self.log.end
+    }
+
+    /// The next part of the file's data; `None` after its end.
     pub fn next(&mut self) -> io::Result<Option<Piece>> {
         while !self.ended {
             let start = self.at;
@@ -105,6 +156,8 @@ impl<'s> Frames<'s> {
             match self.judge(start)? {
                 Judged::Sound { end, opcode } => {
                     self.at = end;
+                    // An attachment may be a log by itself.
+                    self.before = (opcode != op::ATTACHMENT).then_some(start);
                     if let Some(piece) = self.piece(start, end, opcode)? {
                         return Ok(Some(piece));
                     }
@@ -112,6 +165,10 @@ impl<'s> Frames<'s> {
                 Judged::Unsound { end, why } => {
                     self.at = end;
                     return Ok(Some(lost(start, end, why)));
+                }
+                // Magic bytes are no record.
+                Judged::Broken(_) if self.begins_log(start)? => {
+                    return Ok(Some(self.next_log(start)));
                 }
                 Judged::Broken(why) => return self.lose_framing(start, why).map(Some),
             }
@@ -121,7 +178,6 @@ impl<'s> Frames<'s> {
 
     /// The part that a sound frame is; `None` for frames of no interest.
     fn piece(&mut self, start: u64, end: u64, opcode: u8) -> io::Result<Option<Piece>> {
-        let length = end - start - FRAME_HEADER;
         Ok(match opcode {
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => Some(Piece::Record {
                 start,
@@ -129,31 +185,23 @@ impl<'s> Frames<'s> {
                 is_message: opcode == op::MESSAGE,
             }),
             op::CHUNK => {
-                self.chunked = true;
+                self.log.chunked = true;
                 // The file may have been cut since it was judged.
                 Some(match self.chunk(start)? {
                     Some(chunk) => Piece::Chunk { start, end, chunk },
                     None => lost(start, end, Loss::Truncated),
                 })
             }
-            op::MESSAGE_INDEX => {
-                let messages =
-                    indexed_messages(self.source.probe(start + FRAME_HEADER, 6)?, length);
-                messages.map(|messages| Piece::Index { messages })
-            }
             op::DATA_END => {
                 let body = self.source.probe(start + FRAME_HEADER, 4)?;
                 let crc = body.first_chunk::<4>().map(|crc| u32::from_le_bytes(*crc));
-                self.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
-                self.data_end = Some(end);
-                self.ended = true;
-                None
+                self.log.data_crc = crc.filter(|&crc| crc != 0).map(|crc| (start, crc));
+                self.log.data_end = Some(end);
+                self.end_data(start, end)?
             }
-            op::FOOTER => {
-                self.ended = true;
-                None
-            }
-            // An attachment.
+            op::FOOTER => self.end_log(end)?,
+            op::FIRST_PRIVATE.. => Some(Piece::Private { start, end, opcode }),
+            // An attachment, a message index, a summary before the last data.
             _ => None,
         })
     }

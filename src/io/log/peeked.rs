@@ -65,7 +65,7 @@ pub fn session_record(path: &Path, limits: Limits) -> Result<BTreeMap<String, St
             }
         }
         at = at.saturating_add(length);
-        if opcode == op::DATA_END || at >= source.length() {
+        if at >= source.length() {
             break;
         }
     }

@@ -3,7 +3,13 @@
 //! Source: the MCAP format specification, version 0. A reader returns `None` where a record is shorter than its
 //! fields say. The parsers of the `mcap` crate are not used here: they panic or abort on some hostile lengths.
 
-pub use mcap::records::op;
+/// Opcodes of the format's records.
+pub mod op {
+    pub use mcap::records::op::*;
+
+    /// Opcodes from here on are an application's own.
+    pub const FIRST_PRIVATE: u8 = 0x80;
+}
 
 /// Opcode and length before each record.
 pub const FRAME_HEADER: u64 = 9;
@@ -296,11 +302,53 @@ pub fn extends(fields: u64, length: u64) -> bool {
         .is_some_and(|more| more <= MOST_EXTENSION)
 }
 
-/// How many messages of one channel a message index lists, if the start of its body is sound for that length.
-pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<u64> {
+/// A channel and how many of its messages a message index lists, if the start of its body is sound for that length.
+pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u64)> {
     let mut fields = Fields::new(body_start);
-    let (_channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
-    (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some(bytes / 16)
+    let (channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
+    (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some((channel, bytes / 16))
+}
+
+/// What a summary counts.
+#[derive(Debug, Clone)]
+pub struct StatisticsRecord<'a> {
+    /// Messages of all channels.
+    pub messages: u64,
+    /// Messages of each channel; some writers leave it empty.
+    pub of_channels: Counts<'a>,
+}
+
+impl<'a> StatisticsRecord<'a> {
+    /// Reads the body of the record.
+    pub fn read(body: &'a [u8]) -> Option<Self> {
+        let mut fields = Fields::new(body);
+        let messages = fields.u64()?;
+        // Schemas, channels, attachments, metadata records, chunks, first and last log time.
+        fields.array::<{ 2 + 4 * 4 + 2 * 8 }>()?;
+        let counts = fields.bytes()?;
+        let of_channels = Counts {
+            fields: Fields::new(counts),
+        };
+        fields.end()?;
+        counts.len().is_multiple_of(10).then_some(Self {
+            messages,
+            of_channels,
+        })
+    }
+}
+
+/// Channels and counts.
+#[derive(Debug, Clone)]
+pub struct Counts<'a> {
+    fields: Fields<'a>,
+}
+
+impl Iterator for Counts<'_> {
+    type Item = (u16, u64);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some((self.fields.u16()?, self.fields.u64()?))
+    }
 }
 
 #[cfg(test)]
@@ -350,7 +398,7 @@ mod tests {
         assert!(MetadataRecord::read(&lying[4..]).is_none());
         // Two entries of sixteen bytes, then a count that does not fit the length.
         let index = [&[7, 0][..], &32_u32.to_le_bytes()].concat();
-        assert_eq!(indexed_messages(&index, 38), Some(2));
+        assert_eq!(indexed_messages(&index, 38), Some((7, 2)));
         assert_eq!(indexed_messages(&index, 37), None);
     }
 }

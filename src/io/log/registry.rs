@@ -1,14 +1,18 @@
-//! Which channels and schemas a log has defined so far. Ids mean something within one file only.
+//! Which channels and schemas a log has defined so far. Ids mean something within one log only; where a file holds several
+//! logs, one behind another, the limits are those of the file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::record::{ChannelRecord, SchemaRecord};
 
-/// Bytes of definitions that are kept of one log.
+/// Bytes of definitions that are kept of one file.
 pub const MOST_DEFINITIONS: usize = 16 * 1024 * 1024;
+/// Channels of one file: as many as a log has ids for.
+const MOST_CHANNELS: usize = 1 << 16;
 
 /// A message definition as the log has it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Schema {
     /// The message type.
     pub name: String,
@@ -34,8 +38,12 @@ pub struct Channel {
 /// Channels with their decoders `D`, and schemas.
 #[derive(Debug)]
 pub struct Registry<D> {
-    schemas: BTreeMap<u16, Schema>,
+    schemas: BTreeMap<u16, Arc<Schema>>,
     channels: BTreeMap<u16, (Channel, D)>,
+    /// Every schema of the file: one that comes again, under another id or in another log, is kept once.
+    known: BTreeSet<Arc<Schema>>,
+    /// Channels of the logs before this one.
+    before: usize,
     size: usize,
 }
 
@@ -53,6 +61,8 @@ impl<D> Default for Registry<D> {
         Self {
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
+            known: BTreeSet::new(),
+            before: 0,
             size: 0,
         }
     }
@@ -78,9 +88,21 @@ impl<D> Registry<D> {
         self.channels.get(&channel_id).map(|(_, decoder)| decoder)
     }
 
+    /// The channel of an id.
+    pub fn channel(&self, id: u16) -> Option<&Channel> {
+        self.channels.get(&id).map(|(channel, _)| channel)
+    }
+
     /// All channels, by id.
     pub fn channels(&self) -> impl Iterator<Item = &Channel> {
         self.channels.values().map(|(channel, _)| channel)
+    }
+
+    /// Another log begins in the same file: its ids are its own.
+    pub fn begin_again(&mut self) {
+        self.before += self.channels.len();
+        self.schemas.clear();
+        self.channels.clear();
     }
 
     /// Takes a schema in.
@@ -91,15 +113,21 @@ impl<D> Registry<D> {
         if self.schemas.contains_key(&record.id) {
             return Err(Refused::Redefined);
         }
-        self.grow(record.definition.len() + record.name.len() + record.encoding.len())?;
-        self.schemas.insert(
-            record.id,
-            Schema {
-                name: record.name.to_owned(),
-                encoding: record.encoding.to_owned(),
-                definition: record.definition.to_owned(),
-            },
-        );
+        let schema = Schema {
+            name: record.name.to_owned(),
+            encoding: record.encoding.to_owned(),
+            definition: record.definition.to_owned(),
+        };
+        let schema = match self.known.get(&schema) {
+            Some(known) => Arc::clone(known),
+            None => {
+                self.grow(schema.definition.len() + schema.name.len() + schema.encoding.len())?;
+                let schema = Arc::new(schema);
+                self.known.insert(Arc::clone(&schema));
+                schema
+            }
+        };
+        self.schemas.insert(record.id, schema);
         Ok(())
     }
 
@@ -107,13 +135,16 @@ impl<D> Registry<D> {
     pub fn add_channel<E>(
         &mut self,
         record: &ChannelRecord<'_>,
-        decoder: impl FnOnce(&Channel, Option<&Schema>) -> Result<D, E>,
+        decoder: impl FnOnce(&Channel, Option<&Arc<Schema>>) -> Result<D, E>,
     ) -> Result<Result<(), Refused>, E> {
         if self.has_channel(record) {
             return Ok(Ok(()));
         }
         if self.channels.contains_key(&record.id) {
             return Ok(Err(Refused::Redefined));
+        }
+        if self.before + self.channels.len() >= MOST_CHANNELS {
+            return Ok(Err(Refused::TooMuch));
         }
         if let Err(refused) = self.grow(record.topic.len() + record.encoding.len()) {
             return Ok(Err(refused));

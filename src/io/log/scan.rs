@@ -7,32 +7,44 @@
 //! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
 //!    that defines channels is worked on when its turn comes. What takes long of that the visitor does while the next
 //!    batch is opened.
-//! 5. Judge what is known only at the end: the checksum of all records, how the file ends.
+//! 5. Judge what is known only at the end of the log: the checksum of all records, how it ends, whether its messages
+//!    are as many as its summary counts.
+//! 6. Where another log stands behind it, go on with that one; its ids are its own.
 
 mod blocks;
+mod counts;
 mod end;
+mod missing;
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use mcap::MAGIC;
 use rayon::prelude::*;
 
 use super::account::Account;
 use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
-use super::frames::{Frames, Loss, Lost, Piece};
+use super::frames::{Frames, Loss, Lost, Piece, indexed_behind};
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
 use super::summary::Definitions;
 use super::{FileError, Limits};
-use crate::ingest::{LogReject, SpanClock};
+use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::progress::Progress;
 use blocks::{Run, settle};
+use counts::Counts;
 
 /// Bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
 /// Blocks of one batch: each keeps a decompressor.
 const MOST_BLOCKS: usize = 64;
+/// Places of private records that are remembered one by one.
+const MOST_PLACES: usize = 100;
+
+const ANOTHER_LOG: &str = "another log begins here, behind the one before: both were read, each with its own channels; other \
+     readers see one of them only, so take them apart or merge them (`mcap merge`)";
 
 /// What wants a log's messages. `message` is called from many threads, everything else from one.
 pub trait Visitor: Sync {
@@ -47,8 +59,12 @@ pub trait Visitor: Sync {
     fn channel(
         &mut self,
         channel: &Channel,
-        schema: Option<&Schema>,
+        schema: Option<&Arc<Schema>>,
     ) -> Result<Self::Decoder, Self::Error>;
+    /// Bytes that a part may take besides, of a block of so many bytes.
+    fn part_bytes(&self, _block: u64) -> u64 {
+        0
+    }
     /// A message of a channel that was met.
     fn message(&self, decoder: &Self::Decoder, message: &MessageRecord<'_>, part: &mut Self::Part);
     /// Empties a part for the next block; its buffers should stay.
@@ -79,7 +95,7 @@ where
         packed,
         ..Account::default()
     };
-    let start = read_header(&mut source, &mut account)?;
+    let start = read_start(&mut source, &mut account)?;
     progress.begin(name, source.length());
     let mut scan = Scan {
         frames: Frames::new(&mut source, start, limits),
@@ -95,20 +111,23 @@ where
         told: 0,
         summary: None,
         metadata: Metadata::default(),
+        read: Counts::default(),
+        lost: Counts::default(),
+        private: Vec::new(),
+        outside_chunks: 0,
+        rejects: 0,
     };
     scan.run()?;
-    scan.judge_end()?;
-    let channels = scan.registry.channels().cloned().collect();
+    scan.account_for_packing();
     let metadata = scan.metadata.entries;
     let mut account = scan.account;
-    account.channels = channels;
     account.metadata = metadata;
     progress.end();
     Ok(account)
 }
 
-/// Checks the magic bytes; returns where the data section begins.
-fn read_header(source: &mut Source, account: &mut Account) -> Result<u64, FileError> {
+/// Checks the magic bytes of the file; returns where its first data section begins.
+fn read_start(source: &mut Source, account: &mut Account) -> Result<u64, FileError> {
     let name = account.file.clone();
     let at_fault = |source| FileError::Io {
         file: name.clone(),
@@ -121,24 +140,33 @@ fn read_header(source: &mut Source, account: &mut Account) -> Result<u64, FileEr
     if start != MAGIC {
         return Err(FileError::NotMcap { file: name, start });
     }
-    let frame = source.peek(8, 9).map_err(at_fault)?.to_vec();
+    read_header(source, 0, account).map_err(at_fault)
+}
+
+/// Where the data section of the log that begins at byte `log` begins; the first header is kept.
+fn read_header(source: &mut Source, log: u64, account: &mut Account) -> std::io::Result<u64> {
+    account.logs += 1;
+    let at = log + MAGIC.len() as u64;
+    let frame = source.peek(at, 9)?;
     let (Some(&op::HEADER), Some(length)) = (
         frame.first(),
         frame.get(1..).and_then(|l| l.first_chunk::<8>()),
     ) else {
-        return Ok(8);
+        return Ok(at);
     };
     let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-    let body = source.peek(8 + FRAME_HEADER, length).map_err(at_fault)?;
+    let body = source.peek(at + FRAME_HEADER, length)?;
     if body.len() < length {
-        return Ok(8);
+        return Ok(at);
     }
-    if let Some(header) = HeaderRecord::read(body) {
+    let Some(header) = HeaderRecord::read(body) else {
+        return Ok(at);
+    };
+    if account.logs == 1 {
         header.profile.clone_into(&mut account.profile);
         header.library.clone_into(&mut account.library);
-        return Ok(8 + FRAME_HEADER + length as u64);
     }
-    Ok(8)
+    Ok(at + FRAME_HEADER + length as u64)
 }
 
 struct Scan<'a, V: Visitor> {
@@ -154,9 +182,18 @@ struct Scan<'a, V: Visitor> {
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
-    /// What the summary defines, once it was needed.
+    /// What the log's summary defines, once it was needed.
     summary: Option<Definitions>,
     metadata: Metadata,
+    /// Messages of the log, by channel.
+    read: Counts,
+    /// Messages in chunks of the log that cannot be read, by channel, as far as message indexes tell.
+    lost: Counts,
+    /// Where private records of the log stand, outside chunks; the last place may be of many.
+    private: Vec<(u64, u64)>,
+    /// Messages outside chunks, and rejects, of the logs before.
+    outside_chunks: u64,
+    rejects: usize,
 }
 
 impl<V, E> Scan<'_, V>
@@ -197,14 +234,34 @@ where
                     }
                     match piece {
                         None => break,
+                        Some(Piece::Log { start }) => self.next_log(start)?,
                         Some(piece) => self.take(piece)?,
                     }
                     None
                 }
             };
         }
-        self.flush()?;
-        self.check_unchunked()
+        let end = self.frames.log_end();
+        self.end_log(end.unwrap_or(self.account.bytes))?;
+        self.tell_what_follows(end);
+        Ok(())
+    }
+
+    /// Goes on with the log that begins at `start`, behind the one before.
+    fn next_log(&mut self, start: u64) -> Result<(), E> {
+        self.end_log(self.frames.log_end().unwrap_or(start).min(start))?;
+        self.note((start, start), ANOTHER_LOG.to_owned());
+        let at = read_header(self.frames.source(), start, &mut self.account);
+        let at = at.map_err(|source| self.io(source))?;
+        self.frames.begin(start, at);
+        self.registry.begin_again();
+        self.summary = None;
+        self.read.clear();
+        self.lost.clear();
+        self.private.clear();
+        self.outside_chunks = self.account.messages_outside_chunks;
+        self.rejects = self.account.rejects.len();
+        Ok(())
     }
 
     fn take(&mut self, piece: Piece) -> Result<(), E> {
@@ -214,22 +271,28 @@ where
                     start,
                     end,
                     chunk: Some(chunk),
-                    indexed: None,
                 };
                 self.add(extent)
             }
-            Piece::Index { messages } => {
-                if let Some(block) = self.batch[..self.filled].last_mut() {
-                    let indexed = &mut block.extent.indexed;
-                    *indexed = indexed.unwrap_or(0).checked_add(messages);
+            Piece::Private { start, end, opcode } => {
+                self.account.private(opcode, 1);
+                let full = self.private.len() >= MOST_PLACES;
+                match self.private.last_mut() {
+                    Some(last) if full || last.1 == start => last.1 = end,
+                    _ => self.private.push((start, end)),
                 }
                 Ok(())
             }
             Piece::Lost(lost) => {
+                let last = self.batch[..self.filled].last();
+                if last.is_some_and(|block| block.extent.start == lost.start) {
+                    // It was taken for a chunk, and is none.
+                    self.filled -= 1;
+                }
                 self.lose(&lost);
                 Ok(())
             }
-            Piece::Record { .. } => Ok(()),
+            Piece::Record { .. } | Piece::Log { .. } => Ok(()),
         }
     }
 
@@ -249,19 +312,23 @@ where
             start: run.start,
             end: run.end,
             chunk: None,
-            indexed: None,
         })
     }
 
     /// Puts a block into the batch, after working on the batch if it is full.
     fn add(&mut self, extent: Extent) -> Result<(), E> {
-        let bytes = weight(&extent, self.limits);
+        let weight = |extent: &Extent| {
+            let bytes = weight(extent, self.limits);
+            bytes.saturating_add(self.visitor.part_bytes(bytes))
+        };
+        let bytes = weight(&extent);
         let held: u64 = self.batch[..self.filled]
             .iter()
-            .map(|block| weight(&block.extent, self.limits))
+            .map(|block| weight(&block.extent))
             .sum();
         if self.filled > 0
-            && (self.filled >= self.blocks_at_once || held + bytes > self.limits.batch_bytes)
+            && (self.filled >= self.blocks_at_once
+                || held.saturating_add(bytes) > self.limits.batch_bytes)
         {
             self.flush()?;
         }
@@ -293,6 +360,7 @@ where
             if block.outcome == Outcome::Defines {
                 self.define(&mut block)?;
             }
+            self.count(&mut block)?;
             settle(&mut block, self.visitor, &mut self.account);
             self.keep(&mut block);
             self.batch[place] = block;
@@ -327,10 +395,17 @@ where
         }
         let summary = match self.summary.take() {
             Some(summary) => summary,
-            None => Definitions::read(self.frames.source()).map_err(|source| self.io(source))?,
+            None => self.definitions(self.account.bytes)?,
         };
+        // Many channels may share a schema, which is long to compare.
+        let mut schemas = BTreeMap::new();
         for (channel, schema) in unknown.iter().filter_map(|&id| summary.of(id)) {
-            if schema.is_some_and(|schema| self.registry.add_schema(&schema).is_err()) {
+            let known = schema.is_none_or(|schema| {
+                let registry = &mut self.registry;
+                let known = schemas.entry(schema.id);
+                *known.or_insert_with(|| registry.add_schema(&schema).is_ok())
+            });
+            if !known {
                 continue;
             }
             // Refused only where there is no room; the messages are then counted as of an unknown channel.
@@ -341,6 +416,30 @@ where
         }
         self.summary = Some(summary);
         block.define(self.visitor, &mut self.registry)
+    }
+
+    /// What the summary of the log that is read defines, if the log ends at byte `end`.
+    fn definitions(&mut self, end: u64) -> Result<Definitions, E> {
+        let log = self.frames.log_start()..end;
+        let found = Definitions::read(self.frames.source(), log);
+        found.map_err(|source| self.io(source))
+    }
+
+    /// Counts the block's messages by their channels; those of a chunk that cannot be read, as its message indexes say.
+    fn count(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
+        let is_lost = matches!(block.outcome, Outcome::Rejected(_));
+        if is_lost && block.extent.chunk.is_some() {
+            let indexed = indexed_behind(self.frames.source(), block.extent.end);
+            let indexed = indexed.map_err(|source| self.io(source))?;
+            block.indexed = indexed.as_ref().map(|of| of.values().sum());
+            for (channel, messages) in indexed.into_iter().flatten() {
+                self.lost.add(channel, messages);
+            }
+        }
+        for (channel, messages) in block.of_channels.drain(..) {
+            self.read.add(channel, u64::from(messages));
+        }
+        Ok(())
     }
 
     /// Keeps the block's metadata records, if there is room for them.
@@ -364,13 +463,14 @@ where
             time_span_ns: None,
             clock: SpanClock::Log,
             messages: Some(0),
+            loss: LossKind::Nothing,
             reason,
         });
     }
 
     fn lose(&mut self, lost: &Lost) {
         let times = lost.times.map(|(first, last)| (ns(first), ns(last)));
-        let messages = (lost.why == Loss::NoDataEnd).then_some(0);
+        let nothing = lost.why == Loss::NoDataEnd;
         let reject = LogReject {
             file: self.account.file.clone(),
             topic: None,
@@ -378,7 +478,12 @@ where
             byte_end: lost.end,
             time_span_ns: times,
             clock: SpanClock::Log,
-            messages,
+            messages: nothing.then_some(0),
+            loss: if nothing {
+                LossKind::Nothing
+            } else {
+                LossKind::Bytes
+            },
             reason: lost.why.to_string(),
         };
         self.account.reject(reject);

@@ -10,7 +10,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use super::account::Account;
 use super::block::Extent;
@@ -25,6 +25,10 @@ use crate::ingest::{
     Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping,
 };
 use crate::progress::{Progress, Quiet};
+
+/// Topics that an error names, and letters of each.
+const MOST_TOPICS: usize = 100;
+const LONGEST_TOPIC: usize = 200;
 
 /// The files of a session's two sides; a file may belong to both.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -182,7 +186,7 @@ impl Visitor for Nothing {
     type Part = ();
     type Error = LogError;
 
-    fn channel(&mut self, _: &Channel, _: Option<&Schema>) -> Result<(), LogError> {
+    fn channel(&mut self, _: &Channel, _: Option<&Arc<Schema>>) -> Result<(), LogError> {
         Ok(())
     }
 
@@ -238,17 +242,20 @@ fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_>]) -> Result<(), LogE
 }
 
 fn unknown_topic<'a>(accounts: impl Iterator<Item = &'a Account>, topic: &str) -> LogError {
-    let mut topics: Vec<String> = Vec::new();
+    let (mut seen, mut topics) = (BTreeSet::new(), Vec::new());
     let (mut files, mut places) = (Vec::new(), 0);
     for account in accounts {
         files.push(account.file.clone());
         places += account.rejects.len();
         for channel in &account.channels {
-            let name = format!("{:?}", channel.topic);
-            if !topics.contains(&name) {
-                topics.push(name);
+            if seen.insert(&channel.topic) && seen.len() <= MOST_TOPICS {
+                let name: String = channel.topic.chars().take(LONGEST_TOPIC).collect();
+                topics.push(format!("{name:?}"));
             }
         }
+    }
+    if seen.len() > MOST_TOPICS {
+        topics.push(format!("and {} more", seen.len() - MOST_TOPICS));
     }
     let damage = match places {
         0 => String::new(),
@@ -314,6 +321,12 @@ fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
         format!("{role}.messages_outside_chunks"),
         account.messages_outside_chunks,
     );
+    count(format!("{role}.messages_lost"), account.messages_lost);
+    for wanted in &streams.wanted {
+        if let Some(lost) = account.lost_of.get(&wanted.topic) {
+            count(format!("{}.messages_lost", wanted.stream.name()), *lost);
+        }
+    }
     for (stream, messages) in &streams.messages {
         count(format!("{}.messages", stream.name()), *messages);
         let undecoded = streams.undecoded.get(stream).copied().unwrap_or(0);

@@ -1,9 +1,9 @@
 //! A log file, read by position: through a wide window where records follow one another, through a narrow one from chunk
 //! to chunk.
 
-use std::fs::File;
+use std::fs::{self, File, FileType};
 use std::io::{self, Seek, SeekFrom};
-use std::os::unix::fs::FileExt as _;
+use std::os::unix::fs::{FileExt as _, FileTypeExt as _};
 use std::path::Path;
 
 use super::packed::{self, Packed};
@@ -45,6 +45,12 @@ impl Source {
             file: name.to_owned(),
             source,
         };
+        // Opening a pipe would wait for its writer, and a device may have no end.
+        let kind = fs::metadata(path).map_err(at_fault)?.file_type();
+        if let Some(what) = other_than_a_file(kind) {
+            let file = name.to_owned();
+            return Err(FileError::NotAFile { file, what });
+        }
         let file = File::open(path).map_err(at_fault)?;
         let mut source = Self::new(file).map_err(at_fault)?;
         if !packed::is_zstd(source.peek(0, 8).map_err(at_fault)?) {
@@ -130,6 +136,22 @@ impl Source {
         to.truncate(filled);
         Ok(())
     }
+}
+
+/// What it is that cannot be read by position; `None` for a file.
+fn other_than_a_file(kind: FileType) -> Option<&'static str> {
+    if kind.is_file() {
+        return None;
+    }
+    Some(if kind.is_dir() {
+        "a directory"
+    } else if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_socket() {
+        "a socket"
+    } else {
+        "a device"
+    })
 }
 
 impl Window {

@@ -8,7 +8,7 @@ mod reader;
 mod suggest;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::block::Extent;
 use super::dwells::LongStreams;
@@ -17,15 +17,15 @@ use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
 use crate::ingest::{
-    DecodedJoints, DecodedPoses, DecodedTemperatures, JointAngles, LogReject, Mapping, Origin,
-    Origins, SpanClock, TimeSource,
+    DecodedJoints, DecodedPoses, DecodedTemperatures, JointAngles, LogReject, LossKind, Mapping,
+    Origin, Origins, SpanClock, TimeSource,
 };
 use crate::io::message::{FieldPath, MessageSchema};
 
 pub use layout::{Glance, Layout};
 use layout::{Recipe, suitable_types};
 use reader::{Decoder, Part, Reader, RowFault};
-pub use suggest::{Suggestion, suggest};
+pub use suggest::{Suggestible, Suggestion, suggest};
 
 /// A stream of the recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,9 +57,12 @@ pub struct Wanted {
 /// The wanted streams of one file, being filled.
 pub struct Streams<'m> {
     file: String,
-    wanted: Vec<Wanted>,
+    /// What is read of the file.
+    pub wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     met: BTreeSet<Stream>,
+    /// How messages are read, by stream, schema and encoding: channels that share them share the reader.
+    readers: BTreeMap<(Stream, u16, String), (Option<Arc<Schema>>, Arc<Reader>)>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
     /// Where joint states and readings go instead of into columns, if anywhere.
@@ -92,6 +95,7 @@ impl<'m> Streams<'m> {
             file: file.to_owned(),
             mapping,
             met: BTreeSet::new(),
+            readers: BTreeMap::new(),
             paths: BTreeMap::new(),
             long: None,
             joints: DecodedJoints {
@@ -116,7 +120,31 @@ impl<'m> Streams<'m> {
         self.met.contains(&stream)
     }
 
+    /// How the messages of a wanted channel are read; a schema is looked at once, however many channels share it.
     fn reader(
+        &mut self,
+        wanted: &Wanted,
+        channel: &Channel,
+        schema: Option<&Arc<Schema>>,
+    ) -> Result<Arc<Reader>, LogError> {
+        let key = (wanted.stream, channel.schema_id, channel.encoding.clone());
+        // The id may mean another schema in the next log of the file.
+        let is_of = |of: &Option<Arc<Schema>>| match (of, schema) {
+            (Some(of), Some(schema)) => Arc::ptr_eq(of, schema),
+            (of, schema) => of.is_none() && schema.is_none(),
+        };
+        if let Some((of, reader)) = self.readers.get(&key)
+            && is_of(of)
+        {
+            return Ok(Arc::clone(reader));
+        }
+        let schema = schema.cloned();
+        let reader = Arc::new(self.new_reader(wanted, channel, schema.as_deref())?);
+        self.readers.insert(key, (schema, Arc::clone(&reader)));
+        Ok(reader)
+    }
+
+    fn new_reader(
         &self,
         wanted: &Wanted,
         channel: &Channel,
@@ -200,21 +228,22 @@ impl Visitor for Streams<'_> {
     type Part = Part;
     type Error = LogError;
 
-    fn channel(&mut self, channel: &Channel, schema: Option<&Schema>) -> Result<Decoder, LogError> {
-        let Some(wanted) = self
-            .wanted
-            .iter()
-            .find(|wanted| wanted.topic == channel.topic)
-        else {
+    fn channel(
+        &mut self,
+        channel: &Channel,
+        schema: Option<&Arc<Schema>>,
+    ) -> Result<Decoder, LogError> {
+        let of_topic = |wanted: &&Wanted| wanted.topic == channel.topic;
+        let Some(wanted) = self.wanted.iter().find(of_topic).cloned() else {
             return Ok(None);
         };
-        let reader = self.reader(wanted, channel, schema)?;
+        let reader = self.reader(&wanted, channel, schema)?;
         let stream = wanted.stream;
         self.met.insert(stream);
         self.paths
             .entry(stream)
             .or_insert_with(|| reader.recipe.paths.clone());
-        Ok(Some(Box::new(reader)))
+        Ok(Some(reader))
     }
 
     fn message(&self, decoder: &Decoder, message: &MessageRecord<'_>, part: &mut Part) {
@@ -281,6 +310,7 @@ impl Visitor for Streams<'_> {
                 time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
                 clock: SpanClock::Log,
                 messages: tally.messages,
+                loss: LossKind::Unusable,
                 reason: self.describe(stream, fault),
             });
         }

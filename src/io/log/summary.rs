@@ -1,4 +1,5 @@
-//! The summary at the end of a log, as a hint: definitions of channels whose own records were lost.
+//! The summary at the end of a log, as a hint: definitions of channels whose own records were lost, and how many
+//! messages there should be.
 //!
 //! Nothing depends on it. Definitions are taken from it only where its checksum, if given, is right. How a log ends is
 //! told besides, since other readers do depend on it.
@@ -10,7 +11,7 @@ use std::ops::Range;
 use mcap::MAGIC;
 
 use super::frames::Records;
-use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, op};
+use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord, op};
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
@@ -44,18 +45,22 @@ struct Footer {
     crc: u32,
 }
 
-/// How the log ends, and where its summary begins if it has one that can be trusted.
-pub fn ending(source: &mut Source) -> io::Result<(Ending, Option<Range<u64>>)> {
-    let Some(footer) = footer(source)? else {
+/// How the log in these bytes of the file ends, and where its summary lies if it has one that can be trusted.
+pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Option<Range<u64>>)> {
+    let Some(footer) = footer(source, &log)? else {
         return Ok((Ending::Cut, None));
     };
-    let range = footer.summary_start..footer.at;
     if footer.summary_start == 0 {
         return Ok((Ending::NoSummary, None));
     }
-    if range.start < 8 || range.start > range.end {
+    // Places are those of the log, which may stand behind another one.
+    let start = log.start.checked_add(footer.summary_start);
+    let Some(range) = start
+        .map(|start| start..footer.at)
+        .filter(|range| footer.summary_start >= 8 && range.start <= range.end)
+    else {
         return Ok((Ending::Damaged, None));
-    }
+    };
     if footer.crc == 0 {
         return Ok((Ending::Unchecked, Some(range)));
     }
@@ -68,8 +73,14 @@ pub fn ending(source: &mut Source) -> io::Result<(Ending, Option<Range<u64>>)> {
     })
 }
 
-fn footer(source: &mut Source) -> io::Result<Option<Footer>> {
-    let Some(at) = source.length().checked_sub(TAIL) else {
+/// Where the summary of the log in these bytes begins, by its footer.
+pub fn begin(source: &mut Source, log: Range<u64>) -> io::Result<Option<u64>> {
+    let footer = footer(source, &log)?;
+    Ok(footer.and_then(|footer| log.start.checked_add(footer.summary_start)))
+}
+
+fn footer(source: &mut Source, log: &Range<u64>) -> io::Result<Option<Footer>> {
+    let Some(at) = log.end.checked_sub(TAIL).filter(|&at| at >= log.start) else {
         return Ok(None);
     };
     let mut tail = Vec::new();
@@ -102,9 +113,9 @@ pub struct Definitions {
 }
 
 impl Definitions {
-    /// Reads them; none where there is no summary that can be trusted.
-    pub fn read(source: &mut Source) -> io::Result<Self> {
-        let (_, Some(range)) = ending(source)? else {
+    /// Reads those of the log in these bytes; none where there is no summary that can be trusted.
+    pub fn read(source: &mut Source, log: Range<u64>) -> io::Result<Self> {
+        let (_, Some(range)) = ending(source, log)? else {
             return Ok(Self::default());
         };
         let bytes = definitions(source, range)?;
@@ -131,20 +142,15 @@ impl Definitions {
     }
 }
 
-/// Frames of the schemas and channels in a summary; indexes, which can be long, are stepped over.
+/// Frames of the schemas and channels in a summary; indexes, which can be long, are stepped over. None where other
+/// records stand among them: then these are not the bytes of a summary.
 fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
     let (mut found, mut frame) = (Vec::new(), Vec::new());
     let mut at = range.start;
-    while at < range.end {
-        let header = source.peek(at, 9)?;
-        let length = header.get(1..9).and_then(|l| l.first_chunk::<8>());
-        let (Some(&opcode), Some(length)) = (header.first(), length) else {
-            break;
-        };
-        let end = u64::from_le_bytes(*length).checked_add(at + FRAME_HEADER);
-        let Some(end) = end.filter(|&end| end <= range.end) else {
-            break;
-        };
+    while let Some((opcode, end)) = next_frame(source, at, range.end)? {
+        if !of_summary(opcode) {
+            return Ok(Vec::new());
+        }
         if matches!(opcode, op::SCHEMA | op::CHANNEL) {
             if found.len() as u64 + (end - at) > MOST_DEFINITIONS as u64 {
                 break;
@@ -155,6 +161,63 @@ fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
         at = end;
     }
     Ok(found)
+}
+
+const fn of_summary(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::SCHEMA
+            | op::CHANNEL
+            | op::CHUNK_INDEX
+            | op::ATTACHMENT_INDEX
+            | op::STATISTICS
+            | op::METADATA_INDEX
+            | op::SUMMARY_OFFSET
+            | op::FIRST_PRIVATE..
+    )
+}
+
+/// Opcode and end of the frame at `at`; `None` where none ends by `end`.
+fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, u64)>> {
+    let header = source.peek(at, 9)?;
+    let length = header.get(1..9).and_then(|l| l.first_chunk::<8>());
+    let (Some(&opcode), Some(length)) = (header.first(), length) else {
+        return Ok(None);
+    };
+    let own_end = u64::from_le_bytes(*length).checked_add(at + FRAME_HEADER);
+    Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
+}
+
+/// How many messages a log has, by its summary.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Of all channels.
+    pub messages: u64,
+    /// Of each channel, where its writer counted them.
+    pub of_channels: BTreeMap<u16, u64>,
+}
+
+/// Bytes of the longest statistics: a count for every id there is.
+const MOST_STATISTICS: u64 = 64 + (1 << 16) * 10;
+
+impl Statistics {
+    /// Reads them out of a summary; `None` where it has none.
+    pub fn read(source: &mut Source, range: Range<u64>) -> io::Result<Option<Self>> {
+        let mut at = range.start;
+        while let Some((opcode, end)) = next_frame(source, at, range.end)? {
+            if opcode == op::STATISTICS && end - at <= MOST_STATISTICS {
+                let mut frame = Vec::new();
+                source.read(at, end - at, &mut frame)?;
+                let record = frame.get(9..).and_then(StatisticsRecord::read);
+                return Ok(record.map(|record| Self {
+                    messages: record.messages,
+                    of_channels: record.of_channels.collect(),
+                }));
+            }
+            at = end;
+        }
+        Ok(None)
+    }
 }
 
 impl Source {

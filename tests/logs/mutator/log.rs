@@ -316,11 +316,11 @@ impl Log {
         };
         self.bytes.extend(raw::data_end(crc).record(op::DATA_END));
         let start = self.bytes.len();
+        let of_channels = [(1, 18), (2, 2), (3, 2)].into_iter();
+        let of_channels =
+            of_channels.fold(Body::default(), |body, (id, count)| body.u16(id).u64(count));
         let statistics = Body::default().u64(22).u16(3).u32(3).u32(1).u32(1).u32(3);
-        let statistics = statistics
-            .u64(0)
-            .u64(1)
-            .bytes(&Body::default().u16(1).u64(18).0);
+        let statistics = statistics.u64(0).u64(1).bytes(&of_channels.0);
         let metadata = Body::default().u64(metadata_at).u64(40).text("session");
         self.bytes.extend(definitions().concat());
         self.bytes.extend(statistics.record(op::STATISTICS));
@@ -380,6 +380,18 @@ pub fn large(log: &Log) -> Vec<(&'static str, Vec<u8>)> {
     let metadata = Body::default().text(&name).map(&pairs).record(op::METADATA);
     let channel =
         raw::channel(9, 1, "/joints", "cdr", &vec![("", ""); 900_000]).record(op::CHANNEL);
+    let long = raw::schema(10, "t", "ros2msg", &vec![b'#'; 1 << 20]).record(op::SCHEMA);
+    let sharing = |topic: fn(u16) -> String| {
+        (10..u16::MAX)
+            .map(move |id| raw::channel(id, 10, &topic(id), "cdr", &[]).record(op::CHANNEL))
+    };
+    let shared = std::iter::once(long.clone()).chain(sharing(|id| format!("/{id}")));
+    let on_one_topic = std::iter::once(long).chain(sharing(|_| "/joints".to_owned()));
+    let each = sharing(|id| format!("/{id}")).chain((10..u16::MAX).map(message));
+    let each = [
+        each.collect::<Vec<_>>().concat(),
+        (10..u16::MAX).flat_map(message).collect(),
+    ];
     let tiny = raw::chunk((0, 0), &message(2), Packing::Zstd).record(op::CHUNK);
     vec![
         (
@@ -394,5 +406,19 @@ pub fn large(log: &Log) -> Vec<(&'static str, Vec<u8>)> {
             insert(message(2).repeat(1_000_000)),
         ),
         ("many-tiny-chunks", insert(tiny.repeat(20_000))),
+        (
+            "channels-that-share-a-long-schema",
+            insert(shared.flatten().collect()),
+        ),
+        (
+            "channels-of-one-topic",
+            insert(on_one_topic.flatten().collect()),
+        ),
+        ("a-message-of-every-channel-twice", insert(each.concat())),
+        ("many-logs-in-one-file", log.bytes.repeat(300)),
+        (
+            "many-ends",
+            insert(raw::data_end(0).record(op::DATA_END).repeat(100_000)),
+        ),
     ]
 }

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use super::behind::begins_log;
 use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece};
 use crate::io::log::record::{ChunkRecord, FRAME_HEADER, op};
@@ -9,16 +10,35 @@ use crate::io::log::record::{ChunkRecord, FRAME_HEADER, op};
 /// Sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;
 
+/// What framing is looked for in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Among {
+    Data,
+    /// Behind the data, where definitions are those of a summary and the mark that data ends was met.
+    Summary,
+}
+
 impl Frames<'_> {
     pub(super) fn lose_framing(&mut self, start: u64, why: Loss) -> io::Result<Piece> {
+        if let Some(cut) = self.before.take()
+            && let Some(log) = self.log_within(cut + FRAME_HEADER, start)?
+        {
+            self.at = log;
+            return Ok(Piece::Lost(Lost {
+                start: cut,
+                end: log,
+                why: Loss::Framing(cut),
+                times: None,
+            }));
+        }
         let chunk = self
             .chunk(start)?
             .filter(ChunkRecord::has_known_compression);
         let times = chunk
             .as_ref()
             .map(|chunk| (chunk.start_time, chunk.end_time));
-        self.chunked |= chunk.is_some();
-        let found = self.resynchronise(start + 1)?;
+        self.log.chunked |= chunk.is_some();
+        let found = self.resynchronise(start + 1, Among::Data)?;
         let end = found.unwrap_or(self.source.length());
         self.at = end;
         self.ended = found.is_none();
@@ -36,17 +56,19 @@ impl Frames<'_> {
     }
 
     /// The next place from `from` on where a frame begins that cannot be there by chance.
-    fn resynchronise(&mut self, from: u64) -> io::Result<Option<u64>> {
-        let chunked = self.chunked;
+    pub(super) fn resynchronise(&mut self, from: u64, among: Among) -> io::Result<Option<u64>> {
+        let (chunked, in_data) = (self.log.chunked, among == Among::Data);
         let mut at = from;
         while at < self.source.length() && self.probes_left > 0 {
             let window = self.source.peek(at, usize::MAX)?;
             let candidate = window.windows(9).position(|header| {
                 let opcode = match header[0] {
-                    op::CHUNK | op::DATA_END => true,
+                    op::CHUNK => true,
+                    op::DATA_END => in_data,
                     // Records inside an uncompressed chunk look like records of the file, but no checksum covers them.
-                    op::SCHEMA..=op::MESSAGE | op::METADATA => !chunked,
-                    _ => false,
+                    op::MESSAGE => !chunked,
+                    op::SCHEMA | op::CHANNEL | op::METADATA => in_data && !chunked,
+                    _ => return begins_log(header),
                 };
                 opcode && header[6..9] == [0; 3]
             });
@@ -64,7 +86,23 @@ impl Frames<'_> {
         Ok(None)
     }
 
-    fn is_anchor(&mut self, at: u64) -> io::Result<bool> {
+    /// The log that begins between these places: the record that seems to hold it was cut, and its length reaches into it.
+    fn log_within(&mut self, from: u64, to: u64) -> io::Result<Option<u64>> {
+        let mut at = from;
+        while at < to {
+            let window = self.source.peek(at, usize::MAX)?;
+            if let Some(place) = window.windows(9).position(begins_log) {
+                return Ok(Some(at + place as u64).filter(|&log| log < to));
+            }
+            at += window.len().saturating_sub(8).max(1) as u64;
+        }
+        Ok(None)
+    }
+
+    pub(super) fn is_anchor(&mut self, at: u64) -> io::Result<bool> {
+        if self.begins_log(at)? {
+            return Ok(true);
+        }
         let Judged::Sound { end, opcode } = self.judge(at)? else {
             return Ok(false);
         };
@@ -72,7 +110,7 @@ impl Frames<'_> {
             op::CHUNK => Ok(self
                 .chunk(at)?
                 .is_some_and(|chunk| chunk.is_certain(end - at - FRAME_HEADER))),
-            op::DATA_END => self.could_follow(end),
+            op::DATA_END => self.summary_follows(end),
             _ => self.is_chain(end),
         }
     }

@@ -46,6 +46,15 @@ impl Frames<'_> {
                 Loss::Framing(start)
             }));
         };
+        let of_summary = belongs_to_summary(opcode) && self.log.went_on;
+        if (is_private(opcode) && !self.was_a_chunk(start, length)?) || of_summary {
+            // Nothing in it can be checked, but what follows it can.
+            return Ok(if self.could_follow(end)? {
+                Judged::Sound { end, opcode }
+            } else {
+                Judged::Broken(Loss::Framing(start))
+            });
+        }
         let why = if opcode > op::DATA_END || belongs_to_summary(opcode) {
             Loss::Opcode(opcode)
         } else if opcode != op::ATTACHMENT && length > self.limits.record_bytes {
@@ -74,10 +83,9 @@ impl Frames<'_> {
             op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fits(length)),
             op::MESSAGE_INDEX => indexed_messages(body, length).is_some(),
             op::DATA_END => {
-                extends(4, length) && self.summary_follows(start + FRAME_HEADER + length)?
+                extends(4, length) && self.could_follow(start + FRAME_HEADER + length)?
             }
-            // Only the closing magic bytes follow a footer.
-            op::FOOTER => length >= 20 && self.source.length() - start - FRAME_HEADER - length <= 8,
+            op::FOOTER => self.footer_fits(start + FRAME_HEADER + length, length)?,
             _ => self.adds_up(Part::of(opcode), start + FRAME_HEADER, length)?,
         })
     }
@@ -104,10 +112,28 @@ impl Frames<'_> {
         Ok(extends(fields, length))
     }
 
-    /// Whether a frame at `start` looks like one at a glance: the end of the file, or a known opcode and a length
-    /// that is not absurd.
+    /// Whether a record of an application's own is a chunk with one bit wrong.
+    fn was_a_chunk(&mut self, start: u64, length: u64) -> io::Result<bool> {
+        let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
+        let opcode = bytes.first().map(|opcode| opcode & !op::FIRST_PRIVATE);
+        let body = bytes.get(9..).filter(|_| opcode == Some(op::CHUNK));
+        let chunk = body.and_then(ChunkRecord::read);
+        Ok(chunk.is_some_and(|chunk| chunk.is_certain(length)))
+    }
+
+    /// Whether a footer of `length` bytes may end at `end`: only magic bytes follow one.
+    pub(super) fn footer_fits(&mut self, end: u64, length: u64) -> io::Result<bool> {
+        let near_end = self.source.length().saturating_sub(end) <= 8;
+        Ok(extends(20, length) && (near_end || self.has_magic(end)?))
+    }
+
+    /// Whether a frame at `start` looks like one at a glance: the end of the file or of a log, or an opcode in use and
+    /// a length that is not absurd.
     pub(super) fn could_follow(&mut self, start: u64) -> io::Result<bool> {
         if start == self.source.length() {
+            return Ok(true);
+        }
+        if self.has_magic(start)? {
             return Ok(true);
         }
         let most = self.limits.record_bytes.max(self.source.length());
@@ -117,15 +143,20 @@ impl Frames<'_> {
                 header.first(),
                 header.get(1..9).and_then(|l| l.first_chunk::<8>()),
             ) {
-                (Some(1..=op::DATA_END), Some(length)) => u64::from_le_bytes(*length) <= most,
+                (Some(1..=op::DATA_END | op::FIRST_PRIVATE..), Some(length)) => {
+                    u64::from_le_bytes(*length) <= most
+                }
                 (Some(1..=op::DATA_END), None) => true,
                 _ => false,
             },
         )
     }
 
-    /// Whether the file ends at `start` or goes on with a record of a summary.
-    fn summary_follows(&mut self, start: u64) -> io::Result<bool> {
+    /// Whether the file or the log ends at `start`, or goes on with a record of a summary.
+    pub(super) fn summary_follows(&mut self, start: u64) -> io::Result<bool> {
+        if self.has_magic(start)? {
+            return Ok(true);
+        }
         let opcode = self.source.probe(start, 1)?.first().copied();
         Ok(match opcode {
             None => true,
@@ -137,8 +168,13 @@ impl Frames<'_> {
     }
 }
 
+/// Whether a record is an application's own.
+pub(super) const fn is_private(opcode: u8) -> bool {
+    opcode >= op::FIRST_PRIVATE
+}
+
 /// Records that only a summary has; in the data section they are something else with a damaged opcode.
-const fn belongs_to_summary(opcode: u8) -> bool {
+pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
     matches!(
         opcode,
         op::CHUNK_INDEX

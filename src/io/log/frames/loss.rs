@@ -29,6 +29,12 @@ pub enum Loss {
          cannot be known"
     )]
     NoDataEnd,
+    /// The mark that data is complete, or the log's closing mark, before the last records of data.
+    #[error(
+        "the log says that its data ends at byte {0}, but records of data follow: they were read; readers that believe it \
+         leave them out"
+    )]
+    EarlyEnd(u64),
     /// A record whose opcode is not known or does not belong into the data section.
     #[error(
         "a record with opcode 0x{0:02x} does not belong here: its opcode is damaged, or another format wrote it"

@@ -3,7 +3,7 @@
 use super::super::account::Account;
 use super::super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::super::frames::{Loss, Lost};
-use super::{LogReject, SpanClock, Visitor, ns};
+use super::{LogReject, LossKind, SpanClock, Visitor, ns};
 
 /// Merges a block that was walked, accounts for one that was not.
 pub(super) fn settle<V: Visitor>(
@@ -15,7 +15,6 @@ pub(super) fn settle<V: Visitor>(
         start,
         end,
         ref chunk,
-        indexed,
     } = block.extent;
     let reject = |fault: &BlockFault, tally: &Tally| LogReject {
         file: account.file.clone(),
@@ -25,6 +24,7 @@ pub(super) fn settle<V: Visitor>(
         time_span_ns: tally.times.map(|(first, last)| (ns(first), ns(last))),
         clock: SpanClock::Log,
         messages: tally.messages,
+        loss: LossKind::Bytes,
         reason: fault.to_string(),
     };
     let mut rejects: Vec<_> = block
@@ -34,7 +34,7 @@ pub(super) fn settle<V: Visitor>(
         .collect();
     if let Outcome::Rejected(fault) = &block.outcome {
         let tally = Tally {
-            messages: indexed,
+            messages: block.indexed,
             times: chunk
                 .as_ref()
                 .map(|chunk| (chunk.start_time, chunk.end_time)),
@@ -42,6 +42,9 @@ pub(super) fn settle<V: Visitor>(
         rejects.push(reject(fault, &tally));
     } else {
         account.count(chunk.as_ref(), block.messages);
+        for (opcode, count) in &block.private_records {
+            account.private(*opcode, *count);
+        }
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }
     for reject in rejects {
@@ -53,8 +56,8 @@ pub(super) fn settle<V: Visitor>(
 pub(super) struct Run {
     pub start: u64,
     pub end: u64,
-    /// Where the last record begins, if it is a message.
-    last_message: Option<u64>,
+    /// Where the last record begins, and whether it is a message.
+    last: (u64, bool),
 }
 
 impl Run {
@@ -62,15 +65,17 @@ impl Run {
         Self {
             start: run.map_or(start, |run| run.start),
             end,
-            last_message: is_message.then_some(start),
+            last: (start, is_message),
         }
     }
 
-    /// Where framing is lost right behind a message, its own length may be what is wrong.
+    /// Where framing is lost right behind a message, its own length may be what is wrong; where it is lost from the last
+    /// record on, that one is none.
     pub fn yield_to(&mut self, lost: &mut Lost) {
-        if let (Loss::Framing(_), Some(start), true) =
-            (lost.why, self.last_message, lost.start == self.end)
-        {
+        let (start, is_message) = self.last;
+        let is_framing = matches!(lost.why, frames::Loss::Framing(_));
+        let of_message = is_message && lost.start == self.end;
+        if is_framing && (of_message || lost.start == start) {
             self.end = start;
             lost.start = start;
         }

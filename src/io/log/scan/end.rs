@@ -2,42 +2,90 @@
 
 use super::super::packed::Packed;
 use super::super::summary::{self, Ending};
-use super::{FileError, LogReject, Scan, SpanClock, Visitor};
+use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
 
 const AFTER_DATA_CUT: &str = "the file ends behind its data, without the closing mark: it was cut, or its recorder was \
      stopped hard; no message is lost, but readers that need the summary will refuse it";
 const SUMMARY_DAMAGED: &str =
     "the summary at the end is damaged: no message is lost, but readers that need it may fail";
+const NO_RECORDS: &str =
+    "bytes behind the closing mark that are no records: nothing in them was read";
 
 impl<V, E> Scan<'_, V>
 where
     V: Visitor<Error = E>,
     E: From<FileError>,
 {
-    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one.
-    pub(super) fn check_unchunked(&mut self) -> Result<(), E> {
+    /// What is known only at the end of a log, which is at byte `end`.
+    pub(super) fn end_log(&mut self, end: u64) -> Result<(), E> {
+        self.flush()?;
+        let log = self.frames.log_start()..end;
+        let ending = summary::ending(self.frames.source(), log.clone());
+        let (ending, range) = ending.map_err(|source| self.io(source))?;
+        self.check_records()?;
+        if end < self.account.bytes {
+            // What the summary defines was looked for at the end of the file.
+            self.summary = None;
+        }
+        self.compare(end, range.filter(|_| ending == Ending::Sound))?;
+        if let Some(from) = self.frames.data_end() {
+            match ending {
+                Ending::Cut => self.note((from, end), AFTER_DATA_CUT.to_owned()),
+                Ending::Damaged => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
+                _ => {}
+            }
+        }
+        // One that was cut is told, whatever stands behind it.
+        if self.account.logs == 1 || self.account.ending != Ending::Cut {
+            self.account.ending = ending;
+        }
+        self.account
+            .channels
+            .extend(self.registry.channels().cloned());
+        Ok(())
+    }
+
+    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one; nor have records
+    /// of an application's own, one of which may be a message with one bit wrong.
+    fn check_records(&mut self) -> Result<(), E> {
         let Some((data_end, stated)) = self.frames.data_crc() else {
             return Ok(());
         };
         // Where bytes are lost the checksum is wrong anyway. A message that cannot be used is no reason for that.
-        let damaged = self.account.rejects.iter().any(LogReject::is_damage);
-        if self.account.messages_outside_chunks == 0 || damaged {
+        let rejects = self.account.rejects.get(self.rejects..);
+        let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));
+        let outside = self.account.messages_outside_chunks > self.outside_chunks;
+        if !(outside || !self.private.is_empty()) || damaged {
             return Ok(());
         }
-        let found = self.frames.source().checksum(0..data_end);
+        let start = self.frames.log_start();
+        let found = self.frames.source().checksum(start..data_end);
         let found = found.map_err(|source| self.io(source))?;
-        if found != stated {
+        if found == stated {
+            return Ok(());
+        }
+        let (places, what) = if outside {
+            (vec![(start, data_end)], "in messages outside chunks")
+        } else {
+            let places = std::mem::take(&mut self.private);
+            (
+                places,
+                "where chunks are sound, in records of an application's own",
+            )
+        };
+        for (byte_start, byte_end) in places {
             let reject = LogReject {
                 file: self.account.file.clone(),
                 topic: None,
-                byte_start: 0,
-                byte_end: data_end,
+                byte_start,
+                byte_end,
                 time_span_ns: None,
                 clock: SpanClock::Log,
                 messages: None,
+                loss: LossKind::Bytes,
                 reason: format!(
                     "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
-                     in messages outside chunks it cannot be told which; they were kept"
+                     {what} it cannot be told which; they were kept"
                 ),
             };
             self.account.reject(reject);
@@ -45,24 +93,17 @@ where
         Ok(())
     }
 
-    /// How the log ends: a summary that is damaged or cut off costs no message here, but other readers need it.
-    pub(super) fn judge_end(&mut self) -> Result<(), E> {
-        let ending = summary::ending(self.frames.source()).map_err(|source| self.io(source))?;
-        self.account.ending = ending.0;
-        let end = self.account.bytes;
-        let data_end = self.frames.data_end();
-        match (data_end, ending.0) {
-            (Some(from), Ending::Cut) => self.note((from, end), AFTER_DATA_CUT.to_owned()),
-            (Some(from), Ending::Damaged) => self.note((from, end), SUMMARY_DAMAGED.to_owned()),
-            _ => {}
+    /// Bytes behind the closing mark of the last log that are no records.
+    pub(super) fn tell_what_follows(&mut self, log_end: Option<u64>) {
+        let bytes = self.account.bytes;
+        if let Some(end) = log_end.filter(|&end| end < bytes) {
+            self.note((end, bytes), NO_RECORDS.to_owned());
         }
-        self.account_for_packing();
-        Ok(())
     }
 
     /// What could not be decompressed lies behind everything else; how much it is cannot be known, but a byte of the
     /// compressed file stands for one at least.
-    fn account_for_packing(&mut self) {
+    pub(super) fn account_for_packing(&mut self) {
         let Some(
             packed @ Packed {
                 fault: Some(fault), ..
@@ -88,6 +129,7 @@ where
             time_span_ns: None,
             clock: SpanClock::Log,
             messages: None,
+            loss: LossKind::Bytes,
             reason: format!(
                 "the zstd file is unsound at its byte {} of {}: {}; {reach}; places are counted in the decompressed log",
                 fault.at, packed.bytes, fault.why

@@ -223,7 +223,7 @@ impl Glance {
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
         let schema = schema.and_then(Result::ok);
-        let common = common(type_name);
+        let common = schema.as_ref().and_then(|_| common(type_name));
         let stamp = |schema: &MessageSchema| {
             let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
             let path = FieldPath::parse(common.map(|common| common.stamp).or(usual)?).ok()?;

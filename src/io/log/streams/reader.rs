@@ -1,6 +1,7 @@
 //! One message of a wanted channel → one row of its stream's columns, or the reason why not.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use thiserror::Error;
 
@@ -42,7 +43,7 @@ pub enum RowFault {
 }
 
 /// How the messages of one channel are read: `None` where nobody wants them.
-pub type Decoder = Option<Box<Reader>>;
+pub type Decoder = Option<Arc<Reader>>;
 
 /// How the messages of one wanted channel are read.
 #[derive(Debug)]

@@ -27,40 +27,66 @@ pub fn suggest(
     definition: &[u8],
     first_message: Option<&[u8]>,
 ) -> Option<Suggestion> {
-    let schema = MessageSchema::read(encoding, type_name, language, definition)?.ok()?;
-    if let Some(layout) = Layout::of_type(type_name) {
-        return Some(Suggestion {
-            layout,
-            fields: None,
-            stamped: true,
-        });
-    }
-    let leaves = match (&schema, first_message) {
-        (MessageSchema::Json(known), Some(message)) if known.leaves.is_empty() => {
-            JsonSchema::of_message(message).leaves
+    Suggestible::of(encoding, type_name, language, definition).suggestion(first_message)
+}
+
+/// The longest path that is offered: a longer one is nothing that a person would put into a pipeline file.
+const LONGEST_PATH: usize = 200;
+
+/// What a schema lets suggest, however many channels share it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Suggestible {
+    /// Its messages cannot be read.
+    Nothing,
+    /// A common type.
+    Common(Layout),
+    /// The paths of its fields, of CDR and protobuf.
+    Fields(Vec<String>),
+    /// The same of JSON, whose messages may tell more.
+    Json(Vec<String>),
+}
+
+impl Suggestible {
+    /// Looks at a schema.
+    pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
+        let schema = MessageSchema::read(encoding, type_name, language, definition);
+        let Some(Ok(schema)) = schema else {
+            return Self::Nothing;
+        };
+        if let Some(layout) = Layout::of_type(type_name) {
+            return Self::Common(layout);
         }
-        _ => schema.leaves(),
-    };
-    let leaves = Leaves(&leaves);
-    let (layout, mut named) = leaves.joints().or_else(|| leaves.pose())?;
-    let stamp = leaves
-        .stamp()
-        .or_else(|| leaves.date_time(&schema, first_message?));
-    if let Some(path) = stamp
-        .as_ref()
-        .filter(|path| !["header.stamp", "timestamp"].contains(&path.as_str()))
-    {
-        named.insert(0, ("stamp", path.clone()));
+        match schema {
+            MessageSchema::Json(schema) => Self::Json(offered(schema.leaves)),
+            schema => Self::Fields(offered(schema.leaves())),
+        }
     }
-    let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
-    Some(Suggestion {
-        layout,
-        fields: Some(format!(
-            "fields = {{ {} }}",
-            named.collect::<Vec<_>>().join(", ")
-        )),
-        stamped: stamp.is_some(),
-    })
+
+    /// What messages could be read as.
+    pub fn suggestion(&self, first_message: Option<&[u8]>) -> Option<Suggestion> {
+        match self {
+            Self::Nothing => None,
+            Self::Common(layout) => Some(Suggestion {
+                layout: *layout,
+                fields: None,
+                stamped: true,
+            }),
+            Self::Fields(leaves) => Leaves(leaves).suggestion(None),
+            Self::Json(leaves) => match first_message {
+                Some(message) if leaves.is_empty() => {
+                    let leaves = offered(JsonSchema::of_message(message).leaves);
+                    Leaves(&leaves).suggestion(first_message)
+                }
+                _ => Leaves(leaves).suggestion(first_message),
+            },
+        }
+    }
+}
+
+/// Paths short enough to be offered.
+fn offered(mut leaves: Vec<String>) -> Vec<String> {
+    leaves.retain(|leaf| leaf.len() <= LONGEST_PATH);
+    leaves
 }
 
 /// Paths of a type's fields.
@@ -69,6 +95,28 @@ struct Leaves<'l>(&'l [String]);
 type Named = Vec<(&'static str, String)>;
 
 impl Leaves<'_> {
+    /// A guess by their names; of JSON the first message may tell where its stamp is.
+    fn suggestion(&self, json_message: Option<&[u8]>) -> Option<Suggestion> {
+        let (layout, mut named) = self.joints().or_else(|| self.pose())?;
+        let stamp = self.stamp().or_else(|| self.date_time(json_message?));
+        let usual = ["header.stamp", "timestamp"];
+        if let Some(path) = stamp
+            .as_ref()
+            .filter(|path| !usual.contains(&path.as_str()))
+        {
+            named.insert(0, ("stamp", path.clone()));
+        }
+        let named = named.iter().map(|(key, path)| format!("{key} = {path:?}"));
+        Some(Suggestion {
+            layout,
+            fields: Some(format!(
+                "fields = {{ {} }}",
+                named.collect::<Vec<_>>().join(", ")
+            )),
+            stamped: stamp.is_some(),
+        })
+    }
+
     /// Paths that a pipeline file can name: a message may be made so that a name is none.
     fn sound(&self) -> impl Iterator<Item = &str> {
         let plain = |leaf: &&str| {
@@ -165,12 +213,10 @@ impl Leaves<'_> {
     }
 
     /// The first text among the fields of a message in JSON that is a date-time.
-    fn date_time(&self, schema: &MessageSchema, message: &[u8]) -> Option<String> {
-        if !matches!(schema, MessageSchema::Json(_)) {
-            return None;
-        }
+    fn date_time(&self, message: &[u8]) -> Option<String> {
         let single: Vec<_> = self.sound().filter(|path| !path.contains("[]")).collect();
         let paths = single.iter().map(|path| FieldPath::parse(path));
+        let schema = MessageSchema::Json(JsonSchema::default());
         let plan = schema.plan(&paths.collect::<Result<Vec<_>, _>>().ok()?);
         let mut row = Row::default();
         plan.ok()?.read(message, &mut row).ok()?;

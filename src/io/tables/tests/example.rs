@@ -15,7 +15,7 @@ use crate::fit::{
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
-use crate::ingest::{LogReject, SpanClock};
+use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
@@ -152,6 +152,7 @@ fn log_reject(messages: Option<u64>) -> LogReject {
         time_span_ns: messages.map(|_| (1, 2)),
         clock: SpanClock::Log,
         messages,
+        loss: messages.map_or(LossKind::Bytes, |_| LossKind::Unusable),
         reason: "a joint angle is not a finite number".to_owned(),
     }
 }

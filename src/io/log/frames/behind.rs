@@ -1,0 +1,163 @@
+//! What stands behind the data of a log: its summary and its end, data after all, or another log.
+//!
+//! 1. Behind the mark that data ends, records of a summary are stepped over up to the footer. Where a record of data
+//!    stands among them, the mark is wrong, and the walk goes on behind it.
+//! 2. Behind the footer and the closing magic bytes another log may begin, or records may follow that somebody added.
+
+use std::io;
+
+use mcap::MAGIC;
+
+use super::again::Among;
+use super::judge::{Judged, belongs_to_summary, is_private};
+use super::{Frames, Loss, Lost, Piece, lost};
+use crate::io::log::record::{FRAME_HEADER, op};
+use crate::io::log::summary::{self, Ending};
+
+/// Bytes of the magic.
+const MARK: u64 = MAGIC.len() as u64;
+
+/// What follows the mark that data ends.
+enum Behind {
+    /// Nothing more of the log's data; this is where its end was met.
+    End(u64),
+    /// Records of data.
+    Data,
+}
+
+/// Whether a log begins so: with magic bytes and the opcode of a header.
+pub(super) fn begins_log(start: &[u8]) -> bool {
+    start.starts_with(MAGIC) && start.get(MAGIC.len()) == Some(&op::HEADER)
+}
+
+impl Frames<'_> {
+    /// Whether magic bytes stand at `at`.
+    pub(super) fn has_magic(&mut self, at: u64) -> io::Result<bool> {
+        Ok(self.source.probe(at, MAGIC.len())? == MAGIC)
+    }
+
+    /// Whether a log begins at `at`.
+    pub(super) fn begins_log(&mut self, at: u64) -> io::Result<bool> {
+        Ok(begins_log(self.source.probe(at, MAGIC.len() + 1)?))
+    }
+
+    /// The log that begins at `start`; before it, that the one before has no end, if it has none.
+    pub(super) const fn next_log(&mut self, start: u64) -> Piece {
+        if self.log.end.is_some() {
+            return Piece::Log { start };
+        }
+        self.log.end = Some(start);
+        lost(start, start, Loss::NoDataEnd)
+    }
+
+    /// Goes on behind the mark from `start` to `end` that data ends here.
+    pub(super) fn end_data(&mut self, start: u64, end: u64) -> io::Result<Option<Piece>> {
+        match self.behind(end)? {
+            Behind::End(at) => self.end_log(at),
+            Behind::Data => {
+                self.log.went_on = true;
+                Ok(Some(lost(start, end, Loss::EarlyEnd(start))))
+            }
+        }
+    }
+
+    /// Goes on behind the log's footer, or where its summary breaks off.
+    pub(super) fn end_log(&mut self, at: u64) -> io::Result<Option<Piece>> {
+        let is_closed = self.has_magic(at)? && !self.begins_log(at)?;
+        let end = at + if is_closed { MARK } else { 0 };
+        self.at = end;
+        if end >= self.source.length() || self.begins_log(end)? {
+            self.log.end = Some(end);
+            self.ended = end >= self.source.length();
+            return Ok(None);
+        }
+        if matches!(self.judge(end)?, Judged::Sound { opcode, .. } if is_data(opcode)) {
+            self.log.went_on = true;
+            return Ok(Some(lost(end, end, Loss::EarlyEnd(end))));
+        }
+        let Some(found) = self.resynchronise(end, Among::Summary)? else {
+            self.log.end = Some(if is_closed { end } else { self.source.length() });
+            self.ended = true;
+            return Ok(None);
+        };
+        self.at = found;
+        if self.begins_log(found)? {
+            self.log.end = Some(end);
+        } else {
+            self.log.went_on = true;
+        }
+        Ok(Some(Piece::Lost(Lost {
+            start: end,
+            end: found,
+            why: Loss::Framing(end),
+            times: None,
+        })))
+    }
+
+    /// Steps over a summary, as far as it is one.
+    fn behind(&mut self, from: u64) -> io::Result<Behind> {
+        let is_damaged = self.is_damaged_summary(from)?;
+        let mut at = from;
+        loop {
+            if at >= self.source.length() || self.has_magic(at)? {
+                return Ok(Behind::End(at));
+            }
+            let Some((opcode, end)) = self.frame(at)? else {
+                break;
+            };
+            if opcode == op::FOOTER && self.footer_fits(end, end - at - FRAME_HEADER)? {
+                return Ok(Behind::End(end));
+            }
+            let follows = self.could_follow(end)?;
+            let is_data = match self.judge(at)? {
+                // One wrong bit makes data of a definition: in a summary that is damaged only what is certain counts.
+                Judged::Sound { opcode, .. } if is_data(opcode) => {
+                    !is_damaged || self.is_anchor(at)?
+                }
+                _ => false,
+            };
+            let is_summary = matches!(opcode, op::SCHEMA | op::CHANNEL)
+                || belongs_to_summary(opcode)
+                || is_private(opcode)
+                || is_damaged;
+            match (is_data, is_summary && follows) {
+                (true, _) => return Ok(Behind::Data),
+                (false, true) => at = end,
+                (false, false) => break,
+            }
+        }
+        Ok(match self.resynchronise(at + 1, Among::Summary)? {
+            Some(_) => Behind::Data,
+            None => Behind::End(self.source.length()),
+        })
+    }
+
+    /// Opcode and end of the frame at `at`, if it ends within the file.
+    fn frame(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
+        let header = self.source.probe(at, 9)?;
+        let length = header.get(1..9).and_then(|length| length.first_chunk());
+        let (Some(&opcode), Some(length)) = (header.first(), length) else {
+            return Ok(None);
+        };
+        let end = u64::from_le_bytes(*length)
+            .checked_add(FRAME_HEADER)
+            .and_then(|length| length.checked_add(at));
+        let end = end.filter(|&end| end <= self.source.length());
+        Ok(end.map(|end| (opcode, end)))
+    }
+
+    /// Whether the file's footer says that a summary begins here, and its checksum says that it is damaged.
+    fn is_damaged_summary(&mut self, from: u64) -> io::Result<bool> {
+        let (start, end) = (self.log.start, self.source.length());
+        let begins = summary::begin(self.source, start..end)?;
+        Ok(begins == Some(from) && summary::ending(self.source, start..end)?.0 == Ending::Damaged)
+    }
+}
+
+/// Whether a record belongs to the data of a log, not to its summary.
+const fn is_data(opcode: u8) -> bool {
+    matches!(
+        opcode,
+        op::MESSAGE | op::CHUNK | op::MESSAGE_INDEX | op::ATTACHMENT | op::METADATA | op::DATA_END
+    )
+}

@@ -1,0 +1,32 @@
+//! What the message indexes behind a chunk say of it.
+
+use std::collections::BTreeMap;
+use std::io;
+
+use crate::io::log::record::{FRAME_HEADER, indexed_messages, op};
+use crate::io::log::source::Source;
+
+/// How many messages of each channel the message indexes from byte `at` on list, for a chunk that cannot be read; `None`
+/// where none stand there.
+pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTreeMap<u16, u64>>> {
+    let mut found = BTreeMap::new();
+    loop {
+        let header = source.probe(at, 15)?;
+        let length = header.get(1..9).and_then(|length| length.first_chunk());
+        let (Some(&op::MESSAGE_INDEX), Some(length)) = (header.first(), length) else {
+            break;
+        };
+        let length = u64::from_le_bytes(*length);
+        let Some((channel, messages)) = header.get(9..).and_then(|b| indexed_messages(b, length))
+        else {
+            break;
+        };
+        let end = at.saturating_add(FRAME_HEADER).saturating_add(length);
+        if end > source.length() {
+            break;
+        }
+        *found.entry(channel).or_default() += messages;
+        at = end;
+    }
+    Ok((!found.is_empty()).then_some(found))
+}
