@@ -1,7 +1,11 @@
 //! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
 //!
 //! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
-//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none.
+//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none. It asks for
+//! errors that are independent, which visits of one pose are not: [`PoseErrors`] counts poses, each with the worst of its visits.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
@@ -88,17 +92,86 @@ pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
     ascending(norms).get(rank - 1).copied()
 }
 
-/// The same where several errors are of one station: `independent` stations in all, each with a share of the errors.
+/// Errors by pose: what a distribution-free bound counts.
 ///
-/// The rank is that of `independent` errors, carried to the same share of all of them.
-pub fn upper_tolerance_bound_of(
-    norms: &[f64],
-    independent: usize,
-    coverage: Coverage,
-) -> Option<f64> {
-    let rank = bound_rank(independent, coverage)?;
-    let place = (rank * norms.len()).div_ceil(independent);
-    ascending(norms).get(place.checked_sub(1)?).copied()
+/// A pose is one unit however often it was visited, and counts with the worst of its visits. A visit may have several errors, each
+/// as good as the others (grids of several phases, other days): samples, of which every pose has the worst visit of each.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PoseErrors {
+    /// The worst error by pose and sample, mm.
+    worst: BTreeMap<(usize, usize), f64>,
+    poses: BTreeSet<usize>,
+    visits: BTreeSet<usize>,
+}
+
+/// How many a bound counts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counted {
+    /// Poses: its n.
+    pub poses: usize,
+    /// Visits of these poses, one or more of each.
+    pub visits: usize,
+}
+
+impl Counted {
+    /// So many poses, each visited once.
+    pub const fn once(poses: usize) -> Self {
+        Self {
+            poses,
+            visits: poses,
+        }
+    }
+}
+
+impl fmt::Display for Counted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} poses", self.poses)?;
+        if self.visits > self.poses {
+            write!(f, " in {} visits", self.visits)?;
+        }
+        Ok(())
+    }
+}
+
+impl PoseErrors {
+    /// Adds an error (mm) of `visit`, a station's number, of `pose`; `sample` tells the errors of one visit apart.
+    pub fn add(&mut self, pose: usize, visit: usize, sample: usize, error_mm: f64) {
+        let worst = self.worst.entry((pose, sample)).or_insert(error_mm);
+        if error_mm.total_cmp(worst).is_gt() {
+            *worst = error_mm;
+        }
+        self.poses.insert(pose);
+        self.visits.insert(visit);
+    }
+
+    /// How many poses and visits there are.
+    pub fn counted(&self) -> Counted {
+        Counted {
+            poses: self.poses.len(),
+            visits: self.visits.len(),
+        }
+    }
+
+    /// Distribution-free upper bound on the share `coverage.share` of errors, mm; `None` with too few poses.
+    ///
+    /// Where poses have several samples, the rank is that of as many errors as there are poses, carried to the same share of all.
+    pub fn bound(&self, coverage: Coverage) -> Option<f64> {
+        let poses = self.poses.len();
+        let rank = bound_rank(poses, coverage)?;
+        let worst: Vec<f64> = self.worst.values().copied().collect();
+        let place = (rank * worst.len()).div_ceil(poses);
+        ascending(&worst).get(place.checked_sub(1)?).copied()
+    }
+
+    /// The worst error of each pose, mm.
+    pub fn worst(&self) -> Vec<f64> {
+        let mut worst: BTreeMap<usize, f64> = BTreeMap::new();
+        for ((pose, _), error_mm) in &self.worst {
+            let own = worst.entry(*pose).or_insert(*error_mm);
+            *own = own.max(*error_mm);
+        }
+        worst.into_values().collect()
+    }
 }
 
 /// The rank k of the order statistic that bounds, from 1; `None` where even the largest does not.
@@ -193,6 +266,47 @@ mod tests {
         assert_eq!(bound_rank(700, p95), Some(675));
         assert_eq!(bound_rank(700, p99), Some(698));
         assert!((least_count(p95) - 59.0).abs() < 1e-12);
+    }
+
+    const P95: Coverage = Coverage {
+        share: 0.95,
+        confidence: 0.95,
+    };
+
+    #[test]
+    fn a_pose_counts_once_and_with_the_worst_of_its_visits() {
+        let mut errors = PoseErrors::default();
+        // 30 poses visited six times, 180 visits: no more is known than of 30 poses, of which 59 are needed.
+        for visit in 0..180 {
+            errors.add(visit % 30, visit, 0, 0.001 * visit as f64);
+        }
+        assert_eq!(errors.counted().to_string(), "30 poses in 180 visits");
+        assert_eq!(errors.bound(P95), None);
+        // The last visits are the worst: 150 to 179 µm.
+        assert!((errors.worst()[0] - 0.150).abs() < 1e-12 && errors.worst().len() == 30);
+        // With 29 more poses of no error the bound is the largest of the 59, k = 59.
+        (30..59).for_each(|pose| errors.add(pose, 150 + pose, 0, 0.0));
+        let bound = errors.bound(P95).expect("59 poses");
+        assert!((bound - 0.179).abs() < 1e-12, "{bound}");
+    }
+
+    #[test]
+    fn several_samples_of_a_pose_make_no_more_poses() {
+        let mut errors = PoseErrors::default();
+        // Two visits of each of 60 poses, on 8 days each: day 7 of the second visit is the worst.
+        for (pose, day) in (0..60).flat_map(|pose| (0..8).map(move |day| (pose, day))) {
+            errors.add(pose, pose, day, 0.1);
+            errors.add(pose, 60 + pose, day, 0.1 + 0.01 * day as f64);
+        }
+        assert_eq!(
+            errors.counted(),
+            Counted {
+                poses: 60,
+                visits: 120
+            }
+        );
+        // k = 60 of 60 is the largest: 0.17 mm.
+        assert!((errors.bound(P95).expect("60 poses") - 0.17).abs() < 1e-12);
     }
 
     #[test]

@@ -8,7 +8,8 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 //!
-//! Beyond geometry: the whole error model ([`full`]), and whether pooled sessions are of one arm ([`same_arm`]).
+//! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), and which stations
+//! are visits of one pose ([`visits`]).
 
 pub mod commanded;
 pub mod full;
@@ -23,6 +24,7 @@ pub mod same_arm;
 pub mod saved;
 pub mod solve;
 pub mod start;
+pub mod visits;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -32,7 +34,7 @@ pub use gauge::{ErrorModel, Gauge};
 pub use holdout::Blocks;
 pub use loss::Loss;
 pub use models::{IdentifiedGeometry, Models, Predictor, ToolErrors, TrainingSettings};
-pub use observation::{Noise, Observation, TrackerUncertainty, add_shortfalls, observations};
+pub use observation::{Noise, Observation, TrackerUncertainty, add_commands, observations};
 pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
 pub use solve::{Convergence, Solution};

@@ -88,6 +88,8 @@ pub struct Judged {
     pub interpolation: Interpolation,
     /// How it was judged.
     pub judgement: Judgement,
+    /// The test session whose stations judged; `None` where held-out blocks did.
+    pub of_test: Option<String>,
     /// Nodes of the grid; for local cells, the eight of each cell.
     pub nodes: usize,
     /// Refused nodes by reason.
@@ -197,6 +199,24 @@ pub struct GridInput<'a> {
     pub model: &'a dyn ErrorModel,
     /// Expanded uncertainty (k = 2) of the measurement that judges, mm: verdicts are guarded by it.
     pub guard_mm: f64,
+}
+
+impl Grids {
+    /// Judges the chosen table by a test session: by those of its stations that the table answers for. Its row is added to the
+    /// others; the choice stays as it is.
+    pub fn judge_by_session(
+        &mut self,
+        session: &str,
+        stations: &[GridStation],
+        model: &dyn ErrorModel,
+        tolerance: &Tolerance,
+    ) -> &Judged {
+        let held_out = self.table.judged_by(stations, model);
+        let chosen = &self.judged[self.choice.row];
+        let row = rows::session_row(chosen, session, held_out, tolerance, self.guard_mm);
+        self.judged.push(row);
+        &self.judged[self.judged.len() - 1]
+    }
 }
 
 /// Judges every step and builds the table of the one chosen.

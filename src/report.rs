@@ -13,10 +13,13 @@ pub mod page;
 pub mod promise;
 pub mod refit;
 pub mod tip;
+pub mod verdict;
+
+use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use crate::figures::Figures;
+use crate::figures::{Counted, Figures, PoseErrors};
 use crate::grid::Verdict;
 use tip::Turn;
 
@@ -88,6 +91,8 @@ pub struct Subject {
 pub struct Residual {
     /// The station's number in its session.
     pub station: usize,
+    /// The number of the station that its pose is named by: visits of one pose have one.
+    pub pose: usize,
     /// The fold that held it out, where blocks were.
     pub fold: Option<usize>,
     /// Whether the base was refitted on it.
@@ -113,6 +118,30 @@ pub struct ResidualSet {
     pub residuals: Vec<Residual>,
 }
 
+impl ResidualSet {
+    /// Residuals of the stations that judge: all but those that the base was refitted on.
+    pub fn judged(&self) -> impl Iterator<Item = &Residual> {
+        self.residuals.iter().filter(|r| !r.used_for_refit)
+    }
+
+    /// Errors of the stations that judge, by pose; several of a station (`errors`, mm) are samples of it. Poses that the base was
+    /// refitted on take no part: another visit of one would be judged by what it was fitted to.
+    pub fn by_pose<E: IntoIterator<Item = f64>>(
+        &self,
+        errors: impl Fn(&Residual) -> E,
+    ) -> PoseErrors {
+        let fitted = self.residuals.iter().filter(|r| r.used_for_refit);
+        let fitted: BTreeSet<usize> = fitted.map(|r| r.pose).collect();
+        let mut by_pose = PoseErrors::default();
+        for residual in self.judged().filter(|r| !fitted.contains(&r.pose)) {
+            for (sample, error_mm) in errors(residual).into_iter().enumerate() {
+                by_pose.add(residual.pose, residual.station, sample, error_mm);
+            }
+        }
+        by_pose
+    }
+}
+
 /// Accuracy of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Accuracy {
@@ -128,6 +157,8 @@ pub struct Accuracy {
     pub figures: Option<Figures>,
     /// Distribution-free upper tolerance bound, mm.
     pub bound: Option<f64>,
+    /// Poses and visits that the bound counts.
+    pub counted: Counted,
     /// Distinct blocks the stations lie in: those of one block are not independent.
     pub blocks: Option<usize>,
     /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected).

@@ -65,7 +65,7 @@ fn observed(
 ) -> Vec<Observation> {
     let mut observations = fit::observations(session, stations, arm, &NOISE);
     let commanded = commanded(stations, arm, frames);
-    fit::add_shortfalls(&mut observations, stations, &commanded);
+    fit::add_commands(&mut observations, stations, &commanded);
     observations
 }
 

@@ -43,7 +43,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
     };
     let commanded = commanded(&stations, arm, &frames);
     let mut observations = fit::observations(0, &stations, arm, &NOISE);
-    fit::add_shortfalls(&mut observations, &stations, &commanded);
+    fit::add_commands(&mut observations, &stations, &commanded);
     let settings = TrainingSettings {
         fit: &FitSettings::default(),
         full: &FullSettings::default(),

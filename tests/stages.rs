@@ -151,7 +151,10 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
     );
     let chosen = &outcome.grids.judged[outcome.grids.choice.row];
     assert_eq!(chosen.verdict, Verdict::Meets);
-    assert!(chosen.held_out.stations >= 59, "fewer than a bound needs");
+    assert!(
+        chosen.held_out.counted().poses >= 59,
+        "fewer than a bound needs"
+    );
     let fails = |row: &&posegrid::grid::Judged| {
         row.verdict == Verdict::DoesNotMeet && row.step_mm > chosen.step_mm
     };
@@ -168,7 +171,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
     {
         let refused: usize = row.held_out.refused.values().sum();
         assert_eq!(
-            row.held_out.stations + refused + row.held_out.outside + row.held_out.unlike,
+            row.held_out.counted().visits + refused + row.held_out.outside + row.held_out.unlike,
             615,
             "{row:?}"
         );

@@ -11,6 +11,7 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
+use super::visits::{self, Dwell};
 use crate::figures::median;
 use crate::join::Station;
 use crate::kinematics::Arm;
@@ -42,6 +43,8 @@ pub struct Commanded {
     pub shortfalls: Vec<Option<Shortfall>>,
     /// Whether commanded orientations are those that were sent.
     pub trust: Trust,
+    /// For each station the place of the one that its pose is named by: visits of one pose have one.
+    pub visits: Vec<usize>,
 }
 
 /// Commanded minus reported axis variables of one station, rad.
@@ -96,11 +99,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         .map(|station| pose(station, frames))
         .collect();
     let Some(flange_from_tool) = frames.flange_from_tool else {
-        return Commanded {
-            shortfalls: vec![None; poses.len()],
-            poses,
-            trust: Trust::NoOrientations,
-        };
+        return without_orientations(stations, poses);
     };
     let turns: Vec<Option<Vector3<f64>>> = stations
         .iter()
@@ -108,11 +107,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         .map(|(station, pose)| turn(station, pose.as_ref()?, arm, &flange_from_tool))
         .collect();
     let Some(constant) = constant_turn(&turns) else {
-        return Commanded {
-            shortfalls: vec![None; poses.len()],
-            poses,
-            trust: Trust::NoOrientations,
-        };
+        return without_orientations(stations, poses);
     };
     let scatter = median(
         &turns
@@ -143,9 +138,41 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         });
     Commanded {
         shortfalls: shortfalls.collect(),
+        visits: visits::poses(&dwells(stations, &poses, trust)),
         poses,
         trust,
     }
+}
+
+/// Commands whose orientations say nothing of what the arm fell short of.
+fn without_orientations(stations: &[Station], poses: Vec<Option<CommandedPose>>) -> Commanded {
+    let trust = Trust::NoOrientations;
+    Commanded {
+        shortfalls: vec![None; poses.len()],
+        visits: visits::poses(&dwells(stations, &poses, trust)),
+        poses,
+        trust,
+    }
+}
+
+/// Stations as dwells whose visits of one pose are to be found. Orientations that were not sent as they are stated differ between
+/// visits of one pose, so they take no part.
+pub fn dwells<'s>(
+    stations: &'s [Station],
+    poses: &[Option<CommandedPose>],
+    trust: Trust,
+) -> Vec<Dwell<'s>> {
+    let stated = |pose: &CommandedPose| CommandedPose {
+        orientation: pose
+            .orientation
+            .filter(|_| !matches!(trust, Trust::Scatters(_))),
+        ..*pose
+    };
+    let dwell = |(station, pose): (&'s Station, &Option<CommandedPose>)| Dwell {
+        command: pose.as_ref().map(stated),
+        joints: &station.joints,
+    };
+    stations.iter().zip(poses).map(dwell).collect()
 }
 
 fn pose(station: &Station, frames: &CommandFrames) -> Option<CommandedPose> {

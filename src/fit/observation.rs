@@ -57,6 +57,8 @@ pub struct Observation {
     pub session: usize,
     /// The station's number in its session.
     pub station: usize,
+    /// The number of the station that its pose is named by: visits of one pose have one.
+    pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
     /// Measured target position in the tracker frame, mm.
@@ -77,6 +79,7 @@ impl Observation {
         Self {
             session: 0,
             station: 0,
+            pose: 0,
             axes,
             position,
             instrument,
@@ -112,6 +115,7 @@ pub fn observations(
         .map(|(station, attained)| Observation {
             session,
             station: station.number,
+            pose: station.number,
             axes: arm.axes(&station.joints),
             position: attained.position,
             instrument: instrument(attained, noise),
@@ -122,21 +126,22 @@ pub fn observations(
         .collect()
 }
 
-/// Gives observations what their stations' commands fell short of.
-pub fn add_shortfalls(
-    observations: &mut [Observation],
-    stations: &[Station],
-    commanded: &Commanded,
-) {
-    let shortfalls: BTreeMap<usize, &Shortfall> = stations
+/// Gives observations what their stations' commands say: what they fell short of, and which pose they visit.
+pub fn add_commands(observations: &mut [Observation], stations: &[Station], commanded: &Commanded) {
+    let of_stations = commanded.shortfalls.iter().zip(&commanded.visits);
+    let by_number: BTreeMap<usize, (Option<&Shortfall>, usize)> = stations
         .iter()
-        .zip(&commanded.shortfalls)
-        .filter_map(|(station, shortfall)| Some((station.number, shortfall.as_ref()?)))
+        .zip(of_stations)
+        .map(|(station, (shortfall, &pose))| {
+            (station.number, (shortfall.as_ref(), stations[pose].number))
+        })
         .collect();
     for observation in observations {
-        observation.shortfall = shortfalls
-            .get(&observation.station)
-            .map(|shortfall| (*shortfall).clone());
+        let Some((shortfall, pose)) = by_number.get(&observation.station) else {
+            continue;
+        };
+        observation.shortfall = shortfall.cloned();
+        observation.pose = *pose;
     }
 }
 

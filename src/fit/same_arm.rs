@@ -1,4 +1,4 @@
-//! Whether sessions that were pooled are of one arm.
+//! Whether sessions that were pooled, or that judge, are of one arm.
 //!
 //! Inputs: the whole model of a pool, the base + target fit and the observations of the same pool. Output: per session, what
 //! the shared arm leaves of its stations beside what the nominal arm leaves, and a verdict.
@@ -12,6 +12,8 @@
 //! and of one size, the shared arm's are at best their mean, and it leaves `|e − e'|/2`, on average 1/√2 of what the nominal
 //! arm leaves, and more where the pool holds more sessions of the other arm. One arm leaves its changes: tenths of a
 //! milliradian at the very most, where its errors are milliradians. Half the variance of the former is [`LIMIT`] squared.
+//!
+//! A session that only judges is asked the same ([`unseen`]); it is named, as nothing was learnt from it.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -133,6 +135,50 @@ pub fn fits(
         .filter(|_| sessions > 1)
         .filter_map(fit)
         .collect()
+}
+
+/// How the arm identified from other sessions fits one that took no part, its base found anew: what it leaves and what the nominal
+/// arm leaves at the middle, mm. Nothing is known of the session's own changes: each joint's moves the target, which sits at
+/// `target_mm` along the flange's axes, by what its twist does. `None` without stations.
+pub fn unseen(
+    arm: &Arm,
+    observations: &[Observation],
+    target_mm: &Vector3<f64>,
+    left_mm: &LeftBy,
+    change_rad: f64,
+) -> Option<SharedFit> {
+    let nominal = vec![0.0; arm.chain().parameters().len()];
+    let allowed = |o: &Observation| {
+        let differential = arm.chain().differential(&o.axes, &nominal);
+        let lever = differential.end.rotation * target_mm;
+        let moved = differential.joints.iter();
+        let moved = moved.map(|twist| (twist.linear + twist.angular.cross(&lever)).norm_squared());
+        let change = (CHANGES * change_rad).powi(2) * moved.sum::<f64>();
+        (o.instrument.trace() + change).sqrt()
+    };
+    let allowed: Vec<f64> = observations.iter().map(allowed).collect();
+    Some(SharedFit {
+        session: 0,
+        shared_mm: left_mm.identified,
+        nominal_mm: left_mm.nominal,
+        allowed_mm: median(&allowed)?,
+    })
+}
+
+/// Median distances that are left at the stations of a session, base refitted on all of them, mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftBy {
+    /// By the identified arm.
+    pub identified: f64,
+    /// By the nominal arm.
+    pub nominal: f64,
+}
+
+impl LeftBy {
+    /// Whether the identified arm leaves less than [`LIMIT`] of what the nominal one does.
+    pub fn improves(&self) -> bool {
+        self.identified <= LIMIT * self.nominal
+    }
 }
 
 /// One station as the shared arm has it.

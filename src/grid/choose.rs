@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{GridError, Interpolation, Judged, Judgement, Source, Verdict};
-use crate::figures::{Coverage, least_count};
+use crate::figures::{Counted, Coverage, least_count};
 
 /// The `[tolerance]` section of a pipeline file.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -26,13 +26,13 @@ impl Tolerance {
         }
     }
 
-    /// The verdict of a bound on `n` stations: `bound + guard ≤ tolerance`.
-    pub fn verdict(&self, bound: Option<f64>, n: usize, guard_mm: f64) -> Verdict {
+    /// The verdict of a bound on as many poses: `bound + guard ≤ tolerance`.
+    pub fn verdict(&self, bound: Option<f64>, counted: Counted, guard_mm: f64) -> Verdict {
         match bound {
             Some(bound) if bound + guard_mm <= self.mm => Verdict::Meets,
             Some(_) => Verdict::DoesNotMeet,
             None => Verdict::NotShown(format!(
-                "{n} held-out stations; {:.0} are needed for {} % with {} % confidence",
+                "{counted} held out; {:.0} poses are needed for {} % with {} % confidence",
                 least_count(self.coverage()),
                 100.0 * self.share,
                 100.0 * self.confidence
@@ -201,7 +201,7 @@ mod tests {
     use std::collections::{BTreeMap, BTreeSet};
 
     use super::*;
-    use crate::figures::{Figures, upper_tolerance_bound};
+    use crate::figures::{Figures, PoseErrors};
     use crate::grid::HeldOut;
 
     /// A table row of `n` held-out stations that all keep the same error.
@@ -212,12 +212,15 @@ mod tests {
             confidence: 0.95,
         };
         let norms = vec![left_mm; n];
-        let bound = upper_tolerance_bound(&norms, tolerance.coverage());
+        let mut by_pose = PoseErrors::default();
+        (0..n).for_each(|pose| by_pose.add(pose, pose, 0, left_mm));
+        let bound = by_pose.bound(tolerance.coverage());
         Judged {
             step_mm,
             source: Source::Model,
             interpolation: Interpolation::Trilinear,
             judgement: Judgement::Table,
+            of_test: None,
             nodes: 8,
             refused_nodes: BTreeMap::new(),
             cells: 1,
@@ -225,12 +228,12 @@ mod tests {
             figures: Figures::of(&norms),
             bound,
             bound_of_session: bound,
-            verdict: tolerance.verdict(bound, n, 0.0),
+            verdict: tolerance.verdict(bound, by_pose.counted(), 0.0),
             held_out: HeldOut {
                 uncorrected: vec![uncorrected_mm; n],
                 direct: vec![0.1; n],
                 norms,
-                stations: n,
+                by_pose,
                 blocks: BTreeSet::from([0]),
                 ..HeldOut::default()
             },
@@ -276,6 +279,8 @@ mod tests {
     #[test]
     fn too_few_stations_show_nothing() {
         let verdict = row(100.0, 0.1, 1.0, 58).verdict;
-        assert!(matches!(verdict, Verdict::NotShown(reason) if reason.contains("59 are needed")));
+        assert!(
+            matches!(verdict, Verdict::NotShown(reason) if reason.contains("58 poses held out; 59 poses are needed"))
+        );
     }
 }

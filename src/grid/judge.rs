@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::interpolation::Interpolation;
 use super::lattice::InCell;
 use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
+use crate::figures::{Counted, PoseErrors};
 use crate::fit::ErrorModel;
 
 /// Errors that are left on held-out stations, and the stations that could not be judged.
@@ -20,19 +21,19 @@ use crate::fit::ErrorModel;
 pub struct HeldOut {
     /// Norm of measured minus interpolated error, in station order, mm.
     pub norms: Vec<f64>,
-    /// Measured minus interpolated error of the same, each with its station's number, mm.
-    pub left: Vec<(usize, Vector3<f64>)>,
-    /// The same of the errors that those stations may have on another day, as many for each; empty where nothing is known
+    /// Measured minus interpolated error of the same stations.
+    pub left: Vec<LeftAt>,
+    /// Norms by pose: what a bound counts.
+    pub by_pose: PoseErrors,
+    /// Norms by pose of the errors that those stations may have on another day, as many for each; empty where nothing is known
     /// of that.
-    pub another_day: Vec<f64>,
+    pub another_day: PoseErrors,
     /// Norm of the same stations' errors with nothing subtracted, mm.
     pub uncorrected: Vec<f64>,
     /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
     pub direct: Vec<f64>,
     /// Blocks the stations come from: those of one block are not independent.
     pub blocks: BTreeSet<usize>,
-    /// How many stations the norms are of: fewer than norms where a station is judged by several decimated grids.
-    pub stations: usize,
     /// Stations in a refused cell, by reason.
     pub refused: BTreeMap<Refusal, usize>,
     /// Stations outside the box.
@@ -41,38 +42,55 @@ pub struct HeldOut {
     pub unlike: usize,
 }
 
-/// What one station's error is left at: by the grid, by nothing, and by the model without a grid.
-struct Left {
-    station: usize,
-    error: Vector3<f64>,
-    another_day: Vec<f64>,
-    uncorrected: f64,
-    direct: f64,
-    fold: usize,
-}
-
-impl Left {
-    fn new(station: &GridStation, interpolated: &Vector3<f64>, model: &dyn ErrorModel) -> Self {
-        Self {
-            station: station.number,
-            error: station.error - interpolated,
-            another_day: station.left_another_day(interpolated).collect(),
-            uncorrected: station.error.norm(),
-            direct: (station.error - model.error(&station.joints)).norm(),
-            fold: station.fold,
-        }
-    }
+/// What is left of one station's error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftAt {
+    /// The station's number.
+    pub station: usize,
+    /// The number of the station that its pose is named by.
+    pub pose: usize,
+    /// Which grid judged, where several do: 0 otherwise.
+    pub sample: usize,
+    /// Measured minus interpolated, mm.
+    pub error: Vector3<f64>,
 }
 
 impl HeldOut {
-    fn add(&mut self, left: &Left) {
-        self.norms.push(left.error.norm());
-        self.left.push((left.station, left.error));
-        self.another_day.extend(&left.another_day);
-        self.uncorrected.push(left.uncorrected);
-        self.direct.push(left.direct);
-        self.blocks.insert(left.fold);
-        self.stations += 1;
+    /// Adds what `interpolated` leaves of a station's error, by grid `sample`.
+    pub fn add(&mut self, station: &GridStation, interpolated: &Vector3<f64>, sample: usize) {
+        let left = LeftAt {
+            station: station.number,
+            pose: station.pose,
+            sample,
+            error: station.error - interpolated,
+        };
+        let norm = left.error.norm();
+        self.norms.push(norm);
+        self.by_pose.add(left.pose, left.station, sample, norm);
+        let days = station.another_day.len();
+        for (day, norm) in station.left_another_day(interpolated).enumerate() {
+            let sample = sample * days + day;
+            self.another_day.add(left.pose, left.station, sample, norm);
+        }
+        self.left.push(left);
+        self.uncorrected.push(station.error.norm());
+        self.blocks.insert(station.fold);
+    }
+
+    /// Adds the same beside what the model predicts without a grid.
+    pub fn add_beside(
+        &mut self,
+        station: &GridStation,
+        interpolated: &Vector3<f64>,
+        predicted: &Vector3<f64>,
+    ) {
+        self.add(station, interpolated, 0);
+        self.direct.push((station.error - predicted).norm());
+    }
+
+    /// Poses and stations that the norms are of: fewer than norms where a station is judged by several decimated grids.
+    pub fn counted(&self) -> Counted {
+        self.by_pose.counted()
     }
 
     /// Mean of what the grid leaves beyond what the model itself leaves, and its standard error, mm; `None` for measured
@@ -147,23 +165,23 @@ pub fn by_local_cell(
     interpolation: Interpolation,
     power: f64,
 ) -> HeldOut {
-    let left = |(station, cell): (&GridStation, &LocalCell)| {
+    let interpolated = |(station, cell): (&GridStation, &LocalCell)| {
         let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
         let weights = interpolation.weights(&cell.fraction, step, power);
         let errors = vertices
             .iter()
             .map(|joints| folds[station.fold].error(joints));
-        let interpolated: Vector3<f64> = errors
-            .zip(weights)
-            .map(|(error, weight)| error * weight)
-            .sum();
-        Ok(Left::new(station, &interpolated, folds[station.fold]))
+        let errors = errors.zip(weights).map(|(error, weight)| error * weight);
+        Ok((errors.sum(), folds[station.fold].error(&station.joints)))
     };
-    let found: Vec<Result<Left, Refusal>> = stations.par_iter().zip(cells).map(left).collect();
+    let found: Vec<Result<(Vector3<f64>, Vector3<f64>), Refusal>> =
+        stations.par_iter().zip(cells).map(interpolated).collect();
     let mut held_out = HeldOut::default();
-    for left in found {
-        match left {
-            Ok(left) => held_out.add(&left),
+    for (station, found) in stations.iter().zip(found) {
+        match found {
+            Ok((interpolated, predicted)) => {
+                held_out.add_beside(station, &interpolated, &predicted);
+            }
             Err(refusal) => *held_out.refused.entry(refusal).or_default() += 1,
         }
     }
@@ -205,7 +223,8 @@ pub fn by_table(
             None => held_out.outside += 1,
             Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
             Some(Ok(interpolated)) => {
-                held_out.add(&Left::new(station, &interpolated, folds[station.fold]));
+                let predicted = folds[station.fold].error(&station.joints);
+                held_out.add_beside(station, &interpolated, &predicted);
             }
         }
     }

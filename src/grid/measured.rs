@@ -3,7 +3,7 @@
 //! Only a session measured on a grid has them. Coarser steps come by decimation: every phase of every multiple of the
 //! pitch is a grid of its own, judged on all stations inside that are not its nodes.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
@@ -69,7 +69,7 @@ impl MeasuredGrid {
         {
             return Err(NotOnGrid::Mixed);
         }
-        // A node visited twice keeps its first visit; the second is a held-out station at no distance.
+        // A node visited twice keeps its first visit; later ones judge other phases, never their own node's.
         let mut places = BTreeMap::new();
         for (place, station) in stations.iter().enumerate() {
             places
@@ -108,21 +108,18 @@ impl MeasuredGrid {
         power: f64,
     ) -> HeldOut {
         let mut held_out = HeldOut::default();
-        let mut judged = BTreeSet::new();
         let [mx, my, mz] = multiples;
-        for phase in
-            (0..mz).flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
+        for (sample, phase) in (0..mz)
+            .flat_map(|z| (0..my).flat_map(move |y| (0..mx).map(move |x| [x, y, z])))
+            .enumerate()
         {
             let Some(decimated) = self.decimated(multiples, phase) else {
                 continue;
             };
             for place in 0..stations.len() {
-                if decimated.add(&mut held_out, stations, place, interpolation, power) {
-                    judged.insert(place);
-                }
+                decimated.add(&mut held_out, stations, place, sample, interpolation, power);
             }
         }
-        held_out.stations = judged.len();
         held_out
     }
 
@@ -164,23 +161,34 @@ pub struct Decimated {
 }
 
 impl Decimated {
-    /// Judges the station at `place` and says whether it could be.
+    /// Judges the station at `place` by this grid, which is `sample` of several; visits of its own nodes take no part.
     fn add(
         &self,
         held_out: &mut HeldOut,
         stations: &[GridStation],
         place: usize,
+        sample: usize,
         interpolation: Interpolation,
         power: f64,
-    ) -> bool {
+    ) {
         if self.nodes.contains(&Some(place)) {
-            return false;
+            return;
         }
         let station = &stations[place];
         let Some(cell) = self.lattice.locate(&station.position) else {
             held_out.outside += 1;
-            return false;
+            return;
         };
+        let is_own = |node: &GridStation| {
+            node.pose == station.pose || (node.position - station.position).norm() < PLANE_MM
+        };
+        let nodes = cell
+            .vertices
+            .iter()
+            .filter_map(|&vertex| self.nodes[vertex]);
+        if nodes.map(|node| &stations[node]).any(is_own) {
+            return;
+        }
         let vertices: Option<Vec<&GridStation>> = cell
             .vertices
             .iter()
@@ -188,7 +196,7 @@ impl Decimated {
             .collect();
         let Some(vertices) = vertices else {
             *held_out.refused.entry(Refusal::Unmeasured).or_default() += 1;
-            return false;
+            return;
         };
         if vertices
             .iter()
@@ -198,7 +206,7 @@ impl Decimated {
                 .refused
                 .entry(Refusal::OtherConfiguration)
                 .or_default() += 1;
-            return false;
+            return;
         }
         let joints: Vec<&[f64]> = vertices
             .iter()
@@ -206,7 +214,7 @@ impl Decimated {
             .collect();
         if !on_one_branch(&joints) {
             *held_out.refused.entry(Refusal::Branches).or_default() += 1;
-            return false;
+            return;
         }
         let weights = interpolation.weights(&cell.fraction, &self.lattice.step, power);
         let interpolated: Vector3<f64> = vertices
@@ -214,14 +222,7 @@ impl Decimated {
             .zip(weights)
             .map(|(vertex, w)| vertex.error * w)
             .sum();
-        let left = station.error - interpolated;
-        held_out.norms.push(left.norm());
-        held_out.left.push((station.number, left));
-        let another_day = station.left_another_day(&interpolated);
-        held_out.another_day.extend(another_day);
-        held_out.uncorrected.push(station.error.norm());
-        held_out.blocks.insert(station.fold);
-        true
+        held_out.add(station, &interpolated, sample);
     }
 }
 

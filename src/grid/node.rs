@@ -17,6 +17,8 @@ use crate::kinematics::{
 pub struct GridStation {
     /// Its number in the session.
     pub number: usize,
+    /// The number of the station that its pose is named by: visits of one pose have one.
+    pub pose: usize,
     /// Commanded position of the tool point in the base frame, mm.
     pub position: Point3<f64>,
     /// Orientation of the tool in the base frame.
@@ -36,7 +38,7 @@ pub struct GridStation {
 
 impl GridStation {
     /// A paired station as grids see it: `commanded` is the tool's commanded position in the base frame, where there is
-    /// one. `None` for a station without a measurement.
+    /// one. `None` for a station without a measurement. It is taken for the only visit of its pose.
     pub fn of(
         station: &Station,
         commanded: Option<Point3<f64>>,
@@ -48,6 +50,7 @@ impl GridStation {
         let position = commanded.unwrap_or_else(|| Point3::from(nominal.translation.vector));
         Some(Self {
             number: station.number,
+            pose: station.number,
             position,
             orientation: nominal.rotation,
             configuration: reach.configuration(&station.joints),

@@ -9,7 +9,7 @@ use super::measured::MeasuredGrid;
 use super::node::{GridStation, PlacedGrid, Refusal};
 use super::settings::{GridPlan, GridSettings};
 use super::{GridInput, Judged, Judgement, Source, Verdict};
-use crate::figures::{Figures, upper_tolerance_bound_of};
+use crate::figures::Figures;
 
 pub(super) fn local_row(
     input: &GridInput<'_>,
@@ -124,6 +124,32 @@ pub(super) fn measured_row(
     frame.judged(counts, held_out, tolerance, input.guard_mm)
 }
 
+/// The row of the chosen table, judged by another session.
+pub(super) fn session_row(
+    chosen: &Judged,
+    session: &str,
+    held_out: HeldOut,
+    tolerance: &Tolerance,
+    guard_mm: f64,
+) -> Judged {
+    let frame = Row {
+        step_mm: chosen.step_mm,
+        source: chosen.source,
+        interpolation: chosen.interpolation,
+        judgement: Judgement::Table,
+    };
+    let counts = Counts {
+        nodes: chosen.nodes,
+        refused_nodes: chosen.refused_nodes.clone(),
+        cells: chosen.cells,
+        refused_cells: chosen.refused_cells.clone(),
+    };
+    Judged {
+        of_test: Some(session.to_owned()),
+        ..frame.judged(counts, held_out, tolerance, guard_mm)
+    }
+}
+
 /// What names a row.
 #[derive(Clone, Copy)]
 struct Row {
@@ -148,6 +174,7 @@ impl Row {
             source: self.source,
             interpolation: self.interpolation,
             judgement: self.judgement,
+            of_test: None,
             nodes: 0,
             refused_nodes: BTreeMap::new(),
             cells: 0,
@@ -168,15 +195,11 @@ impl Row {
         tolerance: &Tolerance,
         guard_mm: f64,
     ) -> Judged {
-        let of = |norms: &[f64]| {
-            upper_tolerance_bound_of(norms, held_out.stations, tolerance.coverage())
-        };
-        let bound_of_session = of(&held_out.norms);
+        let bound_of_session = held_out.by_pose.bound(tolerance.coverage());
         // Never less than what was seen.
-        let bound = match of(&held_out.another_day) {
-            Some(another_day) => bound_of_session.map(|bound| bound.max(another_day)),
-            None => bound_of_session,
-        };
+        let another_day = held_out.another_day.bound(tolerance.coverage());
+        let bound =
+            bound_of_session.map(|own| another_day.map_or(own, |another_day| own.max(another_day)));
         Judged {
             nodes: counts.nodes,
             refused_nodes: counts.refused_nodes,
@@ -185,7 +208,7 @@ impl Row {
             figures: Figures::of(&held_out.norms),
             bound,
             bound_of_session,
-            verdict: tolerance.verdict(bound, held_out.stations, guard_mm),
+            verdict: tolerance.verdict(bound, held_out.counted(), guard_mm),
             held_out,
             ..self.empty()
         }

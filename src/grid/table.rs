@@ -1,13 +1,15 @@
-//! The table of the chosen step: its nodes with their errors and covariances.
+//! The table of the chosen step: its nodes with their errors and covariances, and what other sessions say of it.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
-use super::lattice::Lattice;
+use super::judge::HeldOut;
+use super::lattice::{InCell, Lattice};
 use super::measured::MeasuredGrid;
-use super::node::{GridStation, PlacedGrid, Reach, Refusal};
+use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use super::settings::{GridPlan, GridSettings};
 use super::{GridError, GridInput, Judged, Source, Table, TableNode};
+use crate::fit::ErrorModel;
 
 /// The nodes of the chosen row, with their values and covariances.
 pub(super) fn table(
@@ -33,6 +35,58 @@ pub(super) fn table(
         orientation_tolerance_rad: settings.orientation_tolerance_deg.to_radians(),
         nodes,
     })
+}
+
+impl Table {
+    /// Judges the table by stations of another session, beside what the model predicts there.
+    pub(super) fn judged_by(&self, stations: &[GridStation], model: &dyn ErrorModel) -> HeldOut {
+        let mut held_out = HeldOut::default();
+        for station in stations {
+            if !self.is_like(station) {
+                held_out.unlike += 1;
+                continue;
+            }
+            match self.error_at(&station.position) {
+                None => held_out.outside += 1,
+                Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
+                Some(Ok(interpolated)) => {
+                    held_out.add_beside(station, &interpolated, &model.error(&station.joints));
+                }
+            }
+        }
+        held_out
+    }
+
+    /// Whether the table claims to serve a station: its configuration, and its orientation within the tolerance.
+    fn is_like(&self, station: &GridStation) -> bool {
+        let turned = station.orientation.angle_to(&self.orientation);
+        station.configuration == self.configuration && turned <= self.orientation_tolerance_rad
+    }
+
+    /// The error at a point by the nodes around it, mm; `None` outside the table, or why its cell cannot serve.
+    fn error_at(&self, point: &Point3<f64>) -> Option<Result<Vector3<f64>, Refusal>> {
+        let cell = self.lattice.locate(point)?;
+        let nodes = cell.vertices.map(|vertex| &self.nodes[vertex]);
+        Some(self.interpolated(&nodes, &cell))
+    }
+
+    fn interpolated(
+        &self,
+        nodes: &[&TableNode; 8],
+        cell: &InCell,
+    ) -> Result<Vector3<f64>, Refusal> {
+        let (mut joints, mut errors) = (Vec::with_capacity(8), Vec::with_capacity(8));
+        for node in nodes {
+            joints.push(node.joints.as_deref().map_err(|refusal| *refusal)?);
+            errors.push(node.error.as_ref().map_err(|refusal| *refusal)?.0);
+        }
+        if !on_one_branch(&joints) {
+            return Err(Refusal::Branches);
+        }
+        let (fraction, step) = (&cell.fraction, &self.lattice.step);
+        let weights = self.interpolation.weights(fraction, step, self.idw_power);
+        Ok(errors.iter().zip(weights).map(|(error, w)| error * w).sum())
+    }
 }
 
 fn model_nodes(

@@ -64,7 +64,7 @@ pub enum NotShown {
     NoBase,
     /// The corrections were not applied as meant.
     Misapplied,
-    /// Too few stations judge.
+    /// Too few poses judge.
     TooFew {
         /// As many do.
         judged: usize,
@@ -103,7 +103,7 @@ impl Shown<'_> {
         if kept.is_broken() {
             return TableState::Expired(self.drifted(&kept.promise, compare));
         }
-        let (judged, needed) = (kept.figures.n, needed(&kept.promise));
+        let (judged, needed) = (kept.counted.poses, needed(&kept.promise));
         if judged < needed {
             return TableState::NotShown(NotShown::TooFew { judged, needed });
         }
@@ -263,7 +263,7 @@ impl fmt::Display for NotShown {
             Self::TooFew { judged, needed } => {
                 write!(
                     f,
-                    "{judged} stations judge, {needed} are needed for its promise"
+                    "{judged} poses judge, {needed} are needed for its promise"
                 )
             }
         }
@@ -293,6 +293,7 @@ mod tests {
             let target = Point3::new(1200.0 + x, y - 400.0, 500.0 + z);
             DrivenStation {
                 station,
+                pose: station,
                 target,
                 command: target,
                 attained: target + left(station, &target),

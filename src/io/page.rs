@@ -12,12 +12,13 @@ mod session;
 use std::collections::BTreeMap;
 
 use super::table::Table;
-use crate::grid::{Choice, Tolerance};
+use crate::grid::Tolerance;
 use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::page::content::{
-    Content, Count, Figure, JointError, Parameter, Provenance, Residual, Residuals, Step, Subject,
-    Variogram, VariogramEntry,
+    Content, Count, Figure, JointError, Judge, Parameter, Provenance, Residual, Residuals, Step,
+    Subject, Variogram, VariogramEntry,
 };
+use crate::report::verdict::{self, RunVerdict};
 use calibration::calibration;
 use row::{Row, rows};
 use session::of_session;
@@ -29,8 +30,10 @@ pub struct About<'a> {
     pub work: &'a Work,
     /// What has to be met.
     pub tolerance: Tolerance,
-    /// The chosen step, and whether it meets the tolerance.
-    pub choice: &'a Choice,
+    /// The choice of the step in words.
+    pub choice: &'a str,
+    /// Whether the tolerance is met, and who says so.
+    pub verdict: &'a RunVerdict,
     /// What came into each stage.
     pub counts: &'a [StageCount],
     /// Tables written.
@@ -69,8 +72,9 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
         session,
         run,
         tolerance: about.tolerance,
-        verdict: about.choice.verdict.clone(),
-        choice: about.choice.words.clone(),
+        verdict: about.verdict.verdict(),
+        judges: about.verdict.judges().iter().map(judge).collect(),
+        choice: about.choice.to_owned(),
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),
         table_state: about.said.table_state.clone(),
@@ -98,14 +102,26 @@ pub fn content(tables: &[Table], about: &About<'_>) -> Content {
     }
 }
 
+fn judge(judge: &verdict::Judge) -> Judge {
+    Judge {
+        stations: judge.stations.words(),
+        verdict: verdict::word(&judge.verdict).to_owned(),
+        words: judge.words.clone(),
+        remark: judge.remark.clone(),
+    }
+}
+
 fn step(row: &Row<'_>) -> Step {
     Step {
+        split: row.text("split"),
+        of_session: row.text("of_session"),
         source: row.text("source"),
         interpolation: row.text("interpolation"),
         judgement: row.text("judgement"),
         step_mm: row.number("step_mm"),
         nodes: row.optional_whole("nodes"),
         held_out: row.whole("held_out"),
+        visits: row.whole("visits"),
         blocks: row.optional_whole("blocks"),
         mean_mm: row.optional_number("mean_mm"),
         p95_mm: row.optional_number("p95_mm"),
@@ -138,6 +154,7 @@ fn figure(row: &Row<'_>) -> Figure {
         value: row.optional_number("value"),
         unit: row.text("unit"),
         n: row.whole("n"),
+        visits: row.optional_whole("visits"),
         n_needed: row.optional_whole("n_needed"),
         blocks: row.optional_whole("blocks"),
         verdict: row.optional_text("verdict"),

@@ -39,7 +39,7 @@ use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
 use crate::geometry::{Base, Command, Transform};
-use crate::grid::{Tolerance, Verdict};
+use crate::grid::Tolerance;
 use crate::ingest::PosesError;
 use crate::kinematics::Arm;
 use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
@@ -121,7 +121,8 @@ pub fn publish(
     let about = About {
         work,
         tolerance: context.tolerance,
-        choice: &outcome.grids.choice,
+        choice: &outcome.grids.choice.words,
+        verdict: &outcome.verdict,
         counts: &counts,
         written: run.written(),
         said,
@@ -180,10 +181,11 @@ pub fn of_run(
         joint_errors::joint_errors(outcome, context, key)?,
         residuals::residuals(&outcome.residuals, key)?,
         semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,
-        grid_steps::grid_steps(&outcome.grids, context, key)?,
+        grid_steps::grid_steps(outcome, context, key)?,
         compensation::compensation(outcome, context, key)?,
         accuracy::accuracy(
             outcome.accuracy.iter().chain(&outcome.at_tip),
+            &outcome.verdict,
             &outcome.iso_9283,
             &context.tolerance,
             key,
@@ -192,15 +194,9 @@ pub fn of_run(
 }
 
 fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
-    let choice = &outcome.grids.choice;
-    let reason = match &choice.verdict {
-        Verdict::Meets => None,
-        Verdict::DoesNotMeet => Some(choice.words.clone()),
-        Verdict::NotShown(reason) => Some(format!("{}: {reason}", choice.words)),
-    };
     Ending {
-        verdict: words::verdict(&choice.verdict).to_owned(),
-        reason,
+        verdict: words::verdict(&outcome.verdict.verdict()).to_owned(),
+        reason: outcome.verdict.reason(),
         replaces: context.replaces.clone(),
     }
 }

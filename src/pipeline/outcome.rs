@@ -10,6 +10,7 @@ use crate::join::Joined;
 use crate::manifest::RunKey;
 use crate::report::driven::{Application, DrivenStation, Matched, Measured};
 use crate::report::iso_9283::Iso9283;
+use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, ResidualSet};
 use crate::similarity::Semivariogram;
 
@@ -85,6 +86,8 @@ pub struct Outcome<'a> {
     pub grids: Grids,
     /// What the last session says of the table that drove it, if one did.
     pub driven: Option<Driven>,
+    /// Whether the tolerance is met: the worst of held-out blocks and of every test session.
+    pub verdict: RunVerdict,
     /// Figures with verdicts.
     pub accuracy: Vec<Accuracy>,
     /// The same for the tool tip; none where the pipeline file does not say where it is.

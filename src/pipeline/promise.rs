@@ -90,6 +90,7 @@ fn verified(set: &ResidualSet, session: &JoinedSession) -> Vec<Verified> {
     let verified = set.residuals.iter().filter_map(|residual| {
         Some(Verified {
             joints: joints(residual.station)?,
+            pose: residual.pose,
             left_mm: residual.residual.norm(),
         })
     });

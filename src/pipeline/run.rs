@@ -41,6 +41,8 @@ pub struct Done {
     pub already_there: bool,
     /// Whether the tolerance is met.
     pub verdict: Verdict,
+    /// Why it is not, or not shown to be, and who says so.
+    pub reason: Option<String>,
     /// Topics of which more was rejected than the pipeline file allows, in words.
     pub rejected: Vec<String>,
     /// What came out, line by line.
@@ -112,7 +114,8 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
-        verdict: outcome.grids.choice.verdict.clone(),
+        verdict: outcome.verdict.verdict(),
+        reason: outcome.verdict.reason(),
         rejected: rejected(plan, &lake, &key)?,
         words: words(&outcome, plan.stages.tolerance.mm)
             .into_iter()
@@ -163,11 +166,13 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
         "not_met" => Verdict::DoesNotMeet,
         _ => Verdict::NotShown(text("reason")),
     };
+    let reason = Some(text("reason")).filter(|reason| !reason.is_empty());
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: true,
         verdict,
+        reason,
         rejected: rejected(plan, lake, key)?,
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"

@@ -9,6 +9,7 @@ mod iso_9283;
 mod judged;
 mod observed;
 mod turns;
+mod unseen;
 
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
@@ -28,6 +29,7 @@ use figures::FigureMaker;
 use gridded::{grid_stations, grids};
 use judged::{Judged, raw_command, train_folds};
 use observed::Observed;
+use unseen::Judges;
 
 /// What the stages are set to.
 #[derive(Debug, Clone)]
@@ -119,7 +121,16 @@ pub fn run<'a>(
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let mut stations = grid_stations(&training[last], &gauge, &observed.folds_of(last));
     add_other_days(&mut stations, &training[last], last, &models, &gauge);
-    let grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
+    let mut grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
+    let judges = Judges {
+        arm,
+        models: &models,
+        test: &test,
+        own: (&training[last], last),
+        gauge: &gauge,
+        settings,
+    };
+    judges.judge_table(&mut grids);
     let driven = driven::judged(&training[last], &gauge, settings);
     let iso_9283 = iso_9283::Sources {
         arm,
@@ -140,7 +151,9 @@ pub fn run<'a>(
         stations: &stations,
         grids: &grids,
     };
-    let accuracy = maker.figures(&residuals, driven.as_ref());
+    let mut accuracy = maker.figures(&residuals, driven.as_ref());
+    accuracy.extend(judges.table_figures(&grids));
+    let verdict = judges.verdict(&grids, &accuracy, &residuals);
     let at_tip = maker.at_tip(&residuals, driven.as_ref());
     if let Some(driven) = &driven {
         residuals.extend(driven.sets().cloned());
@@ -158,6 +171,7 @@ pub fn run<'a>(
         semivariograms,
         grids,
         driven,
+        verdict,
         accuracy,
         iso_9283,
         at_tip,

@@ -3,8 +3,8 @@
 use super::damage;
 use super::outcome::{JoinedSession, Outcome};
 use crate::fit::full::{FullModel, PartEvidence};
-use crate::grid::Verdict;
 use crate::join::{Pairing, Station};
+use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
 
@@ -12,7 +12,8 @@ use crate::units::NS_PER_S;
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
-    damaged.chain(far_stations(outcome)).collect()
+    let more = far_stations(outcome).into_iter().chain(left_out(outcome));
+    damaged.chain(more).collect()
 }
 
 /// The result in lines that a person reads.
@@ -25,12 +26,44 @@ pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     words.extend(outcome.full.as_ref().map(part_words));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
-    words.push(match &outcome.grids.choice.verdict {
-        Verdict::Meets => format!("tolerance {tolerance_mm} mm: met"),
-        Verdict::DoesNotMeet => format!("tolerance {tolerance_mm} mm: not met"),
-        Verdict::NotShown(reason) => format!("tolerance {tolerance_mm} mm: not shown ({reason})"),
-    });
+    words.extend(judged_by(outcome));
+    let verdict = &outcome.verdict;
+    let reason = verdict.reason();
+    let reason = reason.map_or_else(String::new, |reason| format!(" ({reason})"));
+    let word = verdict::word(&verdict.verdict());
+    words.push(format!("tolerance {tolerance_mm} mm: {word}{reason}"));
     words
+}
+
+/// What each judge says, where a test session is one; and what the sessions of a pool say that were left out in turn.
+fn judged_by(outcome: &Outcome<'_>) -> Vec<String> {
+    let judges = outcome.verdict.judges();
+    let line = |judge: &Judge| format!("judged by {}", judge.line());
+    let named = judges.iter().filter(|_| judges.len() > 1);
+    named.map(line).chain(left_out(outcome)).collect()
+}
+
+/// Sessions of a pool, each by an estimate that did not see it. They inform and decide nothing: no such estimate is published,
+/// and the one that is was learnt from them.
+fn left_out(outcome: &Outcome<'_>) -> Option<String> {
+    let verdicts: Vec<String> = outcome
+        .training
+        .iter()
+        .filter_map(|session| {
+            let figure = figure_of_model(&outcome.accuracy, &session.name)?;
+            Some(format!(
+                "{} {}",
+                session.name,
+                verdict::word(&figure.verdict)
+            ))
+        })
+        .collect();
+    (!verdicts.is_empty()).then(|| {
+        format!(
+            "each session by an estimate of the others, which informs and decides nothing: {}",
+            verdicts.join(", ")
+        )
+    })
 }
 
 fn session_words(session: &JoinedSession) -> Vec<String> {
@@ -138,7 +171,7 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
         |bound| format!("bound {bound:.3} mm"),
     );
     Some(format!(
-        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} (n = {})",
-        figures.mean, figures.p95, figures.max, figures.n
+        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} ({})",
+        figures.mean, figures.p95, figures.max, accuracy.counted
     ))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::figures::{Coverage, Figures, share_at_least, upper_tolerance_bound};
+use crate::figures::{Counted, Coverage, Figures, share_at_least, upper_tolerance_bound};
 use crate::fit::FitError;
 use crate::grid::{Refusal, Tolerance, Verdict};
 
@@ -48,7 +48,7 @@ impl RobotOutcome {
         }
         let bound = upper_tolerance_bound(&norms, tolerance.coverage());
         // The true errors are known here: there is no instrument to guard against.
-        let verdict = tolerance.verdict(bound, norms.len(), 0.0);
+        let verdict = tolerance.verdict(bound, Counted::once(norms.len()), 0.0);
         Self::Judged(Left {
             figures: Figures::of(&norms),
             bound,

@@ -54,6 +54,7 @@ impl<'a> Placer<'a> {
     fn add(&mut self, pose: &Isometry3<f64>, joints: Vec<f64>) {
         self.seeds.push(GridStation {
             number: self.seeds.len(),
+            pose: self.seeds.len(),
             position: Point3::from(pose.translation.vector),
             orientation: pose.rotation,
             configuration: self.reach.configuration(&joints),

@@ -141,7 +141,7 @@ fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec
         flange_from_tool: Some(settings.flange_from_target),
     };
     let mut observations = fit::observations(0, stations, arm, &settings.noise);
-    fit::add_shortfalls(
+    fit::add_commands(
         &mut observations,
         stations,
         &commanded(stations, arm, &frames),

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::evaluate::mahalanobis_squared;
 use super::{Accuracy, Calibrated, Model, Moment, Point, ResidualSet, Split};
-use crate::figures::{Figures, upper_tolerance_bound, upper_tolerance_bound_of};
+use crate::figures::{Counted, Figures};
 use crate::grid::{Tolerance, Verdict};
 
 /// The 95 % quantile of chi squared with three degrees of freedom.
@@ -14,19 +14,18 @@ const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 
 /// The figures of one set; `folds` says in which block a station lies, where blocks were held out.
 pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accuracy {
-    let judged: Vec<_> = set
-        .residuals
-        .iter()
-        .filter(|residual| !residual.used_for_refit)
-        .collect();
+    let judged: Vec<_> = set.judged().collect();
     let norms: Vec<f64> = judged
         .iter()
         .map(|residual| residual.residual.norm())
         .collect();
-    let bound = upper_tolerance_bound(&norms, tolerance.coverage());
+    let by_pose = set.by_pose(|residual| [residual.residual.norm()]);
+    let (bound, counted) = (by_pose.bound(tolerance.coverage()), by_pose.counted());
     let verdict = match set.subject.split {
         Split::None => Verdict::NotShown("the stations took part in the fit".to_owned()),
-        Split::Blocks | Split::Session => tolerance.verdict(bound, norms.len(), guard_mm),
+        Split::Blocks | Split::Session => {
+            told(set, counted, tolerance.verdict(bound, counted, guard_mm))
+        }
     };
     let moment = match set.subject.model {
         Model::RawCommand | Model::BaseTarget => Moment::Before,
@@ -51,6 +50,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         driven_by: None,
         figures: Figures::of(&norms),
         bound,
+        counted,
         blocks: (set.subject.split == Split::Blocks).then_some(blocks.len()),
         coverage: calibrated(&distances),
         expanded_uncertainty_mm: guard_mm,
@@ -67,24 +67,37 @@ pub fn of_another_day<'m>(
     moved: impl Fn(usize) -> &'m [Vector3<f64>],
     tolerance: &Tolerance,
 ) -> Accuracy {
-    let judged = || set.residuals.iter().filter(|r| !r.used_for_refit);
-    let norms: Vec<f64> = judged()
-        .flat_map(|r| {
-            moved(r.station)
-                .iter()
-                .map(|moved| (r.residual + moved).norm())
-        })
-        .collect();
-    let stations = judged().count();
-    let another_day = upper_tolerance_bound_of(&norms, stations, tolerance.coverage());
+    let by_pose = set.by_pose(|r| {
+        let (others, own) = (moved(r.station), r.residual);
+        others.iter().map(move |moved| (own + moved).norm())
+    });
+    let another_day = by_pose.bound(tolerance.coverage());
     let bound = own
         .bound
         .map(|bound| another_day.map_or(bound, |other| bound.max(other)));
     Accuracy {
-        verdict: tolerance.verdict(bound, stations, own.expanded_uncertainty_mm),
+        verdict: tolerance.verdict(bound, own.counted, own.expanded_uncertainty_mm),
         bound,
         ..own
     }
+}
+
+/// A verdict that is not shown, with how many stations the session's base took of those that could have judged.
+fn told(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
+    let Verdict::NotShown(reason) = verdict else {
+        return verdict;
+    };
+    let taken = set.residuals.len() - set.judged().count();
+    let again = set.judged().count() - counted.visits;
+    Verdict::NotShown(match (taken, again) {
+        (0, _) => reason,
+        (taken, 0) => {
+            format!("{reason}; {taken} stations find the base ([report] refit_first_stations)")
+        }
+        (taken, again) => format!(
+            "{reason}; {taken} stations find the base ([report] refit_first_stations), and {again} more are visits of their poses"
+        ),
+    })
 }
 
 fn calibrated(distances: &[f64]) -> Option<Calibrated> {

@@ -16,7 +16,7 @@ use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
 use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::figures::{Figures, share_interval};
+use crate::figures::{Counted, Figures, share_interval};
 use crate::geometry::align;
 
 pub use application::{Application, application};
@@ -97,6 +97,8 @@ fn nearest(command: &Point3<f64>, targets: &[CorrectedTarget]) -> Near {
 pub struct DrivenStation {
     /// Its number.
     pub station: usize,
+    /// The number of the station that its pose is named by: visits of one pose have one.
+    pub pose: usize,
     /// Where the tool point was to be, mm.
     pub target: Point3<f64>,
     /// What was commanded, mm.
@@ -143,6 +145,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     let set = |model, wanted: fn(&DrivenStation) -> Point3<f64>| {
         let residual = |(place, station): (usize, &DrivenStation)| Residual {
             station: station.station,
+            pose: station.pose,
             fold: None,
             used_for_refit: place < first,
             predicted: wanted(station),
@@ -202,24 +205,28 @@ pub struct Kept {
     pub promise: TablePromise,
     /// Figures of the stations that judge.
     pub figures: Figures,
-    /// Of these, how many are within the promised bound.
+    /// The poses they are visits of.
+    pub counted: Counted,
+    /// Of these poses, how many are within the promised bound.
     pub within: usize,
     /// The share of all errors within the bound that this leaves possible, two-sided at the promise's confidence.
     pub interval: (f64, f64),
 }
 
-/// Holds a promise against the stations that judge; `None` without any.
+/// Holds a promise against the stations that judge; `None` without any. A pose is one of them however often it was visited, and
+/// is within the promised bound where its worst visit is.
 pub fn kept(promise: &TablePromise, after: &ResidualSet) -> Option<Kept> {
-    let judged = after.residuals.iter().filter(|r| !r.used_for_refit);
-    let norms: Vec<f64> = judged.map(|r| r.residual.norm()).collect();
-    let within = norms
-        .iter()
-        .filter(|&&norm| norm <= promise.bound_mm)
-        .count();
+    let norms: Vec<f64> = after.judged().map(|r| r.residual.norm()).collect();
+    let by_pose = after.by_pose(|r| [r.residual.norm()]);
+    let counted = by_pose.counted();
+    let worst = by_pose.worst();
+    let within = worst.iter().filter(|&&norm| norm <= promise.bound_mm);
+    let within = within.count();
     Some(Kept {
         figures: Figures::of(&norms)?,
+        counted,
         within,
-        interval: share_interval(within, norms.len(), promise.confidence),
+        interval: share_interval(within, counted.poses, promise.confidence),
         promise: promise.clone(),
     })
 }
@@ -242,7 +249,7 @@ impl Kept {
             figures.mean,
             figures.max,
             self.within,
-            figures.n,
+            self.counted,
             100.0 * self.interval.0,
             100.0 * self.interval.1,
             100.0 * promise.confidence,
@@ -300,6 +307,7 @@ mod tests {
             );
             DrivenStation {
                 station: i,
+                pose: i,
                 target,
                 command: target,
                 attained: target + Vector3::new(3.0, 0.0, *norm),

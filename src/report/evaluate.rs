@@ -70,6 +70,7 @@ pub fn own_session(
         let residual =
             |(place, (observation, prediction)): (usize, (&Observation, &Prediction))| Residual {
                 station: observation.station,
+                pose: observation.pose,
                 fold,
                 used_for_refit: false,
                 predicted: base.inverse_transform_point(&prediction.position),
@@ -138,6 +139,7 @@ pub fn unseen_session(
                 to_base: &to_base,
                 settings,
                 used,
+                judges_rest: base_refit == BaseRefit::First,
             };
             if let Some(residuals) = unseen.residuals(stations.observations) {
                 sets.push(ResidualSet { subject, residuals });
@@ -155,6 +157,8 @@ struct Unseen<'u> {
     to_base: &'u Isometry3<f64>,
     settings: RefitSettings,
     used: usize,
+    /// Whether only the others judge, however many there are; a base of all its stations is for comparing models.
+    judges_rest: bool,
 }
 
 impl Unseen<'_> {
@@ -172,13 +176,13 @@ impl Unseen<'_> {
         };
         let covariances = self.covariances(observations);
         let turns = self.turns(&base_from_tracker);
-        let all = self.used == observations.len();
         let residual = |(place, (measured, placed)): (usize, (&Point3<f64>, &Placed))| {
             let predicted = placed.position + placed.flange * shift;
             Residual {
                 station: observations[place].station,
+                pose: observations[place].pose,
                 fold: None,
-                used_for_refit: place < self.used && !all,
+                used_for_refit: place < self.used && self.judges_rest,
                 predicted,
                 residual: base_from_tracker * measured - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),

@@ -2,7 +2,7 @@
 //!
 //! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the standard's
 //! names, lengths mm, angles rad (ISO 9283:1998, clause 7; [`crate::method::accuracy`]). Steps:
-//! 1. [`poses`] tells which dwells went to one pose;
+//! 1. dwells that went to one pose are its visits ([`crate::fit::visits`]);
 //! 2. of each pose: accuracy AP, the barycentre of the attained positions against the command, and repeatability RP,
 //!    `l̄ + 3 S_l` of the distances to the barycentre (`pose`);
 //! 3. of a pair of poses visited in turn: distance accuracy AD and repeatability RD (`distance`);
@@ -13,7 +13,6 @@
 
 mod distance;
 mod pose;
-mod poses;
 mod variation;
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -21,8 +20,6 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use super::{Moment, Point, Subject};
 use crate::figures::median;
 use crate::units::{Controller, Stamp};
-
-pub use poses::{Dwell, poses};
 
 /// Visits of a pose that the standard asks for.
 pub const VISITS: usize = 30;

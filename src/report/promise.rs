@@ -3,9 +3,12 @@
 //! Inputs: a [`Promise`], the session's stations, and what a model that did not see them leaves on each. Output: a
 //! [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
 
-use crate::figures::{Figures, share_interval};
+use std::collections::BTreeSet;
 
-/// A planned pose and a station are one where no joint differs by more than this, rad (half a degree).
+use crate::figures::{Figures, PoseErrors, share_interval};
+
+/// A station stands at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that is
+/// planned. Which stations are visits of one pose is told by [`crate::fit::visits`].
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 
 /// What a plan promised.
@@ -30,6 +33,8 @@ pub struct Promise {
 pub struct Verified {
     /// Reported joint angles, rad.
     pub joints: Vec<f64>,
+    /// The number of the station that its pose is named by: visits of one pose have one.
+    pub pose: usize,
     /// Norm of the error left, mm.
     pub left_mm: f64,
 }
@@ -41,7 +46,7 @@ pub struct PromiseKept {
     pub promise: Promise,
     /// Poses that were to verify and were measured.
     pub measured: usize,
-    /// Figures of what is left at them; `None` without any.
+    /// Figures of what is left at the worst visit of each; `None` without any.
     pub figures: Option<Figures>,
     /// Of these, how many are within the promised bound.
     pub within: usize,
@@ -49,13 +54,17 @@ pub struct PromiseKept {
     pub interval: (f64, f64),
 }
 
-/// Holds a promise against stations.
+/// Holds a promise against stations: a pose is one of them however often it was visited, with the worst of its visits.
 pub fn held_against(promise: &Promise, stations: &[Verified]) -> PromiseKept {
-    let norms: Vec<f64> = promise
-        .verify
-        .iter()
-        .filter_map(|pose| at(pose, stations))
-        .collect();
+    let visited = promise.verify.iter().filter_map(|pose| at(pose, stations));
+    let visited: BTreeSet<usize> = visited.collect();
+    let mut by_pose = PoseErrors::default();
+    for (visit, station) in stations.iter().enumerate() {
+        if visited.contains(&station.pose) {
+            by_pose.add(station.pose, visit, 0, station.left_mm);
+        }
+    }
+    let norms = by_pose.worst();
     let bound = promise.bound_mm.unwrap_or(0.0);
     let within = norms.iter().filter(|&&norm| norm <= bound).count();
     PromiseKept {
@@ -78,11 +87,11 @@ fn apart(one: &[f64], other: &[f64]) -> f64 {
     joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// What is left at the station nearest to a planned pose, if one stands there.
-fn at(pose: &[f64], stations: &[Verified]) -> Option<f64> {
+/// The pose of the station nearest to a planned pose, if one stands there.
+fn at(pose: &[f64], stations: &[Verified]) -> Option<usize> {
     let away = |station: &Verified| apart(&station.joints, pose);
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
-    (away(nearest) <= SAME_POSE_RAD).then_some(nearest.left_mm)
+    (away(nearest) <= SAME_POSE_RAD).then_some(nearest.pose)
 }
 
 impl PromiseKept {
@@ -147,6 +156,7 @@ mod tests {
     fn stations(left_mm: f64) -> Vec<Verified> {
         let beside = |i: i32| Verified {
             joints: vec![f64::from(i) * 0.1 + 0.004, 0.496],
+            pose: usize::try_from(i).expect("counted up"),
             left_mm,
         };
         (0..18).map(beside).collect()
@@ -172,6 +182,23 @@ mod tests {
             "{}",
             broken.words()
         );
+    }
+
+    #[test]
+    fn a_pose_that_was_visited_again_counts_once_with_its_worst_visit() {
+        let mut visits = stations(0.1);
+        let again = |station: &Verified, left_mm| Verified {
+            left_mm,
+            ..station.clone()
+        };
+        let worse: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.3)).collect();
+        let better: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.05)).collect();
+        visits.extend(better);
+        let kept = held_against(&promise(), &visits);
+        assert_eq!((kept.measured, kept.within), (18, 18));
+        visits.extend(worse);
+        let kept = held_against(&promise(), &visits);
+        assert_eq!((kept.measured, kept.within), (18, 0));
     }
 
     #[test]

@@ -104,6 +104,7 @@ mod tests {
     fn set(turns: &[Option<Turn>], residual: Vector3<f64>) -> ResidualSet {
         let residual = |(station, turn): (usize, &Option<Turn>)| Residual {
             station,
+            pose: station,
             fold: None,
             used_for_refit: false,
             predicted: Point3::new(1500.0, 0.0, 1000.0),

@@ -137,7 +137,7 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
     };
     let mut observations = fit::observations(0, &joined.stations, arm, &noise);
     let commanded = commanded(&joined.stations, arm, &frames);
-    fit::add_shortfalls(&mut observations, &joined.stations, &commanded);
+    fit::add_commands(&mut observations, &joined.stations, &commanded);
     assert_eq!(observations.len(), count, "no station is lost");
     observations
 }

@@ -67,7 +67,7 @@ pub fn observed(name: &str, arm: &Arm, noise: &Noise) -> Option<Vec<Observation>
     };
     let commanded = commanded(&joined.stations, arm, &frames);
     let mut observations = fit::observations(0, &joined.stations, arm, noise);
-    fit::add_shortfalls(&mut observations, &joined.stations, &commanded);
+    fit::add_commands(&mut observations, &joined.stations, &commanded);
     Some(observations)
 }
 

@@ -101,7 +101,7 @@ impl Session {
             )),
         };
         let mut all = fit::observations(0, &joined, &arm, &noise());
-        fit::add_shortfalls(&mut all, &joined, &commanded(&joined, &arm, &frames));
+        fit::add_commands(&mut all, &joined, &commanded(&joined, &arm, &frames));
         let (fresh, training): (Vec<_>, Vec<_>) = all
             .into_iter()
             .partition(|o| o.station % FRESH == FRESH - 1);

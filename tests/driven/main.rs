@@ -213,6 +213,7 @@ impl Identified {
         let station = |(visit, corrected): (&Station, &Corrected)| {
             Some(DrivenStation {
                 station: visit.number,
+                pose: visit.number,
                 target: *corrected.target.point(),
                 command: visit.command.as_ref()?.position,
                 attained: gauge.attained_tool(&visit.joints, visit.attained.as_ref()?),

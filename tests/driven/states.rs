@@ -104,7 +104,7 @@ fn identified(own: &Identified, stations: &[Station], full: &FullSettings) -> Mo
     };
     let commanded = commanded(stations, &own.arm, &frames);
     let mut observations = fit::observations(0, stations, &own.arm, &common::NOISE);
-    fit::add_shortfalls(&mut observations, stations, &commanded);
+    fit::add_commands(&mut observations, stations, &commanded);
     let settings = TrainingSettings {
         fit: &FitSettings::default(),
         full,
@@ -126,6 +126,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
     let station = |(station, corrected): (&Station, &Corrected)| {
         Some(DrivenStation {
             station: station.number,
+            pose: station.number,
             target: *corrected.target.point(),
             command: station.command.as_ref()?.position,
             attained: gauge.attained_tool(&station.joints, station.attained.as_ref()?),

@@ -189,7 +189,7 @@ fn observations(
     };
     let mut observations = posegrid::fit::observations(0, stations, arm, &settings.noise);
     let commanded = posegrid::fit::commanded::commanded(stations, arm, &frames);
-    posegrid::fit::add_shortfalls(&mut observations, stations, &commanded);
+    posegrid::fit::add_commands(&mut observations, stations, &commanded);
     observations
 }
 

@@ -98,7 +98,11 @@ fn state_line(state: &str, session: &str, words: &str) -> String {
 
 /// A result in one line.
 fn outcome(done: &Done) -> String {
-    let mut text = format!("{}, run {}", verdict(&done.verdict), done.run);
+    let mut text = verdict(&done.verdict).to_owned();
+    if let Some(reason) = &done.reason {
+        write!(text, ": {reason}").expect("a string");
+    }
+    write!(text, ", run {}", done.run).expect("a string");
     for line in &done.rejected {
         write!(text, ", too much rejected: {line}").expect("a string");
     }
@@ -128,11 +132,11 @@ fn paragraph(ending: &Ending) -> String {
     text
 }
 
-fn verdict(verdict: &Verdict) -> String {
+const fn verdict(verdict: &Verdict) -> &'static str {
     match verdict {
-        Verdict::Meets => "within tolerance".to_owned(),
-        Verdict::DoesNotMeet => "not within tolerance".to_owned(),
-        Verdict::NotShown(reason) => format!("not shown to be within tolerance: {reason}"),
+        Verdict::Meets => "within tolerance",
+        Verdict::DoesNotMeet => "not within tolerance",
+        Verdict::NotShown(_) => "not shown to be within tolerance",
     }
 }
 

@@ -11,7 +11,8 @@ use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::manifest::RunKey;
 use crate::report::iso_9283::Iso9283;
-use crate::report::{Accuracy, Model, Moment, Point, Subject};
+use crate::report::verdict::RunVerdict;
+use crate::report::{Accuracy, Model, Moment, Point, Split, Subject};
 
 /// Coverage factor of the expanded uncertainties.
 const COVERAGE_FACTOR: f64 = 2.0;
@@ -29,21 +30,34 @@ struct Row<'a> {
     unit: &'static str,
     expanded_uncertainty: Option<f64>,
     n: usize,
+    visits: Option<usize>,
     blocks: Option<usize>,
     n_needed: Option<i64>,
-    reason: Option<&'a str>,
+    reason: Option<String>,
     /// Of a bound: what it is held against.
-    verdict: Option<&'a Verdict>,
+    verdict: Option<Verdict>,
 }
 
-/// The table of all figures.
+/// The table of all figures. The bound of the run's own table has the verdict of the run.
 pub fn accuracy<'a>(
     all: impl Iterator<Item = &'a Accuracy>,
+    verdict: &RunVerdict,
     iso_9283: &'a [Iso9283],
     tolerance: &Tolerance,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let of_sets = all.flat_map(|of| figures(of, tolerance, key));
+    let of_sets = all.flat_map(|of| {
+        let own = (
+            of.verdict.clone(),
+            words::reason(&of.verdict).map(str::to_owned),
+        );
+        let (verdict, reason) = if carries_verdict(of) {
+            (verdict.verdict(), verdict.reason())
+        } else {
+            own
+        };
+        figures(of, &verdict, reason.as_ref(), tolerance, key)
+    });
     let rows: Vec<Row<'_>> = of_sets.chain(iso_9283::rows(iso_9283)).collect();
     let all = || rows.iter();
     let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
@@ -54,8 +68,19 @@ pub fn accuracy<'a>(
     Ok(limits(values(table, &rows), &rows, tolerance).finish()?)
 }
 
+/// Whether a figure is the one that the verdict of the run is read from: the run's own table on held-out blocks.
+fn carries_verdict(of: &Accuracy) -> bool {
+    (of.subject.model, of.subject.split, of.point) == (Model::Table, Split::Blocks, Point::Tool)
+}
+
 /// The figures of one set, those that are not there left out; the bound always, as it carries the verdict.
-fn figures<'a>(of: &'a Accuracy, tolerance: &Tolerance, key: &RunKey) -> Vec<Row<'a>> {
+fn figures<'a>(
+    of: &'a Accuracy,
+    verdict: &Verdict,
+    reason: Option<&String>,
+    tolerance: &Tolerance,
+    key: &RunKey,
+) -> Vec<Row<'a>> {
     let figures = of.figures.as_ref();
     let named = [
         ("mean", figures.map(|f| f.mean)),
@@ -76,7 +101,18 @@ fn figures<'a>(of: &'a Accuracy, tolerance: &Tolerance, key: &RunKey) -> Vec<Row
     ];
     let there = |(name, value): &(&'static str, Option<f64>)| value.is_some() || *name == BOUND;
     let figure = |(name, value)| figure(of, name, value, tolerance, key);
-    named.into_iter().filter(there).map(figure).collect()
+    let judged = |row: Row<'a>| match row.name {
+        BOUND => Row {
+            verdict: Some(verdict.clone()),
+            reason: reason.cloned(),
+            n: of.counted.poses,
+            visits: Some(of.counted.visits),
+            ..row
+        },
+        _ => row,
+    };
+    let rows = named.into_iter().filter(there).map(figure);
+    rows.map(judged).collect()
 }
 
 const BOUND: &str = "bound";
@@ -108,10 +144,11 @@ fn figure<'a>(
         unit: if is_coverage { "1" } else { "mm" },
         expanded_uncertainty: (!is_coverage).then_some(of.expanded_uncertainty_mm),
         n: of.figures.map_or(0, |figures| figures.n),
+        visits: None,
         blocks: of.blocks,
         n_needed: is_bound.then(|| whole(least_count(tolerance.coverage()))),
-        reason: words::reason(&of.verdict).filter(|_| is_bound),
-        verdict: is_bound.then_some(&of.verdict),
+        reason: None,
+        verdict: None,
     }
 }
 
@@ -146,12 +183,16 @@ fn values(columns: Columns, rows: &[Row<'_>]) -> Columns {
             all().map(|row| row.expanded_uncertainty.map(|_| COVERAGE_FACTOR)),
         )
         .column("n", all().map(|row| row.n))
+        .column("visits", all().map(|row| row.visits))
         .column("blocks", all().map(|row| row.blocks))
 }
 
 /// What figures are held against.
 fn limits(columns: Columns, rows: &[Row<'_>], tolerance: &Tolerance) -> Columns {
-    let of_bounds = |value: f64| rows.iter().map(move |row| row.verdict.map(|_| value));
+    let of_bounds = |value: f64| {
+        rows.iter()
+            .map(move |row| row.verdict.as_ref().map(|_| value))
+    };
     columns
         .column("n_needed", rows.iter().map(|row| row.n_needed))
         .column("share", of_bounds(tolerance.share))
@@ -159,7 +200,8 @@ fn limits(columns: Columns, rows: &[Row<'_>], tolerance: &Tolerance) -> Columns 
         .column("tolerance", of_bounds(tolerance.mm))
         .column(
             "verdict",
-            rows.iter().map(|row| row.verdict.map(words::verdict)),
+            rows.iter()
+                .map(|row| row.verdict.as_ref().map(words::verdict)),
         )
-        .column("reason", rows.iter().map(|row| row.reason))
+        .column("reason", rows.iter().map(|row| row.reason.as_ref()))
 }

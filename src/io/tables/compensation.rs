@@ -211,5 +211,5 @@ fn reading(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>
             "orientation_tolerance_deg",
             chosen.orientation_tolerance_rad.to_degrees(),
         )
-        .same("verdict", words::verdict(&grids.choice.verdict))
+        .same("verdict", words::verdict(&outcome.verdict.verdict()))
 }

@@ -118,7 +118,7 @@ fn grid(outcome: &Outcome<'_>) -> StageCount {
     for (refusal, count) in &held_out.refused {
         rejected.insert(refusal.name().to_owned(), *count as u64);
     }
-    let kept = held_out.stations as u64;
+    let kept = held_out.counted().visits as u64;
     StageCount {
         stage: "grid",
         of: "held-out stations of the chosen step",

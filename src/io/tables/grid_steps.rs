@@ -7,14 +7,22 @@ use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
+use crate::pipeline::outcome::Outcome;
+use crate::report::Split;
 
 /// The table of all judged steps.
 pub fn grid_steps(
-    grids: &Grids,
+    outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
+    let grids = &outcome.grids;
     let judged = &grids.judged;
+    let own = outcome.training.last().map(|session| &session.name);
+    let split = |row: &Judged| match row.of_test {
+        None => context.grid.split,
+        Some(_) => Split::Session,
+    };
     let configuration = grids
         .table
         .configuration
@@ -37,7 +45,11 @@ pub fn grid_steps(
         .column("model", judged.iter().map(model))
         .same("angles", words::angles(context.grid.angles))
         .column("judgement", judged.iter().map(judgement))
-        .same("split", words::split(context.grid.split))
+        .column("split", judged.iter().map(|row| words::split(split(row))))
+        .column(
+            "of_session",
+            judged.iter().map(|row| row.of_test.as_ref().or(own)),
+        )
         .column(
             "orientation",
             judged.iter().map(|row| of_table(row).then_some(0_i64)),
@@ -54,7 +66,7 @@ pub fn grid_steps(
             judged.iter().map(|row| [row.step_mm; 3]),
         )
         .column("chosen", judged.iter().map(|row| row.chosen));
-    Ok(verdicts(figures(counts(table, judged), judged), judged, context).finish()?)
+    Ok(verdicts(figures(counts(table, judged), judged), outcome, context).finish()?)
 }
 
 /// The power where values are weighted by inverse distance.
@@ -94,7 +106,8 @@ fn counts(columns: Columns, judged: &[Judged]) -> Columns {
             "cells_unreachable",
             all().map(|row| cells(row, &unreachable)),
         )
-        .column("held_out", all().map(|row| row.held_out.stations))
+        .column("held_out", all().map(|row| row.held_out.counted().poses))
+        .column("visits", all().map(|row| row.held_out.counted().visits))
         .column("errors", all().map(|row| row.held_out.norms.len()))
         .column(
             "held_out_refused",
@@ -134,7 +147,21 @@ fn figures(columns: Columns, judged: &[Judged]) -> Columns {
         )
 }
 
-fn verdicts(columns: Columns, judged: &[Judged], context: &PublishContext<'_>) -> Columns {
+fn verdicts(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
+    let judged = &outcome.grids.judged;
+    // The table that is published has the verdict of the run.
+    let (verdict, why) = (outcome.verdict.verdict(), outcome.verdict.reason());
+    let verdict = |row: &Judged| {
+        let own = if row.chosen { &verdict } else { &row.verdict };
+        words::verdict(own)
+    };
+    let reason = |row: &Judged| {
+        if row.chosen {
+            why.clone()
+        } else {
+            words::reason(&row.verdict).map(str::to_owned)
+        }
+    };
     let coverage = context.tolerance.coverage();
     columns
         .same("bound_share", coverage.share)
@@ -143,19 +170,13 @@ fn verdicts(columns: Columns, judged: &[Judged], context: &PublishContext<'_>) -
             "bound_rank",
             judged
                 .iter()
-                .map(|row| bound_rank(row.held_out.stations, coverage)),
+                .map(|row| bound_rank(row.held_out.counted().poses, coverage)),
         )
         .same("held_out_needed", whole(least_count(coverage)))
         .same("expanded_uncertainty_mm", context.grid.guard_mm)
         .same("tolerance_mm", context.tolerance.mm)
-        .column(
-            "verdict",
-            judged.iter().map(|row| words::verdict(&row.verdict)),
-        )
-        .column(
-            "reason",
-            judged.iter().map(|row| words::reason(&row.verdict)),
-        )
+        .column("verdict", judged.iter().map(|row| verdict(row)))
+        .column("reason", judged.iter().map(reason))
 }
 
 /// A count as a whole number.

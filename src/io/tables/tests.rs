@@ -74,7 +74,7 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     );
     assert_eq!(
         runs.text("verdict").value(0),
-        words::verdict(&OUTCOME.grids.choice.verdict)
+        words::verdict(&OUTCOME.verdict.verdict())
     );
 }
 
@@ -366,7 +366,7 @@ fn compensation_is_stated_in_the_frame_of_commands() {
 
 #[test]
 fn steps_account_for_every_station_that_judges() {
-    let table = grid_steps::grid_steps(&OUTCOME.grids, &context(), &key()).unwrap();
+    let table = grid_steps::grid_steps(&OUTCOME, &context(), &key()).unwrap();
     assert_eq!(table.rows(), OUTCOME.grids.judged.len());
     assert_eq!(table.bool("chosen").true_count(), 1);
     let paired = OUTCOME.training[0]
@@ -436,8 +436,14 @@ fn semivariograms_have_bins_models_and_a_word() {
 
 #[test]
 fn accuracy_says_what_is_not_shown() {
-    let table =
-        accuracy::accuracy(OUTCOME.accuracy.iter(), &[], &example::TOLERANCE, &key()).unwrap();
+    let table = accuracy::accuracy(
+        OUTCOME.accuracy.iter(),
+        &OUTCOME.verdict,
+        &[],
+        &example::TOLERANCE,
+        &key(),
+    )
+    .unwrap();
     let bounds = rows(&table, "name", "bound");
     assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
     for &row in &bounds {
@@ -462,6 +468,7 @@ fn accuracy_says_what_is_not_shown() {
 fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
     let table = accuracy::accuracy(
         OUTCOME.accuracy.iter(),
+        &OUTCOME.verdict,
         &OUTCOME.iso_9283,
         &example::TOLERANCE,
         &key(),

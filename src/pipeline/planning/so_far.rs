@@ -173,7 +173,7 @@ impl Planning {
         let settings = &self.settings;
         let numbers = |number: usize| stations.iter().any(|station| station.number == number);
         let mut observations = fit::observations(0, stations, &self.arm, &settings.noise);
-        fit::add_shortfalls(
+        fit::add_commands(
             &mut observations,
             &joined.joined.stations,
             &joined.commanded,

@@ -43,6 +43,7 @@ fn stations(
         let stated: Vector3<f64> = target.command - target.target;
         Some(DrivenStation {
             station: station.number,
+            pose: session.joined.stations[session.commanded.visits[place]].number,
             target: base_from_command * target.target,
             command: pose.as_ref()?.position,
             attained: gauge.attained_tool(&station.joints, attained),

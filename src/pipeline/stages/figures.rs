@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
-use crate::figures::{self, upper_tolerance_bound_of};
+use crate::figures::{self, PoseErrors};
 use crate::fit::{Gauge, Models};
 use crate::grid::{GridStation, Grids, Judged};
 use crate::pipeline::outcome::{Driven, JoinedSession};
@@ -140,6 +140,7 @@ impl FigureMaker<'_> {
             driven_by: None,
             figures: chosen.figures,
             bound: chosen.bound,
+            counted: chosen.held_out.counted(),
             blocks: Some(folds.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,
@@ -151,34 +152,36 @@ impl FigureMaker<'_> {
     fn of_table_at_tip(&self, lever: Vector3<f64>) -> Accuracy {
         let turns = self.turns_by_station();
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
-        let left = self.chosen().held_out.left.iter();
-        let left: Vec<(usize, Vector3<f64>)> = left
-            .filter_map(|(station, left)| {
-                Some((*station, left + turns.get(station)?.at_end_of(&lever)))
-            })
-            .collect();
-        let norms: Vec<f64> = left.iter().map(|(_, left)| left.norm()).collect();
-        let another_day = left.iter().flat_map(|(station, left)| {
-            let moved = moved.get(station).copied().unwrap_or_default().iter();
-            moved.map(move |moved| (left + moved).norm())
-        });
-        let another_day: Vec<f64> = another_day.collect();
-        let mut judged: Vec<usize> = left.iter().map(|(station, _)| *station).collect();
-        judged.dedup();
-        let of =
-            |norms: &[f64]| upper_tolerance_bound_of(norms, judged.len(), tolerance.coverage());
+        let mut norms = Vec::new();
+        let (mut by_pose, mut another_day) = (PoseErrors::default(), PoseErrors::default());
+        for left in &self.chosen().held_out.left {
+            let Some(turn) = turns.get(&left.station) else {
+                continue;
+            };
+            let error = left.error + turn.at_end_of(&lever);
+            norms.push(error.norm());
+            by_pose.add(left.pose, left.station, left.sample, error.norm());
+            let days = moved.get(&left.station).copied().unwrap_or_default();
+            for (day, moved) in days.iter().enumerate() {
+                let sample = left.sample * days.len() + day;
+                another_day.add(left.pose, left.station, sample, (error + moved).norm());
+            }
+        }
+        let of = |errors: &PoseErrors| errors.bound(tolerance.coverage());
         // Never less than what was seen.
-        let bound = of(&norms).map(|own| of(&another_day).map_or(own, |other| own.max(other)));
+        let bound = of(&by_pose).map(|own| of(&another_day).map_or(own, |other| own.max(other)));
+        let counted = by_pose.counted();
         let guard_mm = self.guard_mm(&lever);
         Accuracy {
             point: Point::Tip,
             figures: figures::Figures::of(&norms),
             bound,
+            counted,
             expanded_uncertainty_mm: guard_mm,
             verdict: if turns.is_empty() {
                 why_no_turns(self.settings, self.session(), Model::Table)
             } else {
-                tolerance.verdict(bound, judged.len(), guard_mm)
+                tolerance.verdict(bound, counted, guard_mm)
             },
             ..self.of_table()
         }

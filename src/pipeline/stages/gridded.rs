@@ -17,18 +17,22 @@ pub(super) fn grid_stations(
     folds: &[usize],
 ) -> Vec<GridStation> {
     let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
-    let paired = session
-        .joined
-        .stations
-        .iter()
-        .zip(&session.commanded.poses)
-        .filter(|(station, _)| station.measured().is_some());
-    let station = |((station, pose), &fold): ((&Station, &Option<CommandedPose>), &usize)| {
-        let commanded = pose.map(|pose| pose.position);
-        GridStation::of(station, commanded, gauge, &reach, fold)
+    let (all, commanded) = (&session.joined.stations, &session.commanded);
+    let commands = commanded.poses.iter().zip(&commanded.visits);
+    let paired = all.iter().zip(commands);
+    let paired = paired.filter(|(station, _)| station.measured().is_some());
+    let station = |((station, (pose, &visited)), &fold): (Paired<'_>, &usize)| {
+        let position = pose.map(|pose| pose.position);
+        Some(GridStation {
+            pose: all[visited].number,
+            ..GridStation::of(station, position, gauge, &reach, fold)?
+        })
     };
     paired.zip(folds).filter_map(station).collect()
 }
+
+/// A station with its command and the place of the station that its pose is named by.
+type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
 pub(super) fn grids(
     stations: &[GridStation],

@@ -18,7 +18,7 @@ use crate::geometry::Transform;
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
 use crate::pipeline::outcome::{Driven, JoinedSession};
-use crate::report::iso_9283::{self, Dwell, Iso9283, Orientation, Says, Visit, Visited};
+use crate::report::iso_9283::{self, Iso9283, Orientation, Says, Visit, Visited};
 use crate::report::refit::{self, Placed};
 use crate::report::{
     Angles, BaseRefit, Model, Moment, Point, Residual, ResidualSet, Split, Subject,
@@ -203,18 +203,16 @@ fn paired(
 /// The dwells of a session with the poses they went to.
 struct Visits<'s> {
     session: &'s JoinedSession,
-    /// For each station the place of the first one at its pose.
+    /// For each station with a command the place of the first one at its pose.
     poses: Vec<Option<usize>>,
 }
 
 impl<'s> Visits<'s> {
     fn of(session: &'s JoinedSession) -> Self {
-        let stations = session.joined.stations.iter().zip(&session.commanded.poses);
-        let dwells = stations.map(|(station, command)| Dwell {
-            command: *command,
-            joints: &station.joints,
-        });
-        let poses = iso_9283::poses(&dwells.collect::<Vec<_>>());
+        let commanded = &session.commanded;
+        let visits = commanded.poses.iter().zip(&commanded.visits);
+        let poses = visits.map(|(command, &pose)| command.is_some().then_some(pose));
+        let poses = poses.collect();
         Self { session, poses }
     }
 

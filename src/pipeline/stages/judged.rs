@@ -199,27 +199,31 @@ pub(super) fn raw_command(
     let turns = commanded_turns(session, gauge);
     let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
     let turns = without_constant(&turns, |_| true);
-    let residual =
-        |((station, pose), turn): ((&Station, &Option<CommandedPose>), &Option<Turn>)| {
-            let commanded = pose.as_ref()?.position;
-            let attained = station.measured()?;
-            Some(Residual {
-                station: station.number,
-                fold: None,
-                used_for_refit: false,
-                predicted: commanded,
-                residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
-                covariance: None,
-                weight: None,
-                turn: *turn,
-            })
-        };
+    let residual = |(((station, pose), turn), &visited): (
+        ((&Station, &Option<CommandedPose>), &Option<Turn>),
+        &usize,
+    )| {
+        let commanded = pose.as_ref()?.position;
+        let attained = station.measured()?;
+        Some(Residual {
+            station: station.number,
+            pose: session.joined.stations[visited].number,
+            fold: None,
+            used_for_refit: false,
+            predicted: commanded,
+            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+            covariance: None,
+            weight: None,
+            turn: *turn,
+        })
+    };
     let residuals = session
         .joined
         .stations
         .iter()
         .zip(&session.commanded.poses)
         .zip(&turns)
+        .zip(&session.commanded.visits)
         .filter_map(residual)
         .collect();
     let subject = Subject {

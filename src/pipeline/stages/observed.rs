@@ -3,7 +3,8 @@
 use nalgebra::Point3;
 
 use super::StageSettings;
-use crate::fit::{self, Observation};
+use crate::fit::visits::{self, Dwell};
+use crate::fit::{self, Observation, commanded};
 use crate::kinematics::Arm;
 use crate::pipeline::outcome::JoinedSession;
 
@@ -19,6 +20,9 @@ impl Observed {
             |(place, session): (usize, &JoinedSession)| observations(arm, place, session, settings);
         let all: Vec<Observation> = training.iter().enumerate().flat_map(own).collect();
         let positions: Vec<Point3<f64>> = all.iter().map(|o| flange_position(arm, o)).collect();
+        // A pose stands where it was first visited, in whichever session, so that no block parts its visits.
+        let places = visits::poses(&dwells(training));
+        let positions: Vec<Point3<f64>> = places.iter().map(|&first| positions[first]).collect();
         let folds = settings.fit.blocks.folds(&positions);
         Self { all, folds }
     }
@@ -59,6 +63,20 @@ impl Observed {
     }
 }
 
+/// The dwells that observations of all sessions are of, in their order.
+fn dwells(training: &[JoinedSession]) -> Vec<Dwell<'_>> {
+    training.iter().flat_map(dwells_of).collect()
+}
+
+fn dwells_of(session: &JoinedSession) -> impl Iterator<Item = Dwell<'_>> {
+    let commanded = &session.commanded;
+    let stations = &session.joined.stations;
+    let dwells = commanded::dwells(stations, &commanded.poses, commanded.trust);
+    let measured = stations.iter().map(|station| station.measured().is_some());
+    let paired = dwells.into_iter().zip(measured);
+    paired.filter_map(|(dwell, is_measured)| is_measured.then_some(dwell))
+}
+
 pub(super) fn observations(
     arm: &Arm,
     place: usize,
@@ -67,7 +85,7 @@ pub(super) fn observations(
 ) -> Vec<Observation> {
     let stations = &session.joined.stations;
     let mut observations = fit::observations(place, stations, arm, &settings.noise);
-    fit::add_shortfalls(&mut observations, stations, &session.commanded);
+    fit::add_commands(&mut observations, stations, &session.commanded);
     observations
 }
 

@@ -289,6 +289,7 @@ mod tests {
                 + Vector3::new(1e-4, 1e-4, -1e-4).cross(&target.coords);
             DrivenStation {
                 station: i,
+                pose: i,
                 target,
                 command,
                 attained: command + error(&command, 0.0) + moved,

@@ -70,12 +70,21 @@ fn subjects(figures: &[Figure]) -> Vec<&Subject> {
 
 fn rows(figures: &[Figure], subjects: &[&Subject]) -> Markup {
     let head = html! {
-        th { "What corrects" } th.word { "Judged on" } th { "n" }
+        th { "What corrects" } th.word { "Judged on" } th { "n, poses" }
         @for (_, heading) in COLUMNS { th { (heading) } }
         th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
     let body = html! { @for subject in subjects { (row(figures, subject)) } };
     super::table(&head, &body)
+}
+
+/// The stations that judged; a table that did not drive them is held against another session as models are.
+fn stations(subject: &Subject, moment: &str) -> String {
+    if subject.model == "table" && moment == "after, predicted" {
+        words::judged(subject)
+    } else {
+        words::stations(subject)
+    }
 }
 
 fn row(figures: &[Figure], subject: &Subject) -> Markup {
@@ -94,8 +103,8 @@ fn row(figures: &[Figure], subject: &Subject) -> Markup {
     html! {
         tr {
             th.word scope="row" { (words::subject(subject)) small { (moment) } }
-            td.word { (words::stations(subject)) }
-            td { (bound.map_or(0, |bound| bound.n)) @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
+            td.word { (stations(subject, moment)) }
+            td { (bound.map_or(0, |bound| bound.n)) @if let Some(visits) = bound.and_then(|b| b.visits.filter(|&v| v > b.n)) { small { (visits) " visits" } } @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
             @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }
             td { @match value("share_in_ellipsoid") { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
             td.word { @if subject.split == "none" { "–" } @else { (words::verdict(bound.and_then(|b| b.verdict.as_deref()).unwrap_or("–"))) } }

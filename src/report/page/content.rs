@@ -19,6 +19,8 @@ pub struct Content {
     pub tolerance: Tolerance,
     /// Whether it is.
     pub verdict: Verdict,
+    /// Who says so: held-out blocks, and every test session.
+    pub judges: Vec<Judge>,
     /// The choice of the step in words.
     pub choice: String,
     /// What an operator has to know beside the verdict: topics of which too much was rejected.
@@ -51,9 +53,26 @@ pub struct Content {
     pub provenance: Provenance,
 }
 
+/// Who judges the run, and what they say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judge {
+    /// The stations that judge, in words.
+    pub stations: String,
+    /// The verdict in words.
+    pub verdict: String,
+    /// The figures it rests on, in words.
+    pub words: String,
+    /// What else has to be known, in words.
+    pub remark: Option<String>,
+}
+
 /// A judged step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
+    /// `blocks`, or `session` where a test session judged.
+    pub split: String,
+    /// The session whose stations judged.
+    pub of_session: String,
     /// `measured` or `model`.
     pub source: String,
     /// `idw` or `trilinear`.
@@ -64,8 +83,10 @@ pub struct Step {
     pub step_mm: f64,
     /// Nodes of the table.
     pub nodes: Option<i64>,
-    /// Held-out stations that judged.
+    /// Held-out poses that judged.
     pub held_out: i64,
+    /// Visits of them.
+    pub visits: i64,
     /// Blocks they come from.
     pub blocks: Option<i64>,
     /// Mean error left, mm.
@@ -118,8 +139,10 @@ pub struct Figure {
     pub value: Option<f64>,
     /// Its unit.
     pub unit: String,
-    /// Values it is over.
+    /// Values it is over; of a bound, the poses it counts.
     pub n: i64,
+    /// Of a bound, visits of these poses.
+    pub visits: Option<i64>,
     /// Values that the standard or the bound asks for.
     pub n_needed: Option<i64>,
     /// Blocks they come from.

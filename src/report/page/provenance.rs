@@ -56,7 +56,8 @@ pub(super) fn reading_section(content: &Content) -> Markup {
         pre { (query) }
         p {
             "Figures of stations that took part in a fit flatter; only held-out ones carry a verdict. A bound is distribution-free: the "
-            "share asked for of all errors lies below it, with the confidence asked for. Stations of one block are not independent of "
+            "share asked for of all errors lies below it, with the confidence asked for. Visits of one pose count once, with the worst of "
+            "them; how many there were stands beside n. Poses of one block are not independent of "
             "each other, so the number of blocks stands beside theirs. " code { "posegrid schema TABLE" } " says what each column is."
         }
     }

@@ -11,7 +11,9 @@ use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let chosen = content.steps.iter().find(|step| step.chosen)?;
     let is_table = |step: &&Step| step.judgement == "table";
-    let (tables, cells): (Vec<&Step>, Vec<&Step>) = content.steps.iter().partition(is_table);
+    let by_blocks = |step: &&Step| step.split == "blocks";
+    let (blocks, sessions): (Vec<&Step>, Vec<&Step>) = content.steps.iter().partition(by_blocks);
+    let (tables, cells): (Vec<&Step>, Vec<&Step>) = blocks.into_iter().partition(is_table);
     let own: Vec<&Step> = tables
         .iter()
         .copied()
@@ -20,11 +22,16 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
-            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen."
+            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen. The chosen one "
+            "has the verdict of the run, which a test session can make worse. Visits of one pose count once, with the worst."
         }
         div.pair {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
             div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
+        }
+        @if !sessions.is_empty() {
+            p { "The chosen table held against test sessions, at those of their poses that it answers for:" }
+            (session_rows(&sessions))
         }
         details {
             summary { "Every source of node values and every interpolation" }
@@ -45,6 +52,30 @@ fn is_alike(step: &Step, other: &Step) -> bool {
     (&step.source, &step.interpolation) == (&other.source, &other.interpolation)
 }
 
+/// The chosen table by test sessions.
+fn session_rows(steps: &[&Step]) -> Markup {
+    let head = html! { th.word { "Test session" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" } };
+    let body = html! {
+        @for step in steps {
+            tr {
+                th.word scope="row" { (step.of_session) }
+                td { (judged_on(step)) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.max_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { (words::verdict(&step.verdict)) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// How many poses judged, and how many visits of them where these are more.
+fn judged_on(step: &Step) -> Markup {
+    html! { (step.held_out) @if step.visits > step.held_out { small { (step.visits) " visits" } } }
+}
+
 /// The steps of the chosen source and interpolation.
 fn own_rows(steps: &[&Step]) -> Markup {
     let head = html! { th { "Step, mm" } th { "Nodes" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th.word { "Verdict" } };
@@ -53,7 +84,7 @@ fn own_rows(steps: &[&Step]) -> Markup {
             tr.chosen[step.chosen] {
                 th scope="row" { (step.step_mm) @if step.chosen { small { "chosen" } } }
                 td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
-                td { (step.held_out) }
+                td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
@@ -76,7 +107,7 @@ fn all_rows(steps: &[&Step]) -> Markup {
                 td.word { (step.source) }
                 td.word { (step.interpolation) }
                 td { (words::whole(step.nodes.unwrap_or(0).unsigned_abs())) }
-                td { (step.held_out) }
+                td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.max_mm, 3)) }
@@ -93,13 +124,11 @@ fn reasons(steps: &[&Step]) -> Vec<String> {
     let not_shown = steps.iter().filter(|step| step.verdict == "not_shown");
     let reason = |step: &&Step| {
         let reason = step.reason.as_deref()?;
-        // How many stations each step has stands in the table already.
-        let needed = reason
-            .split_once(" held-out stations; ")
-            .map(|(_, needed)| needed);
+        // How many poses each step has stands in the table already.
+        let needed = reason.split_once(" held out; ").map(|(_, needed)| needed);
         let reason = needed.map_or_else(
             || reason.to_owned(),
-            |needed| format!("too few held-out stations; {needed}"),
+            |needed| format!("too few held-out poses; {needed}"),
         );
         Some(format!("{}: {reason}", step.source))
     };
@@ -111,7 +140,9 @@ fn reasons(steps: &[&Step]) -> Vec<String> {
 
 /// Whether any step of the published kind has figures; if none, local cells are drawn.
 fn judgement(content: &Content) -> &'static str {
-    let shown = |step: &Step| step.judgement == "table" && step.mean_mm.is_some();
+    let shown = |step: &Step| {
+        (&*step.judgement, &*step.split) == ("table", "blocks") && step.mean_mm.is_some()
+    };
     if content.steps.iter().any(shown) {
         "table"
     } else {
@@ -123,7 +154,7 @@ fn chart(content: &Content, chosen: &Step) -> Markup {
     let drawn: Vec<&Step> = content
         .steps
         .iter()
-        .filter(|step| step.judgement == judgement(content))
+        .filter(|step| step.split == "blocks" && step.judgement == judgement(content))
         .collect();
     let (own, others): (Vec<&Step>, Vec<&Step>) =
         drawn.into_iter().partition(|step| is_alike(step, chosen));

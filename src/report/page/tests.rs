@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use roxmltree::{Document, ParsingOptions};
 
 use super::content::{
-    Calibration, Clock, Content, Count, Figure, JointError, Parameter, Provenance, Reject,
+    Calibration, Clock, Content, Count, Figure, JointError, Judge, Parameter, Provenance, Reject,
     Residual, Residuals, Session, Step, Subject, Variogram, VariogramEntry,
 };
 use super::html;
@@ -37,6 +37,7 @@ fn figure(model: &str, name: &str, of: &str, value: f64, quantity: &str) -> Figu
         value: Some(value),
         unit: "mm".to_owned(),
         n: 80,
+        visits: Some(240),
         n_needed: Some(59),
         blocks: Some(8),
         verdict: Some("met".to_owned()),
@@ -63,12 +64,15 @@ fn residuals(name: &str) -> Vec<Residuals> {
 
 fn step(step_mm: f64, chosen: bool, name: &str) -> Step {
     Step {
+        split: "blocks".to_owned(),
+        of_session: name.to_owned(),
         source: "model".to_owned(),
         interpolation: "trilinear".to_owned(),
         judgement: "table".to_owned(),
         step_mm,
         nodes: Some(1200),
         held_out: 80,
+        visits: 240,
         blocks: Some(8),
         mean_mm: Some(0.101_25),
         p95_mm: Some(0.15),
@@ -190,6 +194,12 @@ fn content(name: &str) -> Content {
             confidence: 0.95,
         },
         verdict: Verdict::Meets,
+        judges: vec![Judge {
+            stations: text(),
+            verdict: "met".to_owned(),
+            words: text(),
+            remark: Some(text()),
+        }],
         choice: text(),
         warnings: vec![text()],
         notes: vec![text()],

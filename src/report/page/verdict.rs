@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Step, Subject};
+use super::content::{Content, Judge, Step, Subject};
 use super::words;
 use crate::grid::Verdict;
 
@@ -14,12 +14,30 @@ pub(super) fn header(content: &Content) -> Markup {
             p.which { (content.robot) " · " (content.session) }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&content.verdict)) } " " (headline) }
             p.lead { (sentence(content, chosen)) }
+            (judges(&content.judges))
             @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
             @if let Some(step) = chosen { (facts(content, step)) }
             p.note {
                 "Chosen: " (content.choice) ". What is left after the table is predicted, from stations that took no part; "
                 "it is measured only once a session driven by this table is."
             }
+        }
+    }
+}
+
+/// Who judges, where a test session does, and what has to be known of it.
+fn judges(judges: &[Judge]) -> Markup {
+    html! {
+        @if judges.len() > 1 {
+            p { "The verdict is the worst of:" }
+            ul {
+                @for judge in judges {
+                    li { (judge.stations) ": " strong { (judge.verdict) } ". " (judge.words) }
+                }
+            }
+        }
+        @for remark in judges.iter().filter_map(|judge| Some((&judge.stations, judge.remark.as_ref()?))) {
+            p.warning { (remark.0) ": " (remark.1) }
         }
     }
 }
@@ -46,6 +64,10 @@ fn sentence(content: &Content, chosen: Option<&Step>) -> Markup {
     let bound = chosen.and_then(|step| step.bound_mm.zip(step.uncertainty_mm));
     let step = chosen.map(|step| step.step_mm);
     match (&content.verdict, bound, step) {
+        (Verdict::DoesNotMeet, _, _) if decided_by_a_session(content) => html! {
+            "Held-out blocks meet it, but on another session it is not shown that " (words::percent(tolerance.share))
+            " % of positions come within " (tolerance.mm) " mm: what was learnt does not hold there."
+        },
         (Verdict::NotShown(reason), _, _) => html! {
             "Whether " (words::percent(tolerance.share)) " % of positions come within " (tolerance.mm)
             " mm cannot be said: " (reason) "."
@@ -60,6 +82,12 @@ fn sentence(content: &Content, chosen: Option<&Step>) -> Markup {
         },
         _ => html! { (content.choice) "." },
     }
+}
+
+/// Whether the verdict is worse than that of held-out blocks, which are told first.
+fn decided_by_a_session(content: &Content) -> bool {
+    let blocks = content.judges.first();
+    blocks.is_some_and(|blocks| blocks.verdict == "met")
 }
 
 /// The figures that the verdict rests on.
@@ -81,7 +109,7 @@ fn facts(content: &Content, step: &Step) -> Markup {
                 @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
             }))
             (fact("Judged on", &html! { (words::whole(judged)) }, &html! {
-                "held-out stations" @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
+                "held-out poses" @if step.visits > step.held_out { " in " (words::whole(step.visits.unsigned_abs())) " visits" } @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
             }))
         }
     }
@@ -99,7 +127,9 @@ pub(super) fn mm(value: Option<f64>) -> Markup {
 fn before(content: &Content) -> Option<(f64, i64)> {
     let figures = || content.figures.iter();
     let table = &figures()
-        .find(|f| f.subject.model == "table" && f.evidence == "predicted")?
+        .find(|f| {
+            f.subject.model == "table" && f.subject.split == "blocks" && f.evidence == "predicted"
+        })?
         .subject;
     let alike = |own: &Subject| own.split == table.split && own.of_session == table.of_session;
     let before = figures()

@@ -43,6 +43,12 @@ pub(super) fn stations(subject: &Subject) -> String {
     if subject.model == "raw_command" && subject.split == "none" {
         return format!("{session}, every station");
     }
+    judged(subject)
+}
+
+/// The stations that took no part or did, by how they were kept from training.
+pub(super) fn judged(subject: &Subject) -> String {
+    let session = &subject.of_session;
     match (subject.split.as_str(), subject.base_refit.as_str()) {
         ("none", _) => format!("{session}, training"),
         ("blocks", _) => format!("{session}, held-out blocks"),

@@ -6,6 +6,7 @@ fn done(verdict: Verdict) -> Done {
         session: "a".to_owned(),
         run: "00ff".to_owned(),
         already_there: false,
+        reason: (verdict == Verdict::DoesNotMeet).then(|| "test session wed: bound".to_owned()),
         verdict,
         rejected: Vec::new(),
         words: vec!["step 100 mm".to_owned(), "bad\u{1b}name".to_owned()],
@@ -78,7 +79,7 @@ fn each_session_has_one_line_in_the_order_of_the_plan() {
     let expected = [
         "done         a: within tolerance, run 00ff",
         "waits        wed\\nfailed: tracker.mcap is not there yet",
-        "done-before  b: not within tolerance, run 00ff, page lake/report/r/a/00ff.html",
+        "done-before  b: not within tolerance: test session wed: bound, run 00ff, page lake/report/r/a/00ff.html",
         "failed       c: no result: no log",
         "not-started  d: run it again",
         "failed       pooled: no result: that is no name",

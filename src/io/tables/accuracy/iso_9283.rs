@@ -23,9 +23,10 @@ fn row<'a>(of: &'a Iso9283, figure: &'a Figure) -> Row<'a> {
         unit: if is_angle { "rad" } else { "mm" },
         expanded_uncertainty: (!is_angle).then_some(of.expanded_uncertainty_mm),
         n: figure.n,
+        visits: None,
         blocks: None,
         n_needed: i64::try_from(figure.n_needed).ok(),
-        reason: figure.remark.as_deref(),
+        reason: figure.remark.clone(),
         verdict: None,
     }
 }

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::super::{GridBasis, PublishContext};
 use crate::compensation::Conditions;
-use crate::figures::Figures;
+use crate::figures::{Counted, Figures};
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::{
@@ -21,6 +21,7 @@ use crate::kinematics::{Arm, RobotFile};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::progress::Quiet;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
+use crate::report::verdict::{Judge, RunVerdict};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Calibrated, Model, Moment, Point, Residual, ResidualSet, Split,
     Subject,
@@ -234,6 +235,12 @@ fn outcome() -> Outcome<'static> {
     Outcome {
         residuals: vec![residuals(&session.joined.stations, &gauge)],
         driven: None,
+        verdict: RunVerdict::of(vec![Judge::blocks(
+            SESSION,
+            &accuracy(false),
+            &grids.choice.words,
+            &TOLERANCE,
+        )]),
         accuracy: vec![accuracy(true), accuracy(false)],
         iso_9283: vec![iso_9283()],
         at_tip: vec![],
@@ -279,6 +286,7 @@ fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> 
     let errors = samples(stations, gauge);
     let station = |place: usize| GridStation {
         number: attained[place].number,
+        pose: attained[place].number,
         position: positions[place],
         orientation: tools[place].rotation,
         joints: attained[place].joints.clone(),
@@ -313,6 +321,7 @@ fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
     let residual = |station: &Station| {
         Some(Residual {
             station: station.number,
+            pose: station.number,
             fold: Some(0),
             used_for_refit: false,
             predicted: gauge.nominal_target(&station.joints),
@@ -338,6 +347,7 @@ fn accuracy(there: bool) -> Accuracy {
         driven_by: None,
         figures: Figures::of(&[0.1, 0.2, 0.3]).filter(|_| there),
         bound: None,
+        counted: Counted::once(if there { 3 } else { 0 }),
         blocks: Some(2),
         coverage: there.then_some(Calibrated {
             inside: 0.96,

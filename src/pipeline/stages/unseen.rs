@@ -1,0 +1,220 @@
+//! Sessions that only judge: what each says of the whole model and of the published table, and whether it is of this arm.
+//!
+//! The table is stated in the frame of the session that it was made from. A test session is carried there by its first stations, as
+//! its base is found for every verdict: where the model has them, in that frame, they are aligned with where the tracker saw
+//! them. The stations after them judge; further visits of the poses they stood at do not.
+
+use std::collections::BTreeSet;
+
+use nalgebra::Point3;
+
+use super::StageSettings;
+use super::gridded::grid_stations;
+use super::observed::observations;
+use crate::figures::median;
+use crate::fit::same_arm::{self, LeftBy};
+use crate::fit::{ErrorModel, Frames, Gauge, Models, Predictor, ToolErrors};
+use crate::geometry::Transform;
+use crate::grid::{GridStation, Grids, Judged};
+use crate::kinematics::Arm;
+use crate::pipeline::outcome::JoinedSession;
+use crate::report::refit::{self, Placed};
+use crate::report::verdict::{Judge, RunVerdict, figure_of_model};
+use crate::report::{
+    Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject,
+};
+
+/// What judges a run.
+pub(super) struct Judges<'j> {
+    pub(super) arm: &'j Arm,
+    pub(super) models: &'j Models,
+    /// Sessions that only judge.
+    pub(super) test: &'j [JoinedSession],
+    /// The session that the table is for, in its place among those that trained, and its gauge.
+    pub(super) own: (&'j JoinedSession, usize),
+    pub(super) gauge: &'j Gauge<'j>,
+    pub(super) settings: &'j StageSettings,
+}
+
+impl Judges<'_> {
+    /// Judges the chosen table by every test session, as rows of `grids`.
+    pub(super) fn judge_table(&self, grids: &mut Grids) {
+        let predictor = Predictor::of(self.models, self.arm, self.own.1);
+        let errors = ToolErrors::new(predictor, self.gauge);
+        for session in self.test {
+            let stations = self.stations(session, &errors);
+            let tolerance = &self.settings.tolerance;
+            grids.judge_by_session(&session.name, &stations, &errors, tolerance);
+        }
+    }
+
+    /// The stations of a test session that judge, in the table's frame; none where its base cannot be found.
+    fn stations(&self, session: &JoinedSession, errors: &dyn ErrorModel) -> Vec<GridStation> {
+        // Blocks are of training sessions: a test session is one whole.
+        let folds = vec![0; session.joined.stations.len()];
+        let commanded = grid_stations(session, self.gauge, &folds);
+        let first = &commanded[..self.settings.refit.first.min(commanded.len())];
+        let Some(gauge) = self.carried(session, first, errors) else {
+            return Vec::new();
+        };
+        let taken: BTreeSet<usize> = first.iter().map(|station| station.pose).collect();
+        let mut stations = grid_stations(session, &gauge, &folds);
+        stations.retain(|station| !taken.contains(&station.pose));
+        stations
+    }
+
+    /// The table's gauge as the first stations of a session see it from where their tracker stands.
+    fn carried(
+        &self,
+        session: &JoinedSession,
+        first: &[GridStation],
+        errors: &dyn ErrorModel,
+    ) -> Option<Gauge<'_>> {
+        let paired = session.joined.stations.iter().filter_map(|s| s.measured());
+        let measured: Vec<Point3<f64>> = paired.take(first.len()).map(|a| a.position).collect();
+        let flange_from_tool = *self.gauge.flange_from_tool();
+        let placed = first.iter().map(|station| {
+            let flange = station.orientation * flange_from_tool.rotation.inverse();
+            let tool = station.position + errors.error(&station.joints);
+            Placed {
+                position: tool - flange * self.gauge.lever(),
+                flange,
+            }
+        });
+        let with_target = self.settings.refit.with_target;
+        let found = refit::refit(&measured, &placed.collect::<Vec<_>>(), with_target)?;
+        let mut target = *self.gauge.frames().flange_from_target.isometry();
+        target.translation.vector += found.target_shift;
+        let frames = Frames {
+            tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
+            flange_from_target: Transform::claim(target),
+        };
+        // How a target of its own is turned is not known: its orientations say nothing of the tool's.
+        let oriented = self.settings.noise.orientations && !with_target;
+        Some(Gauge::new(
+            self.arm,
+            frames,
+            Some(flange_from_tool),
+            oriented,
+        ))
+    }
+
+    /// The figures of the chosen table at the stations of each test session.
+    pub(super) fn table_figures(&self, grids: &Grids) -> Vec<Accuracy> {
+        let rows = grids.judged.iter();
+        let figures =
+            rows.filter_map(|row| Some(self.table_figure(row, row.of_test.as_ref()?, grids)));
+        figures.collect()
+    }
+
+    fn table_figure(&self, row: &Judged, session: &str, grids: &Grids) -> Accuracy {
+        Accuracy {
+            subject: Subject {
+                split: Split::Session,
+                of_session: session.to_owned(),
+                model: Model::Table,
+                angles: Angles::Commanded,
+                base_refit: BaseRefit::First,
+            },
+            point: Point::Tool,
+            moment: Moment::After,
+            driven_by: None,
+            figures: row.figures,
+            bound: row.bound,
+            counted: row.held_out.counted(),
+            blocks: None,
+            coverage: None,
+            expanded_uncertainty_mm: grids.guard_mm,
+            verdict: row.verdict.clone(),
+        }
+    }
+
+    /// The verdict of the run: of held-out blocks, and of every test session.
+    pub(super) fn verdict(
+        &self,
+        grids: &Grids,
+        accuracy: &[Accuracy],
+        residuals: &[ResidualSet],
+    ) -> RunVerdict {
+        let tolerance = &self.settings.tolerance;
+        let of_table = |split: Split, session: &str| {
+            let is_it = move |own: &&Accuracy| {
+                let subject = &own.subject;
+                (subject.model, subject.split, own.moment) == (Model::Table, split, Moment::After)
+                    && subject.of_session == session
+            };
+            accuracy.iter().find(is_it)
+        };
+        let own = &self.own.0.name;
+        let blocks = of_table(Split::Blocks, own)
+            .map(|table| Judge::blocks(own, table, &grids.choice.words, tolerance));
+        let sessions = self.test.iter().map(|session| {
+            let name = &session.name;
+            let model = figure_of_model(accuracy, name);
+            let table = model.and_then(|_| of_table(Split::Session, name));
+            let remark = self.remark(session, residuals);
+            Judge::session(name, model, table, tolerance, remark)
+        });
+        RunVerdict::of(blocks.into_iter().chain(sessions).collect())
+    }
+
+    /// What has to be known of a test session that the identified arm does not fit.
+    fn remark(&self, session: &JoinedSession, residuals: &[ResidualSet]) -> Option<String> {
+        // Without the whole model all that can be asked is whether it improves anything.
+        let full = self.models.full.is_some();
+        let of = |name: &str, split, refit| left_by(residuals, full, name, split, refit);
+        let left = of(&session.name, Split::Session, BaseRefit::All)?;
+        let target = self
+            .gauge
+            .frames()
+            .flange_from_target
+            .isometry()
+            .translation
+            .vector;
+        let own = observations(self.arm, 0, session, self.settings);
+        let change_rad = self.settings.full.session_curve_sd_rad;
+        let fit = same_arm::unseen(self.arm, &own, &target, &left, change_rad)?;
+        if fit.is_same_arm() || (!full && left.identified < left.nominal) {
+            return None;
+        }
+        let improves = of(&self.own.0.name, Split::Blocks, BaseRefit::None)
+            .is_some_and(|blocks| blocks.improves());
+        let question = if improves {
+            "another arm, or this one before or after a repair?"
+        } else {
+            "it does not on held-out blocks either"
+        };
+        Some(format!(
+            "the model hardly improves this session: it leaves {:.3} mm where the nominal arm leaves {:.3} mm (medians, base refitted \
+             on all of it); one arm would leave {:.3} mm by noise and changes, or at most half of what the nominal one does: {question}",
+            fit.shared_mm, fit.nominal_mm, fit.allowed_mm
+        ))
+    }
+}
+
+/// Median distances that the model and the nominal arm leave at the stations of a session.
+fn left_by(
+    residuals: &[ResidualSet],
+    full: bool,
+    session: &str,
+    split: Split,
+    base_refit: BaseRefit,
+) -> Option<LeftBy> {
+    let of = |model: Model, angles: Angles| {
+        let set = residuals.iter().find(|set| {
+            let subject = &set.subject;
+            (subject.model, subject.angles, subject.split) == (model, angles, split)
+                && (subject.base_refit, &*subject.of_session) == (base_refit, session)
+        })?;
+        let norms = set.residuals.iter().map(|r| r.residual.norm());
+        median(&norms.collect::<Vec<_>>())
+    };
+    Some(LeftBy {
+        identified: if full {
+            of(Model::Full, Angles::Blended)?
+        } else {
+            of(Model::Geometric, Angles::Reported)?
+        },
+        nominal: of(Model::BaseTarget, Angles::Reported)?,
+    })
+}
