@@ -26,7 +26,7 @@ pub struct HeldOut {
     /// Norms by pose: what a bound counts.
     pub by_pose: PoseErrors,
     /// Norms by pose of the errors that those stations may have on another day, as many for each; empty where nothing is known
-    /// of that.
+    /// of that, and in a row of steps, which keeps the bound they have.
     pub another_day: PoseErrors,
     /// Norm of the same stations' errors with nothing subtracted, mm.
     pub uncorrected: Vec<f64>,

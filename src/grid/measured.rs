@@ -283,3 +283,55 @@ fn planes(stations: &[GridStation], axis: usize) -> Result<Planes, NotOnGrid> {
         count,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::UnitQuaternion;
+
+    use super::*;
+    use crate::figures::Counted;
+
+    /// Every node of 3 × 3 × 3 with a pitch of 100 mm, gone to twice: as a grid is, one round after the other. The second round's
+    /// commands are `off_mm` beside the first's.
+    fn twice(off_mm: f64, is_one_pose: bool) -> Vec<GridStation> {
+        let station = |number: usize| {
+            let node = number % 27;
+            let [x, y, z] = [node % 3, node / 3 % 3, node / 9].map(|index| 100.0 * index as f64);
+            let again = (number / 27) as f64;
+            GridStation {
+                number,
+                pose: if is_one_pose { node } else { number },
+                position: Point3::new(x + again * off_mm, y, z),
+                orientation: UnitQuaternion::identity(),
+                joints: vec![0.0; 6],
+                configuration: None,
+                error: Vector3::new(0.1 * node as f64 + 0.01 * again, 0.0, 0.0),
+                fold: 0,
+                another_day: Vec::new(),
+            }
+        };
+        (0..54).map(station).collect()
+    }
+
+    fn judged(stations: &[GridStation], multiple: usize) -> HeldOut {
+        let grid = MeasuredGrid::of(stations).expect("a grid");
+        grid.judge(stations, [multiple; 3], Interpolation::Trilinear, 2.0)
+    }
+
+    #[test]
+    fn another_visit_of_a_node_is_no_held_out_station() {
+        // Each station is a node or stands at one: its own measurement would judge it.
+        let stations = twice(0.0, true);
+        assert_eq!(judged(&stations, 1).counted(), Counted::default());
+        // A command rounded otherwise is another pose, and at the same node.
+        assert_eq!(judged(&twice(0.05, false), 1).counted(), Counted::default());
+        // Of every second node the eight corners are left; 19 poses between them judge, each visited twice.
+        let held_out = judged(&stations, 2);
+        let expected = Counted {
+            poses: 19,
+            visits: 38,
+        };
+        assert_eq!(held_out.counted(), expected);
+        assert_eq!(held_out.norms.len(), 38);
+    }
+}

@@ -191,13 +191,13 @@ impl Row {
     fn judged(
         self,
         counts: Counts,
-        held_out: HeldOut,
+        mut held_out: HeldOut,
         tolerance: &Tolerance,
         guard_mm: f64,
     ) -> Judged {
         let bound_of_session = held_out.by_pose.bound(tolerance.coverage());
         // Never less than what was seen.
-        let another_day = held_out.another_day.bound(tolerance.coverage());
+        let another_day = std::mem::take(&mut held_out.another_day).bound(tolerance.coverage());
         let bound =
             bound_of_session.map(|own| another_day.map_or(own, |another_day| own.max(another_day)));
         Judged {

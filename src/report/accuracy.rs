@@ -108,3 +108,75 @@ fn calibrated(distances: &[f64]) -> Option<Calibrated> {
         mean_squared_distance: distances.iter().sum::<f64>() / n,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point3;
+
+    use super::*;
+    use crate::report::{Angles, BaseRefit, Residual, Subject};
+
+    const TOLERANCE: Tolerance = Tolerance {
+        mm: 0.5,
+        share: 0.95,
+        confidence: 0.95,
+    };
+
+    /// As many visits of `poses` poses in turn, the first `first` of which find the base; later rounds leave more.
+    fn visits(poses: usize, rounds: usize, first: usize) -> ResidualSet {
+        let residual = |station: usize| Residual {
+            station,
+            pose: station % poses,
+            fold: None,
+            used_for_refit: station < first,
+            predicted: Point3::origin(),
+            residual: Vector3::new(0.1 * (1 + station / poses) as f64, 0.0, 0.0),
+            covariance: None,
+            weight: None,
+            turn: None,
+        };
+        ResidualSet {
+            subject: Subject {
+                split: Split::Session,
+                of_session: "tue".to_owned(),
+                model: Model::Full,
+                angles: Angles::Commanded,
+                base_refit: BaseRefit::First,
+            },
+            residuals: (0..poses * rounds).map(residual).collect(),
+        }
+    }
+
+    #[test]
+    fn thirty_poses_show_nothing_however_often_they_are_visited() {
+        let of = accuracy(&visits(30, 6, 0), &TOLERANCE, 0.0);
+        assert_eq!((of.counted.poses, of.counted.visits), (30, 180));
+        assert_eq!((of.bound, of.figures.map(|f| f.n)), (None, Some(180)));
+        assert_eq!(
+            of.verdict,
+            Verdict::NotShown(
+                "30 poses in 180 visits held out; 59 poses are needed for 95 % with 95 % confidence"
+                    .to_owned()
+            )
+        );
+        // Sixty poses do, by the worst of their visits: the third round's 0.3 mm.
+        let of = accuracy(&visits(60, 3, 0), &TOLERANCE, 0.0);
+        assert!(
+            of.bound.is_some_and(|bound| (bound - 0.3).abs() < 1e-12),
+            "{of:?}"
+        );
+    }
+
+    #[test]
+    fn poses_that_found_the_base_do_not_judge() {
+        let of = accuracy(&visits(60, 2, 50), &TOLERANCE, 0.0);
+        // Ten poses are left, each visited twice; figures are of all stations that did not find the base.
+        assert_eq!((of.counted.poses, of.counted.visits), (10, 20));
+        assert_eq!(of.figures.map(|figures| figures.n), Some(70));
+        let Verdict::NotShown(reason) = of.verdict else {
+            panic!("{:?}", of.verdict)
+        };
+        let expected = "50 stations find the base ([report] refit_first_stations), and 50 more are visits of their poses";
+        assert!(reason.ends_with(expected), "{reason}");
+    }
+}

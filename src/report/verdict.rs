@@ -142,6 +142,16 @@ impl RunVerdict {
         (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 
+    /// Who says that the tolerance is not met or not shown to be, where several judge, and else why; `None` where it is met.
+    pub fn decided_by(&self) -> Option<String> {
+        let reason = self.reason()?;
+        let names: Vec<String> = self.worst().map(|judge| judge.stations.words()).collect();
+        Some(match self.judges.len() {
+            1 => reason,
+            _ => names.join(", "),
+        })
+    }
+
     /// The judges whose verdict none is worse than.
     fn worst(&self) -> impl Iterator<Item = &Judge> {
         let all = || self.judges.iter();

@@ -10,6 +10,7 @@ mod export;
 mod interrupted;
 mod iso_9283;
 mod joints;
+mod judged;
 mod kept;
 mod nightly;
 mod page;

@@ -28,6 +28,7 @@ fn columns(columns: Columns, residuals: &[&Residual]) -> Columns {
     columns
         .column("fold", all().map(|r| r.fold))
         .column("station", all().map(|r| r.station))
+        .column("pose", all().map(|r| r.pose))
         .column("used_for_refit", all().map(|r| r.used_for_refit))
         .group(
             ["x_mm", "y_mm", "z_mm"],

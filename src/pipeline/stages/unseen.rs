@@ -180,7 +180,7 @@ impl Judges<'_> {
         let improves = of(&self.own.0.name, Split::Blocks, BaseRefit::None)
             .is_some_and(|blocks| blocks.improves());
         let question = if improves {
-            "another arm, or this one before or after a repair?"
+            "another arm, this one before or after a repair, or poses unlike those it was learnt at?"
         } else {
             "it does not on held-out blocks either"
         };
