@@ -16,6 +16,7 @@ use posegrid::pipeline::outcome::{JoinedSession, Outcome};
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::verdict::Judging;
 use posegrid::report::{Angles, BaseRefit, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 
@@ -203,4 +204,16 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
     }
     // Nine stations are within 5° of the table's orientation: too few for any bound, and said so.
     assert!(matches!(outcome.grids.choice.verdict, Verdict::NotShown(_)));
+    // The other session shows that the model holds; the blocks that judge the table show nothing, and the worst decides.
+    let [blocks, session] = outcome.verdict.judges() else {
+        panic!("{:?}", outcome.verdict)
+    };
+    assert_eq!(session.verdict, Verdict::Meets, "{}", session.line());
+    assert_eq!(session.remark, None);
+    assert_eq!(blocks.stations, Judging::Blocks("ur10-random-a".to_owned()));
+    let verdict = outcome.verdict.verdict();
+    assert!(
+        matches!(&verdict, Verdict::NotShown(reason) if reason.contains("blocks of ur10-random-a: 9 poses held out")),
+        "{verdict:?}"
+    );
 }

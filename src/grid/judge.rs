@@ -172,14 +172,14 @@ pub fn by_local_cell(
             .iter()
             .map(|joints| folds[station.fold].error(joints));
         let errors = errors.zip(weights).map(|(error, weight)| error * weight);
-        Ok((errors.sum(), folds[station.fold].error(&station.joints)))
+        Ok([errors.sum(), folds[station.fold].error(&station.joints)])
     };
-    let found: Vec<Result<(Vector3<f64>, Vector3<f64>), Refusal>> =
+    let found: Vec<Result<[Vector3<f64>; 2], Refusal>> =
         stations.par_iter().zip(cells).map(interpolated).collect();
     let mut held_out = HeldOut::default();
     for (station, found) in stations.iter().zip(found) {
         match found {
-            Ok((interpolated, predicted)) => {
+            Ok([interpolated, predicted]) => {
                 held_out.add_beside(station, &interpolated, &predicted);
             }
             Err(refusal) => *held_out.refused.entry(refusal).or_default() += 1,

@@ -152,7 +152,7 @@ pub fn run<'a>(
         grids: &grids,
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
-    accuracy.extend(judges.table_figures(&grids));
+    accuracy.extend(unseen::table_figures(&grids));
     let verdict = judges.verdict(&grids, &accuracy, &residuals);
     let at_tip = maker.at_tip(&residuals, driven.as_ref());
     if let Some(driven) = &driven {

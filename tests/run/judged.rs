@@ -136,10 +136,8 @@ fn a_test_session_of_this_arm_agrees() {
     let words = [("of_session", "tue"), ("model", "table"), ("name", "bound")];
     let bound = row(&accuracy, &words);
     assert_eq!(text(&accuracy, "evidence", bound), "predicted");
-    assert_eq!(
-        accuracy.f64("value").value(bound),
-        steps.f64("bound_mm").value(tue)
-    );
+    let apart = accuracy.f64("value").value(bound) - steps.f64("bound_mm").value(tue);
+    assert!(apart.abs() < 1e-12, "{apart}");
     // What the table leaves on another day is about what the model does: its base is found as theirs is.
     let words = [
         ("of_session", "tue"),

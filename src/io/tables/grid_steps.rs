@@ -175,7 +175,7 @@ fn verdicts(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_
         .same("held_out_needed", whole(least_count(coverage)))
         .same("expanded_uncertainty_mm", context.grid.guard_mm)
         .same("tolerance_mm", context.tolerance.mm)
-        .column("verdict", judged.iter().map(|row| verdict(row)))
+        .column("verdict", judged.iter().map(verdict))
         .column("reason", judged.iter().map(reason))
 }
 

@@ -199,33 +199,24 @@ pub(super) fn raw_command(
     let turns = commanded_turns(session, gauge);
     let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
     let turns = without_constant(&turns, |_| true);
-    let residual = |(((station, pose), turn), &visited): (
-        ((&Station, &Option<CommandedPose>), &Option<Turn>),
-        &usize,
-    )| {
+    let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
+    let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
         let attained = station.measured()?;
         Some(Residual {
             station: station.number,
-            pose: session.joined.stations[visited].number,
+            pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
             predicted: commanded,
             residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
             covariance: None,
             weight: None,
-            turn: *turn,
+            turn: turns[place],
         })
     };
-    let residuals = session
-        .joined
-        .stations
-        .iter()
-        .zip(&session.commanded.poses)
-        .zip(&turns)
-        .zip(&session.commanded.visits)
-        .filter_map(residual)
-        .collect();
+    let commanded = stations.iter().zip(&session.commanded.poses);
+    let residuals = commanded.enumerate().filter_map(residual).collect();
     let subject = Subject {
         split: Split::None,
         of_session: session.name.clone(),

@@ -99,36 +99,6 @@ impl Judges<'_> {
         ))
     }
 
-    /// The figures of the chosen table at the stations of each test session.
-    pub(super) fn table_figures(&self, grids: &Grids) -> Vec<Accuracy> {
-        let rows = grids.judged.iter();
-        let figures =
-            rows.filter_map(|row| Some(self.table_figure(row, row.of_test.as_ref()?, grids)));
-        figures.collect()
-    }
-
-    fn table_figure(&self, row: &Judged, session: &str, grids: &Grids) -> Accuracy {
-        Accuracy {
-            subject: Subject {
-                split: Split::Session,
-                of_session: session.to_owned(),
-                model: Model::Table,
-                angles: Angles::Commanded,
-                base_refit: BaseRefit::First,
-            },
-            point: Point::Tool,
-            moment: Moment::After,
-            driven_by: None,
-            figures: row.figures,
-            bound: row.bound,
-            counted: row.held_out.counted(),
-            blocks: None,
-            coverage: None,
-            expanded_uncertainty_mm: grids.guard_mm,
-            verdict: row.verdict.clone(),
-        }
-    }
-
     /// The verdict of the run: of held-out blocks, and of every test session.
     pub(super) fn verdict(
         &self,
@@ -189,6 +159,36 @@ impl Judges<'_> {
              on all of it); one arm would leave {:.3} mm by noise and changes, or at most half of what the nominal one does: {question}",
             fit.shared_mm, fit.nominal_mm, fit.allowed_mm
         ))
+    }
+}
+
+/// The figures of the chosen table at the stations of each test session.
+pub(super) fn table_figures(grids: &Grids) -> Vec<Accuracy> {
+    let rows = grids.judged.iter();
+    let figures =
+        rows.filter_map(|row| Some(table_figure(row, row.of_test.as_ref()?, grids.guard_mm)));
+    figures.collect()
+}
+
+fn table_figure(row: &Judged, session: &str, guard_mm: f64) -> Accuracy {
+    Accuracy {
+        subject: Subject {
+            split: Split::Session,
+            of_session: session.to_owned(),
+            model: Model::Table,
+            angles: Angles::Commanded,
+            base_refit: BaseRefit::First,
+        },
+        point: Point::Tool,
+        moment: Moment::After,
+        driven_by: None,
+        figures: row.figures,
+        bound: row.bound,
+        counted: row.held_out.counted(),
+        blocks: None,
+        coverage: None,
+        expanded_uncertainty_mm: guard_mm,
+        verdict: row.verdict.clone(),
     }
 }
 
