@@ -13,7 +13,7 @@ use thiserror::Error;
 use crate::io::schema::SchemaError;
 use crate::io::table::TableError;
 
-pub use runs::{Outcome, StageCount, Written, cpu_features, platform};
+pub use runs::{Outcome, Replaced, StageCount, Written, cpu_features, platform, row_digest};
 
 /// The version of this program, part of every run's name.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

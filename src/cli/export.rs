@@ -99,7 +99,7 @@ impl ExportArgs {
         if !self.stations.is_empty() && self.format != ExportFormat::Mcap {
             return Err(ExportError::NoUseForTimes(self.format.name()));
         }
-        let held = table::name(path)?;
+        let held = table::head(path)?.table;
         match (self.format, held.as_deref()) {
             (ExportFormat::Csv, Some("compensation")) => nodes_csv::write(path, sink),
             (ExportFormat::Json, Some("calibrations")) => curves_json::of_calibrations(path, sink),

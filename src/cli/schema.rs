@@ -93,7 +93,16 @@ fn properties(column: &ColumnSchema) -> String {
         .as_ref()
         .map(|frame| format!("in frame: {frame}"));
     let nullable = column.nullable.then_some("may be null");
-    let parts = [Some(column.kind.name()), unit, frame.as_deref(), nullable];
+    let since = column
+        .since
+        .map(|version| format!("since version {version}"));
+    let parts = [
+        Some(column.kind.name()),
+        unit,
+        frame.as_deref(),
+        nullable,
+        since.as_deref(),
+    ];
     parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 

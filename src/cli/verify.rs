@@ -3,6 +3,7 @@
 //! Exit codes: 0 all the same; 3 a mismatch; 1 something could not be computed again; 2 bad usage, or no such lake or run.
 //! 1 outranks 3.
 
+mod account;
 mod words;
 
 use std::fmt::Write as _;
@@ -19,7 +20,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
-    PastRun, Register, Selected, Selection, Verdict, Verified, VerifyError, clean, select, verify,
+    PastRun, Register, RowList, Selected, Selection, Verdict, Verified, VerifyError, account,
+    clean, row_contradictions, select, verify,
 };
 use crate::progress::Progress;
 
@@ -30,16 +32,24 @@ Examples:
   posegrid verify lake --pipeline pipelines/quickstart.toml
   posegrid verify lake --pipeline cell3.toml --pipeline cell4.toml --sample 10 --seed 2026
   posegrid verify lake --pipeline cell3.toml 2026-11-09
+  posegrid verify lake --list >rows.txt        # keep it elsewhere, signed as you like
+  posegrid verify lake --pipeline cell3.toml --expect rows.txt
 
-For each run: the digest of every file it wrote; the other runs that it rests on, as the one whose table drove its session;
+For each run: its row in runs against its own digest, its file and the rows that replaced it; the digest of every file it wrote; the other runs that it rests on, as the one whose table drove its session;
 the digests of its inputs, found through the pipeline file, and its settings; and where these are the same, the run computed
 again into a temporary folder and compared, bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
 lake is only read. A run that another took the place of, and of which no file is left but its row in `runs`, counts as removed.
 
+Every file under the lake is accounted for: of a run whose row names it, the lake's own (.lock, .history), temporary, of a run
+without a row, or foreign. With RUN or SESSION, those in the folders of these sessions.
+
+--list prints a line for each run, in the order of their names: RUN ROW_DIGEST ROBOT/SESSION, the last two as the lake's
+folders are named. Such a list tells, with --expect, that a row was changed or removed where no later row does.
+
 A sample is the N runs whose BLAKE3 of SEED/RUN comes first. There is no choice by date: a run carries none, as the same
 work gives the same bytes on any day; name the sessions of a month instead.
 
-Exit codes: 0 all the same, or removed; 3 something is altered or differs; 1 some run could not be computed again; 2 bad usage, or no
+Exit codes: 0 all the same, or removed; 3 something is altered, differs or does not belong; 1 some run could not be computed again; 2 bad usage, or no
 such lake, run or pipeline file. 1 outranks 3.")]
 pub struct VerifyArgs {
     /// The folder of the published tables
@@ -56,36 +66,92 @@ pub struct VerifyArgs {
     /// Which sample
     #[arg(long, value_name = "SEED", default_value = "0", requires = "sample")]
     pub seed: u64,
+    /// Print the digest of each row of runs, and check nothing else
+    #[arg(long, conflicts_with_all = ["pipeline", "sample", "expect"])]
+    pub list: bool,
+    /// A list that --list printed: its rows have to be there as they were
+    #[arg(long, value_name = "FILE")]
+    pub expect: Option<PathBuf>,
 }
 
 /// Verifies runs; gives the exit code.
 pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
+    match checked(args, bars) {
+        Ok(code) => code,
+        Err(Ended::Unusable(error)) => {
+            tracing::error!("{}", Printable(&error.to_string()));
+            BAD_USAGE
+        }
+        Err(Ended::Undelivered(undelivered)) => undelivered.exit_code(),
+    }
+}
+
+/// Why a verification ended before its end; no run is computed again whose verdict nobody would hear.
+enum Ended {
+    /// The lake, a list or a pipeline file cannot be used.
+    Unusable(VerifyError),
+    /// stdout took no more.
+    Undelivered(Undelivered),
+}
+
+impl From<VerifyError> for Ended {
+    fn from(error: VerifyError) -> Self {
+        Self::Unusable(error)
+    }
+}
+
+impl From<Undelivered> for Ended {
+    fn from(undelivered: Undelivered) -> Self {
+        Self::Undelivered(undelivered)
+    }
+}
+
+fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
+    let expected = args.expect.as_deref().map(RowList::read).transpose()?;
     let selection = Selection {
         pipelines: args.pipeline.clone(),
         names: args.names.clone(),
         sample: args.sample.map(NonZeroUsize::get),
         seed: args.seed,
+        expects_rows: expected.as_ref().is_some_and(|list| !list.is_empty()),
     };
-    let lake = Lake::at(&Place::of(&args.lake));
-    let selected = lake
-        .map_err(VerifyError::from)
-        .and_then(|lake| Ok((select(&lake, &selection)?, lake)));
-    let (selected, lake) = match selected {
-        Ok(selected) => selected,
-        Err(error) => {
-            tracing::error!("{}", Printable(&error.to_string()));
-            return BAD_USAGE;
-        }
-    };
+    let lake = Lake::at(&Place::of(&args.lake)).map_err(VerifyError::from)?;
+    let selected = select(&lake, &selection)?;
+    if args.list {
+        return list(&selected, &lake, &args.names, bars);
+    }
     clean();
-    told(&selected, &lake, bars).unwrap_or_else(Undelivered::exit_code)
+    let verdicts = all(&selected, &lake, bars)?;
+    let account = account(&lake, &selected, &args.names)?;
+    let mut lines = account::lines(&account, args.names.is_empty());
+    let mut belongs = !account.is_mismatch();
+    if let Some(expected) = expected {
+        let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
+        lines.extend(account::against_list(&unexpected, newer));
+        belongs = belongs && unexpected.is_empty();
+    }
+    messages::result(format!("\n{}", lines.join("\n")), bars)?;
+    messages::result(words::summary(&verdicts, &selected), bars)?;
+    Ok(exit_code(&verdicts, belongs))
 }
 
-/// As far as somebody reads it: no run is computed again whose verdict nobody would hear.
-fn told(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<u8, Undelivered> {
-    let verdicts = all(selected, lake, bars)?;
-    messages::result(words::summary(&verdicts, selected), bars)?;
-    Ok(exit_code(&verdicts))
+/// Prints the digests of the rows; one that is not what it says, or that cannot be read, is told instead of believed.
+fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Result<u8, Ended> {
+    let rows = selected.rows(lake, names)?;
+    let told = |run: &PastRun| match &run.claim {
+        Ok(claim) => row_contradictions(run, claim, &selected.register, lake),
+        Err(wrong) => vec![wrong.reason.clone()],
+    };
+    let mut code = DONE;
+    for run in &selected.runs {
+        for problem in told(run) {
+            let place = run.place.display();
+            tracing::error!("{}", Printable(&format!("{place}: {problem}")));
+            code = NOT_MET;
+        }
+    }
+    messages::result(rows, bars)?;
+    Ok(code)
 }
 
 /// Verifies run after run, each of which uses every core, and tells each as soon as it is done.
@@ -107,8 +173,13 @@ fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<Vec<Verdict>, Un
 fn one(run: &PastRun, register: &Register, lake: &Lake, bars: &Bars) -> (Verdict, String) {
     let claim = match &run.claim {
         Ok(claim) => claim,
-        Err(reason) => {
-            let verdict = Verdict::NotRecomputed(reason.clone());
+        Err(wrong) => {
+            let reason = wrong.reason.clone();
+            let verdict = if wrong.is_damage {
+                Verdict::RowUnreadable(reason)
+            } else {
+                Verdict::NotRecomputed(reason)
+            };
             let text = words::line(&run.place.display().to_string(), &verdict);
             return (verdict, text);
         }
@@ -134,10 +205,11 @@ fn paragraph(verified: &Verified, verdict: &Verdict) -> String {
     text
 }
 
-fn exit_code(verdicts: &[Verdict]) -> u8 {
+/// By the verdicts, and whether everything in the lake belongs there and nothing expected is missing.
+fn exit_code(verdicts: &[Verdict], belongs: bool) -> u8 {
     if verdicts.iter().any(Verdict::is_open) {
         NO_RESULT
-    } else if verdicts.iter().any(Verdict::is_mismatch) {
+    } else if !belongs || verdicts.iter().any(Verdict::is_mismatch) {
         NOT_MET
     } else {
         DONE
@@ -152,9 +224,10 @@ mod tests {
     fn a_run_that_could_not_be_computed_outranks_a_mismatch() {
         let same = Verdict::SameValues { largest: 1e-12 };
         let open = Verdict::NotRecomputed("no log".to_owned());
-        assert_eq!(exit_code(&[Verdict::Same, same.clone()]), 0);
-        assert_eq!(exit_code(&[same, Verdict::InputsAltered]), 3);
-        assert_eq!(exit_code(&[Verdict::Differs, open]), 1);
-        assert_eq!(exit_code(&[Verdict::InputsMissing]), 1);
+        assert_eq!(exit_code(&[Verdict::Same, same.clone()], true), 0);
+        assert_eq!(exit_code(&[Verdict::Same], false), 3);
+        assert_eq!(exit_code(&[same, Verdict::InputsAltered], true), 3);
+        assert_eq!(exit_code(&[Verdict::Differs, open], false), 1);
+        assert_eq!(exit_code(&[Verdict::InputsMissing], true), 1);
     }
 }

@@ -1,6 +1,6 @@
 //! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run.
 //!
-//! 1. The file keeps the contract of `schemas/calibrations.toml` ([`table::read`]).
+//! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
 //! 2. The row `base_target` has the nominal arm and the frames that are the gauge of errors: those of the last session.
 //! 3. The row `full` has the model that predicts; without one it is the geometry of row `geometric`.
 //! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
@@ -11,8 +11,9 @@ use arrow::array::Array as _;
 use thiserror::Error;
 
 use super::common::{Common, CommonError};
+use super::lake::read_given;
 use super::schema::{self, SchemaError};
-use super::table::{self, FileError, Table};
+use super::table::{FileError, Table};
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::IdentifiedGeometry;
 use crate::fit::full::FullModel;
@@ -91,7 +92,7 @@ enum Wanted {
 }
 
 fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsTableError> {
-    let table = table::read(path, schema::find("calibrations")?)?;
+    let table = read_given(path, schema::find("calibrations")?)?;
     let file = CalibrationsFile {
         path,
         table: &table,

@@ -1,6 +1,6 @@
 //! A Parquet file of table `compensation` → a [`CompensationTable`], its run and its verdict.
 //!
-//! 1. The file keeps the contract of `schemas/compensation.toml` ([`table::read`]).
+//! 1. The file keeps the contract of `schemas/compensation.toml` ([`read_given`]).
 //! 2. What a table says of itself stands in every row, and has to be the same in each (`terms`).
 //! 3. The nodes are a lattice in the base frame, which may be turned against the frame of commands (`nodes`); every
 //!    position is held against it.
@@ -16,8 +16,9 @@ use nalgebra::Point3;
 use thiserror::Error;
 
 use super::common::{Common, CommonError};
+use super::lake::read_given;
 use super::schema::{self, SchemaError};
-use super::table::{self, FileError, Table};
+use super::table::{FileError, Table};
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::manifest::RunKey;
@@ -90,7 +91,7 @@ pub enum CompensationTableError {
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     let file = TableFile {
         path,
-        table: table::read(path, schema::find("compensation")?)?,
+        table: read_given(path, schema::find("compensation")?)?,
     };
     if file.table.rows() == 0 {
         return Err(CompensationTableError::Empty {

@@ -14,12 +14,14 @@
 
 mod current;
 mod error;
+mod files;
 mod lock;
 mod name;
 mod parts;
 mod rows;
 mod run;
 pub(crate) mod temporary;
+mod vouch;
 
 use std::fs::{self, File};
 use std::io::{self, Read as _};
@@ -28,15 +30,17 @@ use std::sync::Arc;
 
 use super::schema::{self, TableSchema};
 use super::store::{self, Folder, Place, Store};
-use super::table::{self, Table};
+use super::table::Table;
 use crate::manifest::RunKey;
 use error::folder_error;
 
 pub use error::LakeError;
+pub use files::{LakeFile, Stands};
 pub use lock::{Holder, Lock, Locking};
 pub use parts::{OpenTable, WholeTable};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
+pub use vouch::{VouchedBy, read_by_path, read_given};
 
 /// The folder of the pages, beside those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";
@@ -112,16 +116,9 @@ impl Lake {
         Ok(self.store.open(&file_key(table, key)?)?)
     }
 
-    /// Reads a table of a run.
+    /// Reads a table of a run: what the run wrote, by the digest in the run's row, where it has one, and by its own.
     pub fn read(&self, table: &str, key: &RunKey) -> Result<Table, LakeError> {
-        let schema = schema::find(table)?;
-        let file_key = file_key(table, key)?;
-        let file = self.store.open(&file_key)?;
-        Ok(table::read_open(
-            file,
-            &self.store.place(&file_key).named(),
-            schema,
-        )?)
+        Ok(self.read_vouched(table, key)?.0)
     }
 
     /// Reads the page of a run.

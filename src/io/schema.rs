@@ -23,6 +23,10 @@ pub struct TableSchema {
     pub table: String,
     /// Raised by one with every change.
     pub version: u32,
+    /// The oldest version whose files are read as this one's, absent where there is none: all that later ones did was to add
+    /// columns, each of which says since when it is there and is null in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reads_from: Option<u32>,
     /// Whether posegrid writes or only reads it.
     pub role: Role,
     /// What the table holds.
@@ -53,6 +57,9 @@ pub struct ColumnSchema {
     /// Frame or clock that the value is stated in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
+    /// The version that added it, where files of older ones are read too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub since: Option<u32>,
     /// Whether a value may be absent. Absent is null, never a special number.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub nullable: bool,
@@ -188,10 +195,22 @@ impl TableSchema {
         Some((place, &self.columns[place]))
     }
 
+    /// Whether files of this version of the table are read.
+    pub fn reads(&self, version: u32) -> bool {
+        (self.reads_from.unwrap_or(self.version)..=self.version).contains(&version)
+    }
+
     /// The Arrow schema of the table.
     pub fn arrow(&self) -> arrow::datatypes::Schema {
         let field = |c: &ColumnSchema| Field::new(&c.name, c.kind.arrow(), c.nullable);
         arrow::datatypes::Schema::new(self.columns.iter().map(field).collect::<Vec<_>>())
+    }
+}
+
+impl ColumnSchema {
+    /// Whether that version of its table has the column.
+    pub fn is_in(&self, version: u32) -> bool {
+        self.since.is_none_or(|since| since <= version)
     }
 }
 
@@ -224,7 +243,8 @@ impl ColumnType {
         }
     }
 
-    const fn is_number(self) -> bool {
+    /// Whether it holds numbers, or lists of them.
+    pub const fn is_number(self) -> bool {
         !matches!(self, Self::Bool | Self::String | Self::ListString)
     }
 

@@ -71,6 +71,10 @@ pub trait Store: Debug + Send + Sync {
     /// is no such folder. Files whose names begin with a dot are temporaries, and not listed.
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError>;
 
+    /// The keys of all files below a folder, or of the store where that is empty, at whatever depth and hidden ones too, in
+    /// the order of their names, part by part. Links to folders are followed as deep as a lake is, and no deeper.
+    fn all(&self, folder: &str) -> Result<Vec<String>, StoreError>;
+
     /// A local file to write what is to stand under the key.
     fn temporary(&self, key: &str) -> Result<Temporary, StoreError>;
 
@@ -115,6 +119,6 @@ pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
 }
 
 /// Keys by the names of folders and file, part by part, as a walk through sorted folders gives them.
-fn by_parts(a: &Listed, b: &Listed) -> std::cmp::Ordering {
-    a.key.split('/').cmp(b.key.split('/'))
+fn by_parts(a: &str, b: &str) -> std::cmp::Ordering {
+    a.split('/').cmp(b.split('/'))
 }

@@ -5,12 +5,14 @@
 //! 3. Rows of a published table are sorted by the schema's `order`; two rows of the same name are refused.
 //! 4. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
 //!
-//! The same values give the same bytes.
+//! The same values give the same bytes. Every file written carries the digest of its content (`digest`), and a published
+//! table that is read is held against it.
 
 mod cell;
 mod check;
 mod columns;
 pub mod compare;
+mod digest;
 mod error;
 mod read;
 mod same;
@@ -24,7 +26,7 @@ use arrow::datatypes::{Float64Type, Int64Type};
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
-pub use read::{name, read, read_open};
+pub use read::{Head, Opened, Seal, head, head_of, open, read, read_open};
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;
@@ -36,6 +38,8 @@ pub struct Table {
     schema: &'static TableSchema,
     key: Option<RunKey>,
     batch: RecordBatch,
+    /// The version of the schema by which its file was written.
+    version: u32,
 }
 
 impl Table {
@@ -47,6 +51,16 @@ impl Table {
     /// The robot, session and run that every row carries; `None` for a table that has none, or several.
     pub const fn key(&self) -> Option<&RunKey> {
         self.key.as_ref()
+    }
+
+    /// The version of the schema by which it was written: an older one's columns that came later are null.
+    pub const fn version(&self) -> u32 {
+        self.version
+    }
+
+    /// The digest of all columns but `except`, hexadecimal; the same whatever file holds them.
+    pub fn digest_without(&self, except: &[&str]) -> String {
+        digest::of_columns(self, except)
     }
 
     /// The rows, sorted by the schema's `order`.

@@ -42,7 +42,7 @@ use crate::geometry::{Base, Command, Transform};
 use crate::grid::Tolerance;
 use crate::ingest::PosesError;
 use crate::kinematics::Arm;
-use crate::manifest::{ManifestError, Outcome as Ending, RunKey, Work};
+use crate::manifest::{ManifestError, Outcome as Ending, Replaced, RunKey, Work};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::report;
 use crate::report::{Angles, Model, Split};
@@ -67,7 +67,7 @@ pub struct PublishContext<'a> {
     /// What the results are valid for, as the pipeline file states it.
     pub valid_for: Conditions,
     /// The run that this one takes the place of.
-    pub replaces: Option<String>,
+    pub replaces: Option<Replaced>,
 }
 
 /// What node values of the grids come from, and how they were judged.

@@ -44,7 +44,24 @@ pub struct Outcome {
     /// Why not met or not shown.
     pub reason: Option<String>,
     /// The run that this one takes the place of.
-    pub replaces: Option<String>,
+    pub replaces: Option<Replaced>,
+}
+
+/// A run that another takes the place of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Replaced {
+    /// Its name.
+    pub run: String,
+    /// The digest of its row in `runs`, as [`row_digest`] gives it.
+    pub row_digest: String,
+}
+
+/// The column that holds the digest of all others of a row.
+const ROW_DIGEST: &str = "row_digest";
+
+/// BLAKE3 of the content of a row of `runs`, hexadecimal: of all its columns but the one that holds this digest.
+pub fn row_digest(row: &Table) -> String {
+    row.digest_without(&[ROW_DIGEST])
 }
 
 impl Work {
@@ -57,6 +74,7 @@ impl Work {
     ) -> Result<Table, ManifestError> {
         counts.iter().try_for_each(StageCount::check)?;
         let inputs = || self.inputs.iter();
+        let replaced = || outcome.replaces.as_ref();
         let files: Vec<String> = written
             .iter()
             .map(|file| format!("{}/{}", file.table, file.session))
@@ -105,9 +123,17 @@ impl Work {
             )
             .same("verdict", &outcome.verdict)
             .same("reason", outcome.reason.as_deref())
-            .same("replaces", outcome.replaces.as_deref())
+            .same("replaces", replaced().map(|replaced| replaced.run.as_str()))
+            .same(
+                "replaced_row_digest",
+                replaced().map(|replaced| replaced.row_digest.as_str()),
+            )
+            .absent([ROW_DIGEST])
             .finish()?;
-        Ok(table)
+        let digest = row_digest(&table);
+        Ok(Columns::like(&table)
+            .same(ROW_DIGEST, Some(digest))
+            .finish()?)
     }
 }
 
@@ -170,6 +196,7 @@ mod tests {
             replaces: None,
         };
         let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();
+        assert_eq!(row.text("row_digest").value(0), row_digest(&row));
         assert!(
             row.text("counts")
                 .value(0)

@@ -22,7 +22,7 @@ use crate::io::page::{self, plan::About};
 use crate::io::store::Place;
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
-use crate::manifest::{self, ManifestError, Outcome, RunKey, StageCount, Work};
+use crate::manifest::{self, ManifestError, Outcome, Replaced, RunKey, StageCount, Work};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 use crate::report;
@@ -238,7 +238,7 @@ fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
     }]
 }
 
-fn ending(plan: &SamplingPlan, replaces: Option<String>) -> Outcome {
+fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Outcome {
     let promise = &plan.promise;
     let verdict = match promise.bound_mm {
         _ if plan.is_met() => MET,

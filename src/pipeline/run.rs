@@ -22,7 +22,7 @@ use crate::io::lake::{Commit, Lake};
 use crate::io::page::Said;
 use crate::io::store::Place;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
-use crate::manifest::RunKey;
+use crate::manifest::{Replaced, RunKey};
 use crate::progress::Progress;
 use crate::report::{Angles, Model, Split};
 
@@ -199,7 +199,7 @@ fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunEr
 fn context<'a>(
     plan: &'a Plan,
     outcome: &Outcome<'_>,
-    replaces: Option<String>,
+    replaces: Option<Replaced>,
 ) -> PublishContext<'a> {
     let base_from_command = plan
         .command_frames

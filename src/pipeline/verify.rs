@@ -2,20 +2,26 @@
 //!
 //! Inputs: the row of `runs` in a lake ([`Claim`]), the run's files there, and the pipeline file by which its logs are found.
 //! Output: [`Verified`], with a [`Verdict`]. The lake is only read. Steps, for one run:
-//! 1. the row against itself: its name follows from its inputs, settings and version, and its place from its name;
+//! 1. the row against itself: its name follows from its inputs, settings and version, its place from its name, its digest
+//!    from its content, and the bytes of its file from all that (`row`);
 //! 2. the digest of every file it wrote (`altered`);
 //! 3. the other runs that it rests on, and what is left of them (`cited`);
 //! 4. the inputs that the pipeline file finds today, and its settings (`altered`, `settings`);
 //! 5. where those are the same, the run again by the code of `posegrid run` into a temporary lake, and every file compared:
 //!    bytes first, then values (`again`, [`crate::io::table::compare`]).
 //!
-//! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed.
+//! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed. It has the
+//! digest of that one's row as it was then; and of a row that no later one replaces, a list kept elsewhere knows the digest
+//! ([`RowList`]). Every file under the lake is accounted for besides ([`Account`]).
 
+mod account;
 mod again;
 mod altered;
 mod cited;
 mod claim;
+mod list;
 mod register;
+mod row;
 mod selection;
 mod settings;
 mod source;
@@ -27,16 +33,17 @@ use thiserror::Error;
 
 use crate::io::lake::{Lake, LakeError};
 use crate::io::store::Place;
-use crate::manifest::{RunKey, Work};
 use crate::progress::Progress;
 
 use super::plan::PlanError;
+pub use account::{Account, Foreign, WithoutRow, account};
 pub use again::{ComparedFile, FileOutcome, clean};
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
-pub use claim::Claim;
+pub use claim::{Claim, RowDigests};
+pub use list::{ListError, ListedRow, RowList, Unexpected};
 pub use register::Register;
-pub use selection::{PastRun, Selected, Selection, select};
+pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
 use source::{NoSource, Source};
 pub use verdict::Verdict;
@@ -86,6 +93,9 @@ pub enum VerifyError {
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),
+    /// The list of rows that are expected cannot be used.
+    #[error(transparent)]
+    List(#[from] ListError),
 }
 
 /// What verifying a run came to.
@@ -132,6 +142,16 @@ impl Verified {
     }
 }
 
+/// Where a row of `runs` contradicts itself, its place, its file or a later row, in words.
+pub fn row_contradictions(
+    run: &PastRun,
+    claim: &Claim,
+    register: &Register,
+    lake: &Lake,
+) -> Vec<String> {
+    row::contradictions(run, claim, register, lake)
+}
+
 /// Verifies one run, whose row says `claim`; `register` has every run of the lake.
 pub fn verify(
     run: &PastRun,
@@ -142,7 +162,7 @@ pub fn verify(
 ) -> Verified {
     let mut verified = Verified {
         claim: claim.clone(),
-        contradictions: contradictions(claim, &run.place, lake),
+        contradictions: row::contradictions(run, claim, register, lake),
         outputs: altered::outputs(claim, lake),
         superseded_by: register.superseding(&claim.key).map(str::to_owned),
         cited: cited::citations(claim, register, lake),
@@ -203,44 +223,4 @@ fn recomputed(
         verified.cited.push(cited);
     }
     again::again(verified, &source, lake, temporary.path(), progress)
-}
-
-/// Where a row contradicts itself or its place.
-fn contradictions(claim: &Claim, place: &Place, lake: &Lake) -> Vec<String> {
-    let mut found = Vec::new();
-    let work = Work {
-        robot: claim.key.robot.clone(),
-        session: claim.key.session.clone(),
-        pipeline: claim.pipeline.clone(),
-        sessions: claim.sessions.clone(),
-        test_sessions: claim.test_sessions.clone(),
-        inputs: claim.inputs.clone(),
-        settings: claim.settings.clone(),
-    };
-    let RunKey { run, .. } = work.key_by_version(&claim.version);
-    if run != claim.key.run {
-        found.push(format!(
-            "its name is {}, and from its inputs, settings and version follows {run}",
-            claim.key.run
-        ));
-    }
-    let digest = blake3::hash(claim.settings.as_bytes()).to_hex().to_string();
-    if digest != claim.settings_digest {
-        found.push(format!(
-            "its settings have the digest {digest}, and it says {}",
-            claim.settings_digest
-        ));
-    }
-    let own = crate::io::schema::find("runs").map_err(LakeError::from);
-    let own = own.and_then(|schema| lake.path(schema, &claim.key));
-    if own.ok().as_ref() != Some(place) {
-        found.push(format!(
-            "it stands at {}, which is not the place of run {} of robot {:?} and session {:?}",
-            place.display(),
-            claim.key.run,
-            claim.key.robot,
-            claim.key.session
-        ));
-    }
-    found
 }

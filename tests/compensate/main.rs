@@ -1,6 +1,7 @@
 //! `posegrid compensate` from files to files: a table as a run publishes it, targets as somebody else writes them.
 
 mod cell;
+mod damaged;
 mod forms;
 mod used_with;
 mod worked;

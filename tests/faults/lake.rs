@@ -22,7 +22,7 @@ pub fn check(root: &Path, what: &str) -> usize {
         let row = row
             .as_ref()
             .unwrap_or_else(|error| panic!("{what}: {}: {error}", path.display()));
-        has_its_files(root, row, what);
+        has_its_files(root, &row.table, what);
     }
     rows.len()
 }

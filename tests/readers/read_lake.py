@@ -3,17 +3,24 @@
     python tests/readers/read_lake.py LAKE [--schemas schemas] [--all-tables]
 
 Checked for every file: columns and their order, types, nulls, the words of enumerations, metadata, and that the three
-readers see the same values; for every table: that the readers take the folder as one table, with the same number of
-rows; for the lake: that robot, session and run in the rows are those in the path, and that every row joins `runs`.
+readers see the same values, and that the digest in the file's metadata is that of its content, worked out here as
+`io::table::digest` says; for every table: that the readers take the folder as one table, with the same number of
+rows; for the lake: that robot, session and run in the rows are those in the path, and that every row joins `runs`. Then
+the SQL of README.md runs on a copy of the lake beside files that do not belong, and has to give the rows that it gave without.
 """
 
 import argparse
 import json
 import pathlib
+import re
+import shutil
+import struct
 import sys
+import tempfile
 import tomllib
 import urllib.parse
 
+import blake3
 import duckdb
 import polars
 import pyarrow
@@ -69,6 +76,7 @@ def check_file(file, schema):
     expect(file, "pyarrow types", [str(t) for t in arrow.schema.types], [ARROW_TYPES[t] for t in types])
     expect(file, "nullable", [f.nullable for f in arrow.schema], [c.get("nullable", False) for c in columns])
     check_metadata(file, schema, pyarrow.parquet.read_metadata(file).metadata)
+    check_digest(file, schema, arrow, pyarrow.parquet.read_metadata(file).metadata)
 
     with_polars = polars.read_parquet(file)
     expect(file, "polars schema", dict(with_polars.schema), {n: POLARS_TYPES[t] for n, t in zip(names, types)})
@@ -100,6 +108,54 @@ def check_metadata(file, schema, metadata):
         expected = {column["name"]: column[prop] for column in schema["column"] if prop in column}
         expect(file, f"{prop}s in the metadata", json.loads(stated.get(key, "{}")), expected)
     expect(file, "run in the metadata", stated.get("posegrid.run"), file.stem)
+
+
+def text(value):
+    return struct.pack("<Q", len(value)) + value
+
+
+def counted(values):
+    """The digest of a sequence in which equal neighbours are counted."""
+    hasher, run, count = blake3.blake3(), None, 0
+    for value in values:
+        if count and value != run:
+            hasher.update(text(run) + struct.pack("<Q", count))
+            count = 0
+        run, count = value, count + 1
+    if count:
+        hasher.update(text(run) + struct.pack("<Q", count))
+    return hasher.digest()
+
+
+def digest(schema, table, metadata):
+    """The digest of a table's content and of our entries in its file's metadata."""
+    own = {k: v for k, v in metadata.items() if k.startswith(b"posegrid.") and k != b"posegrid.content_digest"}
+    whole = [text(b"posegrid table 1"), struct.pack("<Q", len(own))]
+    whole += [text(key) + text(own[key]) for key in sorted(own)]
+    whole += [struct.pack("<Q", len(schema["column"]))]
+    for place, column in enumerate(schema["column"]):
+        rows = table.column(place).to_pylist()
+        there = [row for row in rows if row is not None]
+        is_list = column["type"].startswith("list")
+        values = [value for row in there for value in row] if is_list else there
+        kind = column["type"].removeprefix("list<").removesuffix(">")
+        if kind in ("float64", "int64"):
+            form = "<d" if kind == "float64" else "<q"
+            content = blake3.blake3(b"".join(struct.pack(form, value) for value in values)).digest()
+        elif kind == "bool":
+            content = counted(bytes([value]) for value in values)
+        else:
+            content = counted(value.encode() for value in values)
+        lengths = counted(struct.pack("<Q", len(row)) for row in there) if is_list else counted([])
+        whole += [text(column["name"].encode()), text(column["type"].encode()), bytes([column.get("nullable", False)])]
+        whole += [counted(bytes([row is not None]) for row in rows), lengths, content]
+    whole += [struct.pack("<Q", table.num_rows)]
+    return blake3.blake3(b"".join(whole)).hexdigest()
+
+
+def check_digest(file, schema, table, metadata):
+    stated = metadata.get(b"posegrid.content_digest", b"none").decode()
+    expect(file, "digest of the content", stated, digest(schema, table, metadata))
 
 
 def check_path(file):
@@ -146,10 +202,37 @@ def check_runs(lake, folders):
         expect(f"{lake}, run {run}", f"rows of {name}", found, rows)
 
 
+def check_readme(lake, readme):
+    """Runs the README's SQL on a copy of the lake, before and after files are planted that do not belong."""
+    blocks = re.findall(r"```sql\n(.*?)```", readme.read_text(), re.DOTALL)
+    sql = next(block for block in blocks if "CREATE VIEW current_runs" in block)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = pathlib.Path(folder) / "lake"
+        shutil.copytree(lake, copy)
+        own = sorted((copy / "accuracy").glob("*/*/*.parquet"))[0]
+        row = sorted((copy / "runs").glob("*/*/*.parquet"))[0]
+        statements = [part for part in sql.replace("'lake/", f"'{copy}/").split(";") if part.strip()]
+        connection = duckdb.connect()
+        for statement in statements[:-1]:
+            connection.execute(statement)
+        before = connection.execute(statements[-1]).fetchall()
+        for planted in (f"accuracy/r/x/zz.parquet", f"accuracy/r/x/{own.name}", f"{own.parent.relative_to(copy)}/zz.parquet"):
+            (copy / planted).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(own, copy / planted)
+        (copy / "runs/r/x").mkdir(parents=True)
+        shutil.copy(row, copy / "runs/r/x/zz.parquet")
+        after = connection.execute(statements[-1]).fetchall()
+        expect(readme, "rows of its query beside foreign files", sorted(map(str, after)), sorted(map(str, before)))
+        if not before:
+            problems.append(f"{readme}: its query gives no row of {lake}")
+        print(f"the README's query: {len(before)} rows, and no other beside foreign files")
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("lake", type=pathlib.Path)
     arguments.add_argument("--schemas", type=pathlib.Path, default=pathlib.Path("schemas"))
+    arguments.add_argument("--readme", type=pathlib.Path, help="run its SQL too, on a copy of the lake")
     arguments.add_argument("--all-tables", action="store_true", help="every published table has to be there")
     given = arguments.parse_args()
 
@@ -174,6 +257,8 @@ def main():
             print(f"{folder.name}: {len(files)} files, {check_table(folder, files)} rows, three readers agree")
     if not problems:
         check_runs(given.lake, folders)
+    if not problems and given.readme:
+        check_readme(given.lake, given.readme)
     for problem in problems:
         print(f"PROBLEM {problem}", file=sys.stderr)
     return 1 if problems else 0

@@ -3,10 +3,12 @@
 
 mod bad_input;
 mod bad_output;
+mod belongs;
 mod cell;
 mod damaged;
 mod driven;
 mod export;
+mod forged;
 mod interrupted;
 mod iso_9283;
 mod joints;

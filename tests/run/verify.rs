@@ -1,22 +1,18 @@
 //! Past runs recomputed: what is the same, and what is told when a file, an input, a setting or a value is not.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
-use arrow::array::{
-    ArrayRef, AsArray, Float64Array, ListBuilder, RecordBatch, StringArray, StringBuilder,
-};
-use arrow::datatypes::{Field, Float64Type};
-use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
-use parquet::file::properties::WriterProperties;
+use arrow::array::{ArrayRef, AsArray, Float64Array};
+use arrow::datatypes::Float64Type;
 use posegrid::manifest::{Work, digest};
 use posegrid::pipeline::verify::Claim;
 
 use super::cell::{Cell, Ended, ended, posegrid, undisturbed};
+use super::forged::{Anew, claim_digest, digest_of, rewrite, same_text, seal, seal_row, texts};
 
 /// One step, and the box that a plan needs, as it has no stations to take one from.
 const BOX: &str =
@@ -36,7 +32,7 @@ verify_poses = 2
 [tolerance]";
 
 /// A cell with the sessions, and the lake, of the undisturbed one.
-fn copied() -> Cell {
+pub fn copied() -> Cell {
     let cell = Cell::new().with_quickstart("mon").with_quickstart("tue");
     for (name, bytes) in undisturbed().lake() {
         let path = cell.path("lake").join(name);
@@ -64,50 +60,6 @@ pub fn verify(cell: &Cell, arguments: &[&str]) -> Ended {
     let left = fs::read_dir(&temporary).expect("there").count();
     assert_eq!(left, 0, "temporary folders are removed");
     ended
-}
-
-/// Changes columns of a Parquet file and writes it anew with the same metadata.
-fn rewrite(path: &Path, change: impl Fn(&str, &ArrayRef) -> Option<ArrayRef>) {
-    let reader = ParquetRecordBatchReaderBuilder::try_new(File::open(path).expect("there"));
-    let reader = reader.expect("a Parquet file");
-    let metadata = reader.metadata().file_metadata().key_value_metadata();
-    let properties = WriterProperties::builder()
-        .set_key_value_metadata(metadata.cloned())
-        .build();
-    let batches: Vec<RecordBatch> = reader
-        .build()
-        .expect("readable")
-        .map(|batch| batch.expect("readable"))
-        .collect();
-    let schema = batches[0].schema();
-    let file = File::create(path).expect("writable");
-    let mut writer = ArrowWriter::try_new(file, Arc::clone(&schema), Some(properties)).expect("ok");
-    for batch in &batches {
-        let fields = schema.fields().iter().zip(batch.columns());
-        let columns = fields
-            .map(|(field, array)| change(field.name(), array).unwrap_or_else(|| Arc::clone(array)))
-            .collect();
-        let batch = RecordBatch::try_new(Arc::clone(&schema), columns).expect("same types");
-        writer.write(&batch).expect("written");
-    }
-    writer.close().expect("written");
-}
-
-/// A column of one list of texts, each changed.
-fn texts(array: &ArrayRef, change: impl Fn(&str) -> String) -> ArrayRef {
-    let field = Field::new("element", arrow::datatypes::DataType::Utf8, false);
-    let mut list = ListBuilder::new(StringBuilder::new()).with_field(field);
-    let texts = array.as_list::<i32>().value(0);
-    for text in texts.as_string::<i32>().iter().flatten() {
-        list.values().append_value(change(text));
-    }
-    list.append(true);
-    Arc::new(list.finish())
-}
-
-/// A column with the same text in each row.
-fn same_text(text: &str, rows: usize) -> ArrayRef {
-    Arc::new(StringArray::from(vec![text; rows]))
 }
 
 /// The row of the number that is farthest from zero.
@@ -151,16 +103,19 @@ fn of_version(cell: &Cell, session: &str, version: &str) {
     for file in &claim.files {
         let path = cell.table_file(&file.table, session);
         if file.table != "report" {
-            rewrite(&path, |column, array| {
-                (column == "run").then(|| same_text(&run, array.len()))
-            });
+            Anew::of(&path)
+                .entry("posegrid.run", &run)
+                .write(|column, array| (column == "run").then(|| same_text(&run, array.len())));
+            seal(&path, &file.table);
         }
         digests.insert(file.digest.clone(), digest_of(&path));
         let ending = path.extension().expect("it has one").to_string_lossy();
         fs::rename(&path, path.with_file_name(format!("{run}.{ending}"))).expect("writable");
     }
     let row = cell.table_file("runs", session);
-    rewrite(&row, |column, array| match column {
+    let by = format!("posegrid version {version}");
+    let anew = Anew::of(&row).entry("posegrid.run", &run).created_by(&by);
+    anew.write(|column, array| match column {
         "run" => Some(same_text(&run, 1)),
         "version" => Some(same_text(version, 1)),
         "settings" => Some(same_text(&work.settings, 1)),
@@ -171,22 +126,8 @@ fn of_version(cell: &Cell, session: &str, version: &str) {
         "table_digests" => Some(texts(array, |before| digests[before].clone())),
         _ => None,
     });
+    seal_row(&row);
     fs::rename(&row, row.with_file_name(format!("{run}.parquet"))).expect("writable");
-}
-
-/// Puts the digest of a changed table's file into the session's row of `runs`.
-fn claim_digest(cell: &Cell, table: &str, session: &str, before: &str) {
-    let (after, _) = digest(File::open(cell.table_file(table, session)).expect("there")).unwrap();
-    rewrite(&cell.table_file("runs", session), |column, array| {
-        let changed = |text: &str| if text == before { &*after } else { text }.to_owned();
-        (column == "table_digests").then(|| texts(array, changed))
-    });
-}
-
-fn digest_of(path: &Path) -> String {
-    digest(File::open(path).expect("there"))
-        .expect("readable")
-        .0
 }
 
 #[test]
@@ -295,6 +236,7 @@ fn a_changed_value_is_told_by_column_even_when_its_digest_was_changed_with_it() 
     rewrite(&path, |column, array| {
         (column == "offset").then(|| a_thousandth_more(array))
     });
+    seal(&path, "parameters");
     claim_digest(&cell, "parameters", "mon", &before);
     let ended = verify(&cell, &["mon"]);
     // 0.001 of the larger number, which is the published one: 0.001 / 1.001.
@@ -335,12 +277,15 @@ fn a_file_written_anew_with_the_same_values_is_told_as_such() {
 #[test]
 fn a_row_that_says_something_else_than_was_computed_is_told() {
     let cell = copied();
+    // With every digest changed along: only what follows from the work tells.
     rewrite(&cell.table_file("runs", "mon"), |column, _| {
         (column == "verdict").then(|| same_text("not_met", 1))
     });
+    seal_row(&cell.table_file("runs", "mon"));
     rewrite(&cell.table_file("runs", "tue"), |column, _| {
         (column == "settings").then(|| same_text("{}", 1))
     });
+    seal_row(&cell.table_file("runs", "tue"));
     let ended = verify(&cell, &[]);
     ended.expect(
         3,
@@ -386,9 +331,11 @@ fn a_version_that_computes_differently_is_told_with_the_largest_difference() {
         fs::write(cell.table_file("report", session), "<!doctype html>").expect("writable");
     }
     of_version(&cell, "mon", "0.0.9");
-    rewrite(&cell.table_file("parameters", "tue"), |column, array| {
+    let parameters = cell.table_file("parameters", "tue");
+    rewrite(&parameters, |column, array| {
         (column == "offset").then(|| a_thousandth_more(array))
     });
+    seal(&parameters, "parameters");
     of_version(&cell, "tue", "0.0.9");
     let ended = verify(&cell, &[]);
     ended.expect(

@@ -53,6 +53,21 @@ fn a_lake_on_object_storage_is_verified_planned_for_and_read_by_others() {
         tables += 1;
     }
     assert_eq!(rows.len(), tables);
+    // An object that no run wrote is told.
+    let accuracy = in_folders()
+        .iter()
+        .find(|(key, _)| key.starts_with("accuracy/"));
+    let forged = remote.key("lake/accuracy/r/x/zz.parquet");
+    remote
+        .server
+        .put(&forged, accuracy.expect("it is published").1.clone());
+    verify(&[]).expect(
+        3,
+        &[
+            "foreign: s3://",
+            "accuracy/r/x/zz.parquet: it says that it is table accuracy of run ",
+        ],
+    );
     // A table that is altered is told.
     let altered = in_folders().keys().find(|key| key.starts_with("accuracy/"));
     let altered = format!("lake/{}", altered.expect("accuracy is published"));

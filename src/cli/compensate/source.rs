@@ -22,7 +22,7 @@ pub(super) enum Source {
 
 impl Source {
     pub(super) fn read(path: &Path) -> Result<Self, CompensateCommandError> {
-        let held = table::name(path)?;
+        let held = table::head(path)?.table;
         match held.as_deref() {
             Some("compensation") => Ok(Self::Table(compensation_table::read(path)?)),
             Some("calibrations") => Ok(Self::Arm(calibrations_table::read(path)?)),

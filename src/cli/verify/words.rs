@@ -19,6 +19,7 @@ pub(super) fn name(key: &RunKey) -> String {
 pub(super) fn line(name: &str, verdict: &Verdict) -> String {
     let words = match verdict {
         Verdict::NotRecomputed(reason) => format!("not recomputed: {reason}"),
+        Verdict::RowUnreadable(reason) => format!("row of runs not readable: {reason}"),
         Verdict::SameValues { largest } => {
             format!("the same values in other bytes, largest relative difference {largest:.1e}")
         }
@@ -35,6 +36,7 @@ const fn word(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::OutputsAltered => "outputs altered",
         Verdict::RowAltered => "row of runs altered",
+        Verdict::RowUnreadable(_) => "row of runs not readable",
         Verdict::Removed { .. } => "removed, superseded",
         Verdict::OutputsMissing => "outputs missing",
         Verdict::InputsMissing => "not recomputed, inputs missing",
@@ -42,7 +44,7 @@ const fn word(verdict: &Verdict) -> &'static str {
         Verdict::SettingsDiffer => "settings differ",
         Verdict::NotRecomputed(_) => "not recomputed",
         Verdict::Differs => "differs",
-        Verdict::CitedMissing => "what it cites is missing",
+        Verdict::CitedMissing => "what it cites is missing or changed",
         Verdict::SameValues { .. } => "the same values in other bytes",
         Verdict::Same => "the same",
     }
@@ -81,6 +83,12 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
 /// Everything found out about a run, line by line.
 pub(super) fn details(verified: &Verified) -> Vec<String> {
     let mut lines = verified.claim.elsewhere();
+    if !verified.claim.row.are_due() {
+        lines.push(format!(
+            "runs: written before rows carried a digest (version {} of the table), so not every change of it would be told",
+            verified.claim.row.version
+        ));
+    }
     let contradictions = verified.contradictions.iter();
     lines.extend(contradictions.map(|found| format!("runs: {found}")));
     lines.extend(outputs(verified));
@@ -149,6 +157,9 @@ fn citation(cited: &Citation) -> Option<String> {
         Left::Without(tables) => Some(format!(
             "cites run {run}, {as_what}: its {} missing; {lost}",
             tables.join(", ")
+        )),
+        Left::OtherRow => Some(format!(
+            "cites run {run}, {as_what}: its row in runs is not the one that it was then"
         )),
         Left::Nothing => Some(format!(
             "cites run {run}, {as_what}: the lake has no row of it; {lost}"

@@ -13,8 +13,9 @@ use crate::compensation::{ArmModel, Conditions, Validity};
 use crate::fit::full::FullModel;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::common::Common;
+use crate::io::lake::read_given;
 use crate::io::schema;
-use crate::io::table::{self, Table};
+use crate::io::table::Table;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 
@@ -74,7 +75,7 @@ pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError>
 
 /// Writes the curves that a file of table `joint_errors` holds.
 pub fn of_joint_errors(path: &Path, sink: impl Write) -> Result<(), ExportError> {
-    let table = table::read(path, schema::find("joint_errors")?)?;
+    let table = read_given(path, schema::find("joint_errors")?)?;
     if table.rows() == 0 {
         return Err(ExportError::Empty(path.to_owned()));
     }

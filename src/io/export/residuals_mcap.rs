@@ -26,8 +26,8 @@ use serde::Serialize;
 
 use super::ExportError;
 use crate::io::common::Common;
+use crate::io::lake::read_given;
 use crate::io::schema;
-use crate::io::table;
 use crate::manifest::RunKey;
 use rows::{Of, Row, rows};
 use scene::{Arrow, SceneUpdate};
@@ -45,7 +45,7 @@ const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 
 /// Writes the residuals of a file; times come from the files `stations`, or without any from the lake that the file stands in.
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
-    let table = table::read(path, schema::find("residuals")?)?;
+    let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
         return Err(ExportError::Empty(path.to_owned()));
     }

@@ -1,23 +1,33 @@
 //! Which run of a session is the current one: the one that no other says it replaces.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Lake, LakeError, session_key};
-use crate::manifest::RunKey;
+use crate::manifest::{Replaced, RunKey, row_digest};
 
 impl Lake {
-    /// The current run of the robot and session of `key`, or `None` where there is none yet.
+    /// The current run of the robot and session of `key` with the digest of its row, or `None` where there is none yet.
     ///
-    /// Where several are replaced by none, which two machines writing at once can leave, it is the last by name.
-    pub fn current(&self, key: &RunKey) -> Result<Option<String>, LakeError> {
+    /// Where several are replaced by none, which two machines writing at once can leave, it is the last by name. A file that
+    /// does not stand where its row would is nobody's row, and takes no part.
+    pub fn current(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
         let rows = self.rows(&session_key("runs", key)?, 0)?;
-        let (mut runs, mut replaced) = (BTreeSet::new(), BTreeSet::new());
-        for (_, row) in rows {
-            let row = row?;
+        let (mut runs, mut replaced) = (BTreeMap::new(), BTreeSet::new());
+        for (place, row) in rows {
+            let row = row?.believed(&place.named())?;
             let text = |column: &str| row.text(column).iter().flatten().next().map(str::to_owned);
-            runs.extend(text("run"));
+            let Some(run) = text("run") else {
+                continue;
+            };
+            let own = RunKey::new(&key.robot, &key.session, &run);
+            if row.key() != Some(&own) || self.place("runs", &own)? != place {
+                continue;
+            }
+            runs.insert(run, row_digest(&row));
             replaced.extend(text("replaces"));
         }
-        Ok(runs.difference(&replaced).last().cloned())
+        let mut current = runs.into_iter().filter(|(run, _)| !replaced.contains(run));
+        let current = current.next_back();
+        Ok(current.map(|(run, row_digest)| Replaced { run, row_digest }))
     }
 }

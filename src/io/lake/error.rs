@@ -65,6 +65,29 @@ pub enum LakeError {
         /// Digest of what was written.
         written: String,
     },
+    /// A file that is not what its run wrote.
+    #[error(
+        "{place} is not what its run wrote: its digest is {found}, the row of runs says {written}; it was damaged or changed: \
+         get it anew from a copy, or run its session again into another lake and copy the file"
+    )]
+    NotAsWritten {
+        /// The file.
+        place: Place,
+        /// Its digest.
+        found: String,
+        /// The digest by the row.
+        written: String,
+    },
+    /// A file that its run did not write.
+    #[error(
+        "{place} is none of the files that the row of run {run} in runs names: it does not belong there"
+    )]
+    NotOfRun {
+        /// The file.
+        place: Place,
+        /// The run.
+        run: String,
+    },
     /// The file of a table cannot be read.
     #[error(transparent)]
     File(#[from] FileError),

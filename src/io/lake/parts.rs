@@ -53,6 +53,7 @@ impl<'r> OpenTable<'r> {
             none => none.insert(Begun::with(self.run, part)?),
         };
         let encoded = begun.encode(part)?;
+        begun.file.digest_here(part);
         begun.append(&encoded)
     }
 
@@ -79,7 +80,10 @@ impl<'r> OpenTable<'r> {
             }
             let (encoder, path) = (&begun.encoder, &begun.path);
             let wrong = |error| folder_error("write", path)(into_io(error));
-            let make = |part| -> Result<_, E> { Ok(encoder.encode(&table(part)?).map_err(wrong)?) };
+            let make = |part| -> Result<_, E> {
+                let part = table(part)?;
+                Ok((encoder.encode(&part).map_err(wrong)?, part))
+            };
             let make_all = || next.into_par_iter().map(make).collect::<Vec<_>>();
             let file = &mut begun.file;
             let append = || ready.iter().try_for_each(|part| file.append(part));
@@ -87,7 +91,9 @@ impl<'r> OpenTable<'r> {
             appended.map_err(wrong)?;
             begun.written.rows += ready.iter().map(RowGroups::rows).sum::<u64>();
             // Of several that are wrong the first is told.
-            ready = made.into_iter().collect::<Result<_, E>>()?;
+            let made = made.into_iter().collect::<Result<Vec<_>, E>>()?;
+            file.digest(made.iter().map(|(_, part)| part));
+            ready = made.into_iter().map(|(encoded, _)| encoded).collect();
         }
     }
 

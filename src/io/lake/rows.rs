@@ -3,13 +3,13 @@
 use super::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::store::{Listed, Place};
-use crate::io::table::{self, Table};
+use crate::io::table::{self, Opened};
 
 /// Files of rows that are asked for at a time.
 const AT_ONCE: usize = 64;
 
-/// The place of a row of `runs`, and the row or why it cannot be read.
-pub type RunRow = (Place, Result<Table, LakeError>);
+/// The place of a row of `runs`, and the row as its file has it, or why it cannot be read.
+pub type RunRow = (Place, Result<Opened, LakeError>);
 
 impl Lake {
     /// The row of every run, in the order of robot, session and run; one that cannot be read stops no other.
@@ -28,7 +28,7 @@ impl Lake {
         for listed in listed.chunks(AT_ONCE) {
             for (listed, file) in listed.iter().zip(self.store.open_all(listed)) {
                 let place = self.store.place(&listed.key);
-                let read = |file| Ok(table::read_open(file, &place.named(), schema)?);
+                let read = |file| Ok(table::open(file, &place.named(), schema)?);
                 let row = file.map_err(LakeError::from).and_then(read);
                 rows.push((place, row));
             }

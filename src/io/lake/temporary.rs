@@ -221,7 +221,7 @@ pub(crate) fn clean_folders(of: &str) {
 
 /// The process that a temporary belongs to.
 #[derive(Debug, PartialEq, Eq)]
-struct Owner {
+pub(super) struct Owner {
     host: String,
     pid: u32,
     start: u64,
@@ -241,7 +241,7 @@ impl Owner {
         format!("{}-{}-{}", self.host, self.pid, self.start)
     }
 
-    fn of_temporary(file_name: &str) -> Option<Self> {
+    pub(super) fn of_temporary(file_name: &str) -> Option<Self> {
         let (_, suffix) = file_name.strip_prefix('.')?.rsplit_once(".tmp-")?;
         let parts: Vec<&str> = suffix.split('-').collect();
         let [host, pid, start, _number] = parts[..] else {

@@ -21,6 +21,12 @@ impl TableSchema {
                 "one line a version, each beginning \"VERSION: \"",
             );
         }
+        if self
+            .reads_from
+            .is_some_and(|oldest| oldest == 0 || oldest >= self.version)
+        {
+            return broken("reads_from", "it is an older version than this one");
+        }
         let is_key = |(column, key): (&ColumnSchema, &str)| column.name == key && !column.nullable;
         let keys = self
             .columns
@@ -51,6 +57,13 @@ impl TableSchema {
         self.changes.len() == self.version as usize && self.changes.iter().zip(1..).all(numbered)
     }
 
+    /// Whether a column that older files lack claims to be always there.
+    fn is_never_absent(&self, column: &ColumnSchema) -> bool {
+        let older = |since: u32| self.reads_from.is_some_and(|oldest| oldest < since);
+        let fits = |since| older(since) && since <= self.version && column.nullable;
+        column.since.is_some_and(|since| !fits(since))
+    }
+
     fn broken_rule(&self, index: usize, column: &ColumnSchema) -> Option<&'static str> {
         let unit = column.unit.as_deref();
         let unit_column = unit.and_then(|unit| unit.strip_prefix("column "));
@@ -64,6 +77,10 @@ impl TableSchema {
             Some("its unit names a column that is not there")
         } else if column.values.is_some() && column.kind != ColumnType::String {
             Some("only a string has `values`")
+        } else if self.is_never_absent(column) {
+            Some(
+                "a column with `since` is newer than `reads_from` and may be null, as older files lack it",
+            )
         } else if column.description.is_empty() {
             Some("a description is missing")
         } else {
@@ -142,6 +159,16 @@ mod tests {
             ),
             ("one_row_per", "one_row_for", "unknown field `one_row_for`"),
             ("\"Its length.\"", "\"\"", "a description is missing"),
+            (
+                "version = 1",
+                "version = 1\nreads_from = 1",
+                "reads_from: it is an older version",
+            ),
+            (
+                "unit = \"mm\"",
+                "unit = \"mm\"\nsince = 1",
+                "length_mm: a column with `since`",
+            ),
         ];
         for (text, replacement, expected) in cases {
             let error = TableSchema::parse(&SMALL.replace(text, replacement))

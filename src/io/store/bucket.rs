@@ -122,6 +122,15 @@ impl Bucket {
         }
     }
 
+    /// The key of an object in this store.
+    fn key_of<'f>(&self, found: &'f ObjectMeta) -> Option<&'f str> {
+        let whole = found.location.as_ref();
+        match self.prefix.as_str() {
+            "" => Some(whole),
+            prefix => whole.strip_prefix(prefix)?.strip_prefix('/'),
+        }
+    }
+
     /// An object as a key of this store; `None` if it stands at another depth, or is hidden.
     fn listed(
         &self,
@@ -129,21 +138,17 @@ impl Bucket {
         below: &str,
         levels: &RangeInclusive<usize>,
     ) -> Option<Listed> {
-        let whole = found.location.as_ref();
-        let key = match self.prefix.as_str() {
-            "" => whole,
-            prefix => whole.strip_prefix(prefix)?.strip_prefix('/')?,
-        };
+        let key = self.key_of(&found)?.to_owned();
         let rest = match below {
-            "" => key,
+            "" => key.as_str(),
             below => key.strip_prefix(below)?.strip_prefix('/')?,
         };
         let name = rest.rsplit('/').next().unwrap_or(rest);
         let is_wanted = levels.contains(&rest.matches('/').count()) && !name.starts_with('.');
         is_wanted.then(|| Listed {
-            key: key.to_owned(),
             tag: found.e_tag,
             bytes: found.size,
+            key,
         })
     }
 
@@ -259,8 +264,18 @@ impl Store for Bucket {
             .into_iter()
             .filter_map(|found| self.listed(found, folder, &levels));
         let mut listed: Vec<Listed> = listed.collect();
-        listed.sort_by(by_parts);
+        listed.sort_by(|a, b| by_parts(&a.key, &b.key));
         Ok(listed)
+    }
+
+    fn all(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+        let prefix = self.object(folder)?;
+        let found = self.client.list(Some(&prefix)).try_collect();
+        let found: Vec<ObjectMeta> = self.wait("list", folder, found)?;
+        let keys = found.iter().filter_map(|found| self.key_of(found));
+        let mut keys: Vec<String> = keys.map(str::to_owned).collect();
+        keys.sort_by(|a, b| by_parts(a, b));
+        Ok(keys)
     }
 
     fn temporary(&self, _key: &str) -> Result<Temporary, StoreError> {

@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::io::lake::temporary::Temporary;
 
+/// Folders that the files of a lake stand in: of the table, the robot and the session.
+const FOLDERS: usize = 3;
+
 /// A folder, which is made when first written to.
 #[derive(Debug, Clone)]
 pub struct Folder {
@@ -61,8 +64,30 @@ impl Store for Folder {
         }
         let listed = files.into_iter().map(|key| self.listed(key));
         let mut listed = listed.collect::<Result<Vec<_>, _>>()?;
-        listed.sort_by(by_parts);
+        listed.sort_by(|a, b| by_parts(&a.key, &b.key));
         Ok(listed)
+    }
+
+    fn all(&self, folder: &str) -> Result<Vec<String>, StoreError> {
+        let mut keys = Vec::new();
+        let mut folders = vec![folder.to_owned()];
+        while let Some(folder) = folders.pop() {
+            for entry in self.entries(&folder)? {
+                let name = entry.file_name();
+                let name = name.to_string_lossy();
+                let key = match &*folder {
+                    "" => name.into_owned(),
+                    folder => format!("{folder}/{name}"),
+                };
+                if is_folder(&entry, key.matches('/').count()) {
+                    folders.push(key);
+                } else {
+                    keys.push(key);
+                }
+            }
+        }
+        keys.sort_by(|a, b| by_parts(a, b));
+        Ok(keys)
     }
 
     fn temporary(&self, key: &str) -> Result<Temporary, StoreError> {
@@ -111,19 +136,30 @@ impl Folder {
         Ok(names.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The keys of what is in a folder, of this kind; none where there is no such folder.
-    fn names(&self, key: &str, is_wanted: fn(&Path) -> bool) -> Result<Vec<String>, StoreError> {
+    /// What is in a folder; nothing where there is none.
+    fn entries(&self, key: &str) -> Result<Vec<fs::DirEntry>, StoreError> {
         let folder = self.path(key);
         let entries = match fs::read_dir(&folder) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             entries => entries.and_then(Iterator::collect::<io::Result<Vec<_>>>),
         };
-        let entries = entries.map_err(StoreError::folder("list", &folder))?;
+        entries.map_err(StoreError::folder("list", &folder))
+    }
+
+    /// The keys of what is in a folder, of this kind; none where there is no such folder.
+    fn names(&self, key: &str, is_wanted: fn(&Path) -> bool) -> Result<Vec<String>, StoreError> {
+        let entries = self.entries(key)?;
         let names = entries.iter().filter(|entry| is_wanted(&entry.path()));
         // A lake's names are ASCII; whatever else stands there is nobody's.
         let names = names.filter_map(|entry| entry.file_name().into_string().ok());
         Ok(names.map(|name| format!("{key}/{name}")).collect())
     }
+}
+
+/// Whether an entry is a folder to look into. Below the folders of sessions no link is followed: it may lead back.
+fn is_folder(entry: &fs::DirEntry, depth: usize) -> bool {
+    let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+    is_folder || (depth < FOLDERS && entry.path().is_dir())
 }
 
 fn is_hidden(key: &str) -> bool {
@@ -165,6 +201,17 @@ mod tests {
         assert_eq!(keys("t", 2), ["t/a/s/2", "t/a-b/s/1"]);
         assert_eq!(keys("t/a/s", 0), ["t/a/s/2"]);
         assert!(keys("nowhere", 2).is_empty());
+        // All of them, hidden ones and those deeper too, in the order of their parts.
+        let all = [
+            "t/4",
+            "t/a/s/.hidden",
+            "t/a/s/2",
+            "t/a/s/deep/3",
+            "t/a-b/s/1",
+        ];
+        assert_eq!(store.all("").unwrap(), all);
+        assert_eq!(store.all("t/a-b").unwrap(), ["t/a-b/s/1"]);
+        assert!(store.all("nowhere").unwrap().is_empty());
         assert_eq!(
             store.list("t", 0..=0).unwrap()[0].bytes,
             3,

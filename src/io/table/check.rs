@@ -40,7 +40,12 @@ pub(super) fn table(
     } else {
         in_order(schema, batch, &names)?
     };
-    Ok(Table { schema, key, batch })
+    Ok(Table {
+        schema,
+        key,
+        batch,
+        version: schema.version,
+    })
 }
 
 /// Every column, given or `like` that of another table.

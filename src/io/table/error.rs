@@ -159,6 +159,27 @@ pub enum FileError {
         /// The version of this program's schema.
         expected: u32,
     },
+    /// Its content is not what was written.
+    #[error(
+        "{path} is not as it was written: its content has the digest {found}, and it says {stated}; it was damaged or changed: \
+         get it anew from a copy, or run its session again into another lake"
+    )]
+    Altered {
+        /// The file.
+        path: PathBuf,
+        /// The digest of its content.
+        found: String,
+        /// The digest that its metadata has.
+        stated: String,
+    },
+    /// Its lake says something else of it than the file itself.
+    #[error("{path} is not believed: {problem}; `posegrid verify` tells more of its lake")]
+    NotOfLake {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
     /// Its columns break the table's contract.
     #[error("{path}: {source}")]
     Content {
@@ -167,4 +188,12 @@ pub enum FileError {
         /// What is wrong.
         source: TableError,
     },
+}
+
+impl FileError {
+    /// Whether the file itself is damaged or changed, as far as that can be told; one that is not there, or of another
+    /// version, is not.
+    pub const fn is_damage(&self) -> bool {
+        !matches!(self, Self::Open { .. } | Self::OtherVersion { .. })
+    }
 }

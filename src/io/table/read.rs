@@ -1,7 +1,9 @@
 //! Parquet files → tables.
+//!
+//! A published table is held against the digest of its content that its file carries ([`Seal`]): [`read`] refuses one that
+//! differs, [`open`] gives it with what was found. Files of versions that wrote no digest have none.
 
 use std::any::Any;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -13,12 +15,56 @@ use arrow::datatypes::DataType;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
-use super::{FileError, Table, TableError, check};
+use super::{FileError, Table, TableError, check, digest};
 use crate::io::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
 
-/// The key-value metadata of a file.
-type Entries = BTreeMap<String, String>;
+/// The key-value metadata of a file, in its order.
+struct Entries(Vec<(String, String)>);
+
+impl Entries {
+    /// Of several of one name, the last.
+    fn get(&self, key: &str) -> Option<&String> {
+        let own = self.0.iter().rev().find(|(own, _)| own == key);
+        own.map(|(_, value)| value)
+    }
+}
+
+/// What the digest in a file says of its content.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Seal {
+    /// The content is what was written.
+    Holds,
+    /// It is not.
+    Broken {
+        /// The digest that the file states, hexadecimal.
+        stated: String,
+        /// The digest of its content.
+        found: String,
+    },
+    /// The file carries no digest: an older version wrote it, or another program.
+    Absent,
+}
+
+/// A table, and what its file's digest says of it.
+#[derive(Debug, Clone)]
+pub struct Opened {
+    /// The table as the file has it.
+    pub table: Table,
+    /// Whether that is what was written.
+    pub seal: Seal,
+}
+
+/// What a Parquet file says it is, without its values.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Head {
+    /// The table that it holds; `None` where it is no table of posegrid.
+    pub table: Option<String>,
+    /// Robot, session and run, where it says them.
+    pub key: Option<RunKey>,
+    /// The program that wrote it, where it says so.
+    pub created_by: Option<String>,
+}
 
 /// Reads a Parquet file as `schema` says, and checks that it keeps that contract.
 ///
@@ -38,6 +84,25 @@ pub fn read_open(
     path: &Path,
     schema: &'static TableSchema,
 ) -> Result<Table, FileError> {
+    open(file, path, schema)?.believed(path)
+}
+
+impl Opened {
+    /// The table, unless it is not what was written.
+    pub fn believed(self, path: &Path) -> Result<Table, FileError> {
+        match self.seal {
+            Seal::Holds | Seal::Absent => Ok(self.table),
+            Seal::Broken { stated, found } => Err(FileError::Altered {
+                path: path.to_owned(),
+                found,
+                stated,
+            }),
+        }
+    }
+}
+
+/// Reads an open file, which is named `path` in errors, and says whether its content is what was written.
+pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
     // The Parquet reader panics on some damaged pages. It owns nothing but the file, so nothing is left half done.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {
@@ -50,8 +115,31 @@ pub fn read_open(
         path: path.to_owned(),
         source,
     };
-    let columns = columns(&batch, schema).map_err(content)?;
-    check::table(schema, key(&entries), batch.num_rows(), columns, None).map_err(content)
+    let version = version(&entries).unwrap_or(schema.version);
+    let columns = columns(&batch, schema, version).map_err(content)?;
+    let table =
+        check::table(schema, key(&entries), batch.num_rows(), columns, None).map_err(content)?;
+    let table = Table { version, ..table };
+    let seal = match schema.role {
+        Role::Published => seal(&table, &entries),
+        Role::Accepted => Seal::Absent,
+    };
+    Ok(Opened { table, seal })
+}
+
+fn seal(table: &Table, entries: &Entries) -> Seal {
+    let Some(stated) = entries.get(digest::ENTRY) else {
+        return Seal::Absent;
+    };
+    let found = digest::of_file(table, &entries.0);
+    if found == *stated {
+        Seal::Holds
+    } else {
+        Seal::Broken {
+            stated: stated.clone(),
+            found,
+        }
+    }
 }
 
 /// The file's metadata entries and its rows, as the file has them.
@@ -85,17 +173,22 @@ fn decode(
     Ok((entries, batch))
 }
 
-/// The table that a Parquet file says it holds; `None` where it is no table of posegrid.
-pub fn name(path: &Path) -> Result<Option<String>, FileError> {
+/// What the Parquet file at `path` says it is.
+pub fn head(path: &Path) -> Result<Head, FileError> {
     let file = File::open(path).map_err(|source| FileError::Open {
         path: path.to_owned(),
         source,
     })?;
+    head_of(&file, path)
+}
+
+/// The same of an open file, which is named `path` in errors.
+pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
     let read = || {
         let mut metadata = ParquetMetaDataReader::new();
-        metadata.try_parse(&file).and_then(|()| metadata.finish())
+        metadata.try_parse(file).and_then(|()| metadata.finish())
     };
-    // As in `read`.
+    // As in `open`.
     let found = catch_unwind(AssertUnwindSafe(read)).map_err(|panic| FileError::Damaged {
         path: path.to_owned(),
         problem: panic_message(panic.as_ref()),
@@ -104,7 +197,12 @@ pub fn name(path: &Path) -> Result<Option<String>, FileError> {
         path: path.to_owned(),
         source,
     })?;
-    Ok(entries(&metadata).remove("posegrid.table"))
+    let entries = entries(&metadata);
+    Ok(Head {
+        table: entries.get("posegrid.table").cloned(),
+        key: key(&entries),
+        created_by: metadata.file_metadata().created_by().map(str::to_owned),
+    })
 }
 
 fn panic_message(panic: &(dyn Any + Send)) -> String {
@@ -120,14 +218,21 @@ fn entries(metadata: &ParquetMetaData) -> Entries {
         .key_value_metadata()
         .into_iter()
         .flatten();
-    pairs
-        .filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)))
-        .collect()
+    Entries(
+        pairs
+            .filter_map(|pair| Some((pair.key.clone(), pair.value.clone()?)))
+            .collect(),
+    )
 }
 
 fn key(entries: &Entries) -> Option<RunKey> {
     let part = |name: &str| entries.get(&format!("posegrid.{name}"));
     Some(RunKey::new(part("robot")?, part("session")?, part("run")?))
+}
+
+/// The version of the table's schema by which a file says it was written.
+fn version(entries: &Entries) -> Option<u32> {
+    entries.get("posegrid.schema_version")?.parse().ok()
 }
 
 fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result<(), FileError> {
@@ -140,40 +245,41 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
             expected: schema.table.clone(),
         });
     }
-    let version = entries
-        .get("posegrid.schema_version")
-        .map_or("none", String::as_str);
-    if version != schema.version.to_string() {
+    if !version(entries).is_some_and(|version| schema.reads(version)) {
+        let found = entries.get("posegrid.schema_version");
         return Err(FileError::OtherVersion {
             path: path.to_owned(),
             table: schema.table.clone(),
-            found: version.to_owned(),
+            found: found.map_or("none", String::as_str).to_owned(),
             expected: schema.version,
         });
     }
     Ok(())
 }
 
-/// The columns of `schema` out of a file's, by name.
-fn columns(batch: &RecordBatch, schema: &TableSchema) -> Result<Vec<Option<ArrayRef>>, TableError> {
+/// The columns of `schema` out of a file's, by name; those that came after its `version` are null.
+fn columns(
+    batch: &RecordBatch,
+    schema: &TableSchema,
+    version: u32,
+) -> Result<Vec<Option<ArrayRef>>, TableError> {
     let accepted = schema.role == Role::Accepted;
     let fields = batch.schema();
-    let extra = fields
-        .fields()
-        .iter()
-        .find(|field| schema.column(field.name()).is_none());
+    let extra = fields.fields().iter().find(|field| {
+        let known = schema.column(field.name());
+        known.is_none_or(|(_, column)| !column.is_in(version))
+    });
     if let Some(field) = extra.filter(|_| !accepted) {
         return Err(TableError::UnknownColumn {
             table: schema.table.clone(),
             column: field.name().clone(),
         });
     }
+    let nothing = |column: &ColumnSchema| new_null_array(&column.kind.arrow(), batch.num_rows());
     let find = |column: &ColumnSchema| match batch.column_by_name(&column.name) {
         Some(array) if accepted => Some(widened(array, &column.kind.arrow())),
         Some(array) => Some(Arc::clone(array)),
-        None if accepted && column.nullable => {
-            Some(new_null_array(&column.kind.arrow(), batch.num_rows()))
-        }
+        None if column.nullable && (accepted || !column.is_in(version)) => Some(nothing(column)),
         None => None,
     };
     Ok(schema.columns.iter().map(find).collect())
@@ -273,7 +379,43 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_byte_anywhere_never_panics() {
+    fn a_table_says_whether_it_is_as_it_was_written() {
+        let table = curve([-1.0, 0.0, 1.0]);
+        let opened = |bytes: &[u8]| {
+            let file = saved(bytes);
+            open(file.reopen().unwrap(), file.path(), table.schema()).unwrap()
+        };
+        let bytes = write(&table, Vec::new()).unwrap();
+        assert_eq!(opened(&bytes).seal, Seal::Holds);
+        // A letter of the digest itself.
+        let key = bytes
+            .windows(digest::ENTRY.len())
+            .position(|own| own == digest::ENTRY.as_bytes());
+        let letter = key.unwrap() + digest::ENTRY.len() + 20;
+        let mut other = bytes.clone();
+        other[letter] ^= 1;
+        let found = opened(&other);
+        assert!(
+            matches!(found.seal, Seal::Broken { .. }),
+            "{:?}",
+            found.seal
+        );
+        let error = read(saved(&other).path(), table.schema())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("is not as it was written: its content has the digest"),
+            "{error}"
+        );
+        // Of a version that wrote none: under another key nobody looks for it.
+        let mut none = bytes.clone();
+        none[key.unwrap()] ^= 1;
+        assert_eq!(opened(&none).seal, Seal::Absent);
+        assert_eq!(read(saved(&none).path(), table.schema()).unwrap(), table);
+    }
+
+    #[test]
+    fn a_damaged_byte_anywhere_is_refused_or_changes_nothing() {
         let table = curve([-1.0, 0.0, 1.0]);
         let schema = table.schema();
         let bytes = write(&table, Vec::new()).unwrap();
@@ -285,12 +427,17 @@ mod tests {
                 writable
                     .write_all_at(&[byte ^ damage], place as u64)
                     .unwrap();
-                let outcome = catch_unwind(|| read(file.path(), schema).is_err());
-                refused += usize::from(outcome.unwrap_or_else(|_| panic!("panic at byte {place}")));
+                let outcome = catch_unwind(|| read(file.path(), schema));
+                let outcome = outcome.unwrap_or_else(|_| panic!("panic at byte {place}"));
+                // Statistics, sizes and names that this reader passes over may change; no value may.
+                assert!(
+                    outcome.as_ref().is_err() || outcome.as_ref().is_ok_and(|read| *read == table),
+                    "byte {place}"
+                );
+                refused += usize::from(outcome.is_err());
             }
             writable.write_all_at(&[byte], place as u64).unwrap();
         }
-        // Parquet files carry no checksum: a changed value passes, which is what the digests in `runs` are for.
         assert!(
             refused > bytes.len(),
             "only {refused} of {} damages were refused",

@@ -1,12 +1,14 @@
 //! Tables → Parquet files.
 //!
 //! A file says in its metadata what it is: `posegrid.table`, `posegrid.schema_version`, `posegrid.units` and
-//! `posegrid.frames` (JSON, column → unit or frame), and `posegrid.robot`, `.session` and `.run`. It holds no time, no
-//! host and no path, so the same table gives the same bytes.
+//! `posegrid.frames` (JSON, column → unit or frame), `posegrid.robot`, `.session` and `.run`, and the digest of all that and
+//! of its content, `posegrid.content_digest` ([`super::digest`]). It holds no time, no host and no path, so the same table
+//! gives the same bytes.
 //!
 //! 1. An [`Encoder`] turns the columns of up to [`ROW_GROUP_ROWS`] rows into the bytes of a row group;
 //!    parts of a table may be encoded on any number of threads.
-//! 2. A [`PartsFile`] puts the row groups one behind the other and the metadata behind all.
+//! 2. A [`PartsFile`] digests the parts in their order, puts their row groups one behind the other and the metadata behind
+//!    all.
 
 mod column;
 mod encoder;
@@ -17,9 +19,11 @@ mod properties;
 use std::io::Write;
 
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::writer::SerializedFileWriter;
 
 use super::Table;
+use super::digest::{self, ContentDigest};
 pub use encoder::{Encoder, RowGroups};
 
 /// Rows in a row group: a reader that wants one column of one group reads little, and a writer holds little.
@@ -29,35 +33,67 @@ pub const ROW_GROUP_ROWS: usize = 65_536;
 pub fn write<W: Write + Send>(table: &Table, sink: W) -> Result<W, ParquetError> {
     let encoder = Encoder::of(table)?;
     let mut file = PartsFile::new(&encoder, sink)?;
+    file.digest_here(table);
     file.append(&encoder.encode(table)?)?;
     file.finish()
 }
 
-/// A Parquet file that is written part by part.
-pub struct PartsFile<W: Write>(SerializedFileWriter<W>);
+/// A Parquet file that is written part by part. Each part is digested, and its row groups appended, once each and both in
+/// the order of the rows; which of the two comes first is the caller's choice.
+pub struct PartsFile<W: Write> {
+    file: SerializedFileWriter<W>,
+    digest: ContentDigest,
+    metadata: Vec<(String, String)>,
+    appended: u64,
+}
 
 impl<W: Write + Send> PartsFile<W> {
     /// Begins the file.
     pub fn new(encoder: &Encoder, sink: W) -> Result<Self, ParquetError> {
         let (schema, properties) = (encoder.schema(), encoder.properties());
-        Ok(Self(SerializedFileWriter::new(sink, schema, properties)?))
+        Ok(Self {
+            digest: encoder.digest(),
+            metadata: encoder.metadata(),
+            file: SerializedFileWriter::new(sink, schema, properties)?,
+            appended: 0,
+        })
     }
 
-    /// Puts a part behind those before it.
+    /// Digests the content of parts, behind those before them, on all threads.
+    pub fn digest<'t>(&mut self, parts: impl IntoIterator<Item = &'t Table>) {
+        let batches: Vec<_> = parts.into_iter().map(Table::batch).collect();
+        self.digest.add(&batches);
+    }
+
+    /// Digests the content of a part on this thread alone.
+    pub fn digest_here(&mut self, part: &Table) {
+        self.digest.add_here(&part.batch);
+    }
+
+    /// Puts the row groups of a part behind those before it.
     pub fn append(&mut self, part: &RowGroups) -> Result<(), ParquetError> {
         for columns in part.columns() {
-            let mut group = self.0.next_row_group()?;
+            let mut group = self.file.next_row_group()?;
             for column in columns {
                 group.append_column(&column.bytes, column.close.clone())?;
             }
             group.close()?;
         }
+        self.appended += part.rows();
         Ok(())
     }
 
     /// Ends the file and gives its sink back.
-    pub fn finish(self) -> Result<W, ParquetError> {
-        self.0.into_inner()
+    ///
+    /// # Panics
+    /// When other rows were digested than appended.
+    pub fn finish(mut self) -> Result<W, ParquetError> {
+        let rows = (self.digest.rows(), self.appended);
+        assert_eq!(rows.0, rows.1, "every row is digested and appended");
+        let digest = self.digest.finish(&self.metadata);
+        let entry = KeyValue::new(digest::ENTRY.to_owned(), digest);
+        self.file.append_key_value_metadata(entry);
+        self.file.into_inner()
     }
 }
 
@@ -180,7 +216,8 @@ mod tests {
         let encoder = Encoder::of(&short).unwrap();
         let bytes = |parts: [&RowGroups; 2]| {
             let mut file = PartsFile::new(&encoder, Vec::new()).unwrap();
-            for part in parts {
+            for (part, table) in parts.into_iter().zip([&short, &long]) {
+                file.digest([table]);
                 file.append(part).unwrap();
             }
             file.finish().unwrap()

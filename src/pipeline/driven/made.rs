@@ -33,7 +33,11 @@ impl TableRun {
             }
         }
         match Self::of_tables(driven, lake) {
-            Err(LakeError::File(wrong)) => Ok(Err(NotShown::Unreadable(wrong.to_string()))),
+            Err(
+                wrong @ (LakeError::File(_)
+                | LakeError::NotAsWritten { .. }
+                | LakeError::NotOfRun { .. }),
+            ) => Ok(Err(NotShown::Unreadable(wrong.to_string()))),
             read => read,
         }
     }

@@ -173,7 +173,7 @@ fn current(place: &Place, robot: &str, session: &str) -> Result<PathBuf, KnownEr
         robot: robot.to_owned(),
         session: session.to_owned(),
     })?;
-    let key = RunKey::new(robot, session, &run);
+    let key = RunKey::new(robot, session, &run.run);
     let table = lake.path(schema::find("calibrations")?, &key)?;
     let path = table.as_path().map(Path::to_owned);
     path.ok_or(KnownError::Remote { table })

@@ -18,8 +18,8 @@ use crate::pipeline::planning;
 use crate::progress::Progress;
 
 /// Columns of `runs` that are not compared as values: who computed it and which run it replaces may differ, inputs and
-/// settings were compared before, and the digests of files stand beside their names.
-const ROW_ONLY: [&str; 10] = [
+/// settings were compared before, and the digests of files stand beside their names, and the row's own beside them.
+const ROW_ONLY: [&str; 12] = [
     "version",
     "platform",
     "cpu_features",
@@ -30,6 +30,8 @@ const ROW_ONLY: [&str; 10] = [
     "settings",
     "settings_digest",
     "table_digests",
+    "replaced_row_digest",
+    "row_digest",
 ];
 
 /// What temporary lakes are named by.
@@ -178,8 +180,10 @@ impl Sides<'_> {
             return Ok(Some(self.page(&own_key, &other_key, computed)));
         }
         let other = self.computed.read(&again.table, &other_key)?;
-        Ok(Some(match self.lake.read(&published.table, &own_key) {
-            Ok(own) => FileOutcome::Values(self.values(&own, &other, &[])),
+        // Values of a file that was changed are compared too: that tells which.
+        let own = self.lake.read_as_it_is(&published.table, &own_key);
+        Ok(Some(match own {
+            Ok(own) => FileOutcome::Values(self.values(&own.table, &other, &[])),
             Err(error) => FileOutcome::Unreadable(error.to_string()),
         }))
     }
@@ -227,7 +231,7 @@ impl Sides<'_> {
     /// How the rows of `runs` differ, but for what may.
     fn row(&self, computed: &Table) -> Result<Option<ComparedFile>, LakeError> {
         let key = &self.verified.claim.key;
-        let published = self.lake.read("runs", key)?;
+        let published = self.lake.read_as_it_is("runs", key)?.table;
         let comparison = self.values(&published, computed, &ROW_ONLY);
         Ok(
             (comparison.same_values() != Some(0.0)).then(|| ComparedFile {

@@ -45,6 +45,8 @@ pub enum Left {
     Whole(Option<String>),
     /// Its row in `runs`, without these of its tables, as TABLE/SESSION.
     Without(Vec<String>),
+    /// Its row, which is not what it was when the citing run took its place.
+    OtherRow,
     /// Not even its row.
     Nothing,
 }
@@ -108,17 +110,30 @@ pub(super) fn citations(claim: &Claim, register: &Register, lake: &Lake) -> Vec<
     cited.extend(known.map(|key| (Role::KnownArm, key.run.clone())));
     let cited = cited.iter();
     cited
-        .map(|(role, run)| Citation::new(*role, run, register, lake))
+        .map(|(role, run)| {
+            let mut citation = Citation::new(*role, run, register, lake);
+            if *role == Role::Replaced && is_other_row(claim, run, register) {
+                citation.left = Left::OtherRow;
+            }
+            citation
+        })
         .collect()
+}
+
+/// Whether the row of the run that it replaced is not the one whose digest it has.
+fn is_other_row(claim: &Claim, run: &str, register: &Register) -> bool {
+    let then = claim.row.replaced.as_ref();
+    let now = register.run(run).map(|replaced| &replaced.row.found);
+    then.zip(now).is_some_and(|(then, now)| then != now)
 }
 
 /// The runs whose tables drove the sessions. A table of stations that is not there or not readable is told as an output.
 fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
     let files = claim.files.iter().filter(|file| file.table == "stations");
     let keys = files.map(|file| claim.key.of_session(&file.session));
-    let tables = keys.filter_map(|key| lake.read("stations", &key).ok());
-    let ids = tables.flat_map(|table| -> Vec<String> {
-        let ids = table.text("table_id").iter().flatten();
+    let tables = keys.filter_map(|key| lake.read_as_it_is("stations", &key).ok());
+    let ids = tables.flat_map(|opened| -> Vec<String> {
+        let ids = opened.table.text("table_id").iter().flatten();
         ids.map(str::to_owned).collect()
     });
     ids.collect()

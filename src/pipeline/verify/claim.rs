@@ -4,7 +4,7 @@ use arrow::array::AsArray;
 use arrow::datatypes::Int64Type;
 
 use crate::io::table::Table;
-use crate::manifest::{Input, RunKey, VERSION, Written, cpu_features, platform};
+use crate::manifest::{Input, RunKey, VERSION, Written, cpu_features, platform, row_digest};
 
 /// A row of `runs`, as far as it can be recomputed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,6 +33,31 @@ pub struct Claim {
     pub files: Vec<Written>,
     /// The run of the same robot and session that it takes the place of.
     pub replaces: Option<String>,
+    /// What it says of its own content and of the row that it replaces.
+    pub row: RowDigests,
+}
+
+/// What a row of `runs` says of its own content.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RowDigests {
+    /// The version of the table by which it was written: rows of version 1 state no digest.
+    pub version: u32,
+    /// The digest of its content, computed.
+    pub found: String,
+    /// The same as it states it.
+    pub stated: Option<String>,
+    /// The digest of the row of the run that it replaces, as it states it.
+    pub replaced: Option<String>,
+}
+
+impl RowDigests {
+    /// The first version of the table whose rows state their digest.
+    const FIRST: u32 = 2;
+
+    /// Whether rows carried a digest when it was written.
+    pub const fn are_due(&self) -> bool {
+        self.version >= Self::FIRST
+    }
 }
 
 impl Claim {
@@ -42,6 +67,10 @@ impl Claim {
             return Err(format!("{} rows, and a run has one", row.rows()));
         }
         let text = |column: &str| row.text(column).value(0).to_owned();
+        let stated = |column: &str| -> Option<String> {
+            let text = row.text(column).iter().flatten().next();
+            text.map(str::to_owned)
+        };
         let texts = |column: &str| -> Vec<String> {
             let list = row.list(column).value(0);
             let texts = list.as_string::<i32>().iter().flatten();
@@ -92,12 +121,13 @@ impl Claim {
                     }
                 })
                 .collect(),
-            replaces: row
-                .text("replaces")
-                .iter()
-                .flatten()
-                .next()
-                .map(str::to_owned),
+            replaces: stated("replaces"),
+            row: RowDigests {
+                version: row.version(),
+                found: row_digest(row),
+                stated: stated("row_digest"),
+                replaced: stated("replaced_row_digest"),
+            },
         })
     }
 

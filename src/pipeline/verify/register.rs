@@ -1,6 +1,6 @@
 //! The rows of `runs` → every run of a lake, by what others cite it by.
 
-use super::claim::Claim;
+use super::claim::{Claim, RowDigests};
 use crate::manifest::{RunKey, Written};
 
 /// Every run that the lake has a readable row of.
@@ -17,6 +17,7 @@ pub(super) struct Registered {
     /// Files written.
     pub(super) files: Vec<Written>,
     replaces: Option<String>,
+    pub(super) row: RowDigests,
 }
 
 impl Register {
@@ -26,10 +27,16 @@ impl Register {
             key: claim.key.clone(),
             files: claim.files.clone(),
             replaces: claim.replaces.clone(),
+            row: claim.row.clone(),
         };
         Self {
             runs: claims.map(registered).collect(),
         }
+    }
+
+    /// Every run.
+    pub(super) fn all(&self) -> impl Iterator<Item = &Registered> {
+        self.runs.iter()
     }
 
     /// The run of this name; no two runs have one.
@@ -47,11 +54,21 @@ impl Register {
 
     /// The name of the run that took the place of another.
     pub(super) fn superseding(&self, key: &RunKey) -> Option<&str> {
-        let of_session =
-            |own: &&Registered| (&own.key.robot, &own.key.session) == (&key.robot, &key.session);
-        let mut runs = self.runs.iter().filter(of_session);
-        let later = runs.find(|own| own.replaces.as_ref() == Some(&key.run))?;
+        let later = self.runs.iter().find(|own| own.took_the_place_of(key))?;
         Some(&later.key.run)
+    }
+
+    /// The runs that took the place of another: two where two machines wrote at once.
+    pub(super) fn later<'r>(&'r self, key: &'r RunKey) -> impl Iterator<Item = &'r Registered> {
+        let runs = self.runs.iter();
+        runs.filter(|own| own.took_the_place_of(key))
+    }
+}
+
+impl Registered {
+    fn took_the_place_of(&self, key: &RunKey) -> bool {
+        let of_session = (&self.key.robot, &self.key.session) == (&key.robot, &key.session);
+        of_session && self.replaces.as_ref() == Some(&key.run)
     }
 }
 
@@ -69,6 +86,12 @@ mod tests {
                 digest: format!("digest of {name}"),
             }],
             replaces: replaces.map(str::to_owned),
+            row: RowDigests {
+                version: 2,
+                found: String::new(),
+                stated: None,
+                replaced: None,
+            },
         }
     }
 

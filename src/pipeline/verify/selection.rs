@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use super::VerifyError;
 use super::claim::Claim;
 use super::register::Register;
-use crate::io::lake::{Lake, RunRow};
+use crate::io::lake::{Lake, LakeError, RunRow, Stands};
 use crate::io::store::Place;
+use crate::io::table::Seal;
 use crate::pipeline::plan::files;
 
 /// Which runs are asked for.
@@ -21,6 +22,8 @@ pub struct Selection {
     pub sample: Option<usize>,
     /// Which sample.
     pub seed: u64,
+    /// Whether rows are expected, so that a lake without any is one whose rows are gone.
+    pub expects_rows: bool,
 }
 
 /// A run of the lake.
@@ -29,9 +32,20 @@ pub struct PastRun {
     /// Where its row in `runs` stands.
     pub place: Place,
     /// What the row says, or why it cannot be read.
-    pub claim: Result<Claim, String>,
+    pub claim: Result<Claim, NoClaim>,
+    /// What the digest in its file says of its content; `None` where it cannot be read.
+    pub seal: Option<Seal>,
     /// The pipeline file that it is by, where one of that name was given.
     pub pipeline: Option<PathBuf>,
+}
+
+/// Why a row of `runs` says nothing.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NoClaim {
+    /// In words.
+    pub reason: String,
+    /// Whether its file is damaged or changed, as far as that can be told.
+    pub is_damage: bool,
 }
 
 /// The runs that are asked for, in the order of robot, session and run.
@@ -45,18 +59,21 @@ pub struct Selected {
     pub not_drawn: usize,
     /// Every run of the lake, for what these cite.
     pub register: Register,
+    /// Rows that cannot be read, by their paths below the lake.
+    pub(super) unread: Vec<String>,
 }
 
 /// Selects runs of a lake.
 pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyError> {
     let pipelines = pipelines(&selection.pipelines)?;
-    let past = past(lake, &pipelines)?;
+    let past = past(lake, &pipelines, selection.expects_rows)?;
     known(lake, &past, &selection.names)?;
     let mut selected = Selected {
         runs: Vec::new(),
         by_others: BTreeMap::new(),
         not_drawn: 0,
-        register: Register::of(past.iter().filter_map(|run| run.claim.as_ref().ok())),
+        register: Register::of(past.iter().filter_map(|run| at_its_place(run, lake))),
+        unread: unread(&past, lake),
     };
     for run in past {
         // A row that cannot be read is nobody's, and has to be told.
@@ -77,7 +94,7 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
                 .or_default() += 1;
         }
     }
-    if selected.runs.is_empty() {
+    if selected.runs.is_empty() && !selected.by_others.is_empty() {
         return Err(VerifyError::NoneByPipeline {
             lake: lake.root(),
             asked: pipelines.into_keys().collect(),
@@ -90,6 +107,25 @@ pub fn select(lake: &Lake, selection: &Selection) -> Result<Selected, VerifyErro
         selected.not_drawn = all - selected.runs.len();
     }
     Ok(selected)
+}
+
+/// What a row says, if it stands where the row of its run does; another is nobody's.
+fn at_its_place<'r>(run: &'r PastRun, lake: &Lake) -> Option<&'r Claim> {
+    let claim = run.claim.as_ref().ok()?;
+    let own = lake.place("runs", &claim.key).ok()?;
+    (own == run.place).then_some(claim)
+}
+
+/// Paths below the lake of rows that cannot be read.
+fn unread(past: &[PastRun], lake: &Lake) -> Vec<String> {
+    let root = lake.root().named();
+    let unread = past.iter().filter(|run| run.claim.is_err());
+    let key = |run: &PastRun| {
+        let place = run.place.named();
+        let below = place.strip_prefix(&root).ok()?;
+        Some(below.to_string_lossy().into_owned())
+    };
+    unread.filter_map(key).collect()
 }
 
 /// The pipeline files, which have to be sound, by name.
@@ -110,7 +146,11 @@ fn pipelines(paths: &[PathBuf]) -> Result<BTreeMap<String, PathBuf>, VerifyError
     Ok(named)
 }
 
-fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRun>, VerifyError> {
+fn past(
+    lake: &Lake,
+    pipelines: &BTreeMap<String, PathBuf>,
+    expects_rows: bool,
+) -> Result<Vec<PastRun>, VerifyError> {
     let no_lake = |reason| VerifyError::NoLake {
         lake: lake.root(),
         reason,
@@ -119,23 +159,43 @@ fn past(lake: &Lake, pipelines: &BTreeMap<String, PathBuf>) -> Result<Vec<PastRu
         return Err(no_lake("there is no such folder"));
     }
     let rows = lake.runs()?;
-    if rows.is_empty() {
+    if rows.is_empty() && !expects_rows && !has_files(lake)? {
         return Err(no_lake("it has no row in runs, so no run"));
     }
     let run = |(place, row): RunRow| {
-        let row = row.map_err(|error| error.to_string());
-        let claim: Result<Claim, String> = row.and_then(|row| {
-            let told = |reason| format!("{}: {reason}", place.display());
-            Claim::of(&row).map_err(told)
+        let seal = row.as_ref().ok().map(|row| row.seal.clone());
+        let claim: Result<Claim, NoClaim> = row.map_err(NoClaim::from).and_then(|row| {
+            Claim::of(&row.table).map_err(|reason| NoClaim {
+                reason: format!("{}: {reason}", place.display()),
+                is_damage: true,
+            })
         });
         let pipeline = claim.as_ref().ok().map(|claim| &claim.pipeline);
         PastRun {
             pipeline: pipeline.and_then(|name| pipelines.get(name).cloned()),
             place,
             claim,
+            seal,
         }
     };
     Ok(rows.into_iter().map(run).collect())
+}
+
+impl From<LakeError> for NoClaim {
+    fn from(error: LakeError) -> Self {
+        Self {
+            is_damage: matches!(&error, LakeError::File(error) if error.is_damage()),
+            reason: error.to_string(),
+        }
+    }
+}
+
+/// Whether a file stands where only runs have files, so that there was a lake.
+fn has_files(lake: &Lake) -> Result<bool, LakeError> {
+    let files = lake.files("")?;
+    Ok(files
+        .iter()
+        .any(|file| matches!(file.stands, Stands::OfRun { .. })))
 }
 
 /// Whether `name` is the claim's run or session.
@@ -146,7 +206,18 @@ fn is_named(claim: &Claim, name: &str) -> bool {
 fn known(lake: &Lake, past: &[PastRun], names: &[String]) -> Result<(), VerifyError> {
     let claims = || past.iter().filter_map(|run| run.claim.as_ref().ok());
     let unknown = |name: &&String| !claims().any(|claim| is_named(claim, name));
-    match names.iter().find(unknown) {
+    if !names.iter().any(|name| unknown(&name)) {
+        return Ok(());
+    }
+    // Its row may be gone, and its files still there.
+    let files = lake.files("")?;
+    let has_files = |name: &String| {
+        files.iter().any(|file| match &file.stands {
+            Stands::OfRun { session, run, .. } => run == name || session == name,
+            _ => false,
+        })
+    };
+    match names.iter().filter(unknown).find(|name| !has_files(name)) {
         None => Ok(()),
         Some(name) => Err(VerifyError::NoSuchRun {
             name: name.clone(),
@@ -182,7 +253,11 @@ mod tests {
     fn runs(names: &[&str]) -> Vec<PastRun> {
         let run = |name: &&str| PastRun {
             place: Place::of(format!("lake/runs/r/s/{name}.parquet")),
-            claim: Err("not looked at".to_owned()),
+            claim: Err(NoClaim {
+                reason: "not looked at".to_owned(),
+                is_damage: false,
+            }),
+            seal: None,
             pipeline: None,
         };
         names.iter().map(run).collect()

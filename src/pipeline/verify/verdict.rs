@@ -8,8 +8,10 @@ use super::{Citation, FileOutcome, Output, Recomputed, Role, Verified};
 pub enum Verdict {
     /// Files that the run wrote are changed.
     OutputsAltered,
-    /// Its row in `runs` contradicts itself.
+    /// Its row in `runs` contradicts itself, its file or a later row.
     RowAltered,
+    /// Its row in `runs` cannot be read, as its file is damaged: why.
+    RowUnreadable(String),
     /// None of its files is there, and another run took its place.
     Removed {
         /// That run.
@@ -50,6 +52,7 @@ impl Verdict {
             self,
             Self::OutputsAltered
                 | Self::RowAltered
+                | Self::RowUnreadable(_)
                 | Self::OutputsMissing
                 | Self::InputsAltered
                 | Self::SettingsDiffer

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use crate::io::common::Common;
-use crate::io::lake::Lake;
+use crate::io::lake::{Lake, read_given};
 use crate::io::schema;
-use crate::io::table::{self, Table};
+use crate::io::table::Table;
 use crate::manifest::RunKey;
 
 /// The first moment at rest of each station, ns, by session and number.
@@ -84,7 +84,7 @@ fn lake(residuals: &Path) -> Result<Lake, ExportError> {
 
 /// A table of stations that the same run wrote.
 fn of_run(file: &Path, key: &RunKey) -> Result<Table, ExportError> {
-    let table = table::read(file, schema::find("stations")?)?;
+    let table = read_given(file, schema::find("stations")?)?;
     if table.rows() == 0 {
         return Err(ExportError::Empty(file.to_owned()));
     }

@@ -13,12 +13,15 @@ use parquet::schema::types::{SchemaDescriptor, TypePtr};
 use super::ROW_GROUP_ROWS;
 use super::column::{EncodedColumn, encode};
 use super::properties::properties;
+use crate::io::schema::TableSchema;
+use crate::io::table::digest::ContentDigest;
 use crate::io::table::{Table, same};
 
 /// Encodes a table and the further parts of it.
 pub struct Encoder {
     schema: SchemaDescriptor,
     properties: WriterPropertiesPtr,
+    of: &'static TableSchema,
     /// What a table is of stands in each of its rows, and much is absent in all of them: encoded once for so many rows,
     /// such a column is the same bytes again in every row group of as many.
     uniform: Mutex<BTreeMap<Uniform, Arc<EncodedColumn>>>,
@@ -65,6 +68,7 @@ impl Encoder {
         Ok(Self {
             schema: ArrowSchemaConverter::new().convert(&table.batch.schema())?,
             properties: Arc::new(properties(table)),
+            of: table.schema,
             uniform: Mutex::default(),
             latest: Mutex::new(vec![None; table.batch.num_columns()]),
         })
@@ -76,6 +80,19 @@ impl Encoder {
 
     pub(super) fn properties(&self) -> WriterPropertiesPtr {
         Arc::clone(&self.properties)
+    }
+
+    /// The digest of the table, without rows yet.
+    pub(super) fn digest(&self) -> ContentDigest {
+        ContentDigest::new(self.of, self.of.version, &[])
+    }
+
+    /// What the file's metadata says of the table.
+    pub(super) fn metadata(&self) -> Vec<(String, String)> {
+        let entries = self.properties.key_value_metadata().into_iter().flatten();
+        entries
+            .filter_map(|entry| Some((entry.key.clone(), entry.value.clone()?)))
+            .collect()
     }
 
     /// The row groups of a table: the same bytes on any thread, whatever was encoded before.

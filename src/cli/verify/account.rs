@@ -1,0 +1,106 @@
+//! What stands under a lake, and where its rows are not as a list says, in lines that a person reads.
+
+use std::collections::BTreeMap;
+
+use crate::cli::messages::Printable;
+use crate::pipeline::verify::{Account, Unexpected, WithoutRow};
+
+/// What does not belong, and what is left over, a line each; then how many files are whose.
+pub(super) fn lines(account: &Account, is_whole: bool) -> Vec<String> {
+    let mut lines: Vec<String> = account.without_row.iter().map(without_row).collect();
+    lines.extend(account.foreign.iter().map(|own| {
+        let place = own.place.display();
+        let what = match own.files {
+            1 => format!("foreign: {place}"),
+            files => format!("foreign: {place}, a folder of {files} files"),
+        };
+        match &own.why {
+            Some(why) => format!("{what}: {why}"),
+            None => what,
+        }
+    }));
+    lines.extend(account.temporaries.iter().map(|place| {
+        format!(
+            "temporary: {}: being written, or left over by a run that was stopped, and the next one removes it",
+            place.display()
+        )
+    }));
+    lines.push(counts(account, is_whole));
+    lines
+        .iter()
+        .map(|line| Printable(line).to_string())
+        .collect()
+}
+
+fn without_row(run: &WithoutRow) -> String {
+    let mut sessions: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for file in &run.files {
+        let (table, session) = file.split_once('/').unwrap_or((file, ""));
+        sessions.entry(session).or_default().push(table);
+    }
+    let named: Vec<String> = sessions
+        .iter()
+        .map(|(session, tables)| format!("of session {session} {}", tables.join(", ")))
+        .collect();
+    let files = run.files.len();
+    format!(
+        "no row: {files} file{} of run {} of robot {} {} no row in runs: the row was deleted, or the run was never committed (it \
+         was stopped, or is at work): {}",
+        if files == 1 { "" } else { "s" },
+        run.run,
+        run.robot,
+        if files == 1 { "has" } else { "have" },
+        named.join("; ")
+    )
+}
+
+fn counts(account: &Account, is_whole: bool) -> String {
+    let without_row: usize = account.without_row.iter().map(|run| run.files.len()).sum();
+    let foreign: usize = account.foreign.iter().map(|own| own.files).sum();
+    let kinds = [
+        (account.of_runs, "of runs"),
+        (account.of_unread, "of runs whose rows cannot be read"),
+        (account.own, "the lake's own"),
+        (account.temporaries.len(), "temporary"),
+        (without_row, "of runs without a row"),
+        (foreign, "foreign"),
+    ];
+    let counted = kinds.iter().filter(|(count, _)| *count > 0);
+    let counted: Vec<String> = counted
+        .map(|(count, kind)| format!("{count} {kind}"))
+        .collect();
+    let place = if is_whole {
+        "in the lake"
+    } else {
+        "in the folders of these sessions, others not looked at"
+    };
+    format!("{} files {place}: {}", account.files(), counted.join(", "))
+}
+
+/// Where the rows are not as the list says, and how many it does not have.
+pub(super) fn against_list(unexpected: &[Unexpected], newer: usize) -> Vec<String> {
+    let told = |own: &Unexpected| match own {
+        Unexpected::Removed(row) => format!(
+            "expected: the row of run {} of {} is not there: it was removed",
+            row.run, row.session
+        ),
+        Unexpected::Changed { expected, found } => format!(
+            "expected: the row of run {} of {} has the digest {found}, and the list says {}: it was changed",
+            expected.run, expected.session, expected.digest
+        ),
+    };
+    let mut lines: Vec<String> = unexpected.iter().map(told).collect();
+    if unexpected.is_empty() {
+        lines.push("expected: every row of the list is there as it says".to_owned());
+    }
+    if newer > 0 {
+        let rows = if newer == 1 { "row is" } else { "rows are" };
+        lines.push(format!(
+            "{newer} {rows} not in the list: written since, or never listed"
+        ));
+    }
+    lines
+        .iter()
+        .map(|line| Printable(line).to_string())
+        .collect()
+}

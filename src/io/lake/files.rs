@@ -1,0 +1,152 @@
+//! Every file under a lake, and what its place says of it.
+//!
+//! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
+//! `.history/ROBOT.jsonl`; and temporaries of processes that write or were stopped. Whatever else stands there is foreign.
+
+use std::fs::File;
+
+use super::temporary::Owner;
+use super::{Lake, LakeError, PAGES, file_key};
+use crate::io::schema::{self, Role};
+use crate::io::store::Place;
+use crate::manifest::RunKey;
+
+/// The folder of the histories' summaries.
+const HISTORY: &str = ".history";
+
+/// A file under a lake.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LakeFile {
+    /// Its path below the lake, parts parted by `/`.
+    pub key: String,
+    /// What its place says of it.
+    pub stands: Stands,
+}
+
+/// What the place of a file says of it.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stands {
+    /// Where a run has a file.
+    OfRun {
+        /// The table, or [`PAGES`].
+        table: String,
+        /// The folder of the robot, its name encoded.
+        robot: String,
+        /// The folder of the session, its name encoded.
+        session: String,
+        /// The run.
+        run: String,
+    },
+    /// The lake's own: its lock, or the summary of a history.
+    Own,
+    /// Under a temporary name: being written, or left over by a process that was stopped.
+    Temporary,
+    /// At no place that a lake has.
+    Foreign,
+}
+
+impl Lake {
+    /// Every file below a folder of the lake, which is all of it where that is empty: hidden ones too, at whatever depth.
+    pub fn files(&self, folder: &str) -> Result<Vec<LakeFile>, LakeError> {
+        let keys = self.store.all(folder)?.into_iter();
+        let file = |key: String| LakeFile {
+            stands: Stands::of(&key),
+            key,
+        };
+        Ok(keys.map(file).collect())
+    }
+
+    /// The path below the lake of a file of a run: the table of that name, or its page ([`PAGES`]).
+    pub fn file_key(&self, table: &str, key: &RunKey) -> Result<String, LakeError> {
+        file_key(table, key)
+    }
+
+    /// Where the file of a key stands.
+    pub fn place_of(&self, file_key: &str) -> Place {
+        self.store.place(file_key)
+    }
+
+    /// Opens any file under the lake.
+    pub fn open_key(&self, file_key: &str) -> Result<File, LakeError> {
+        Ok(self.store.open(file_key)?)
+    }
+
+    /// The folders that runs have files in: one for each published table, and that of the pages.
+    pub fn folders() -> impl Iterator<Item = &'static str> {
+        let tables = schema::all().iter();
+        let published = tables.filter(|schema| schema.role == Role::Published);
+        published.map(|schema| schema.table.as_str()).chain([PAGES])
+    }
+}
+
+impl Stands {
+    fn of(key: &str) -> Self {
+        let parts: Vec<&str> = key.split('/').collect();
+        match parts[..] {
+            [".lock"] => Self::Own,
+            [HISTORY, name] if !name.starts_with('.') && name.ends_with(".jsonl") => Self::Own,
+            [HISTORY, name] if name.starts_with('.') && name.contains(".jsonl.tmp-") => {
+                Self::Temporary
+            }
+            [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
+                Self::in_session(table, robot, session, name)
+            }
+            _ => Self::Foreign,
+        }
+    }
+
+    fn in_session(table: &str, robot: &str, session: &str, name: &str) -> Self {
+        let ending = if table == PAGES { ".html" } else { ".parquet" };
+        if Owner::of_temporary(name).is_some() {
+            return Self::Temporary;
+        }
+        match name.strip_suffix(ending) {
+            Some(run) if !run.is_empty() && !name.starts_with('.') => Self::OfRun {
+                table: table.to_owned(),
+                robot: robot.to_owned(),
+                session: session.to_owned(),
+                run: run.to_owned(),
+            },
+            _ => Self::Foreign,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_says_what_a_file_may_be() {
+        let of_run = |table: &str| Stands::OfRun {
+            table: table.to_owned(),
+            robot: "r%20x".to_owned(),
+            session: "mon".to_owned(),
+            run: "0a".to_owned(),
+        };
+        let temporary = "accuracy/r/mon/.0a.parquet.tmp-host-12-345-0";
+        let cases = [
+            ("accuracy/r%20x/mon/0a.parquet", of_run("accuracy")),
+            ("runs/r%20x/mon/0a.parquet", of_run("runs")),
+            ("report/r%20x/mon/0a.html", of_run(PAGES)),
+            (".lock", Stands::Own),
+            (".history/r.jsonl", Stands::Own),
+            (".history/.r.jsonl.tmp-12", Stands::Temporary),
+            (temporary, Stands::Temporary),
+            ("README.txt", Stands::Foreign),
+            ("accuracy/r/mon/0a.csv", Stands::Foreign),
+            ("accuracy/r/mon/.0a.parquet", Stands::Foreign),
+            ("accuracy/r/mon/.parquet", Stands::Foreign),
+            ("accuracy/r/mon/more/0a.parquet", Stands::Foreign),
+            ("accuracy/0a.parquet", Stands::Foreign),
+            ("accuracy/r/mon/0a.html", Stands::Foreign),
+            // A table that is read, and one that nobody knows.
+            ("targets/r/mon/0a.parquet", Stands::Foreign),
+            ("figures/r/mon/0a.parquet", Stands::Foreign),
+            (".lock/x", Stands::Foreign),
+        ];
+        for (key, expected) in cases {
+            assert_eq!(Stands::of(key), expected, "{key}");
+        }
+    }
+}

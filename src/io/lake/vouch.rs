@@ -1,0 +1,202 @@
+//! Files of a lake against the digests that the rows of `runs` have of them.
+
+use std::fs::{self, File};
+use std::io::Seek as _;
+use std::path::Path;
+
+use arrow::array::AsArray as _;
+
+use super::error::folder_error;
+use super::{Lake, LakeError, encoded, file_key};
+use crate::io::schema::{self, TableSchema};
+use crate::io::table::{self, FileError, Opened, Seal, Table};
+use crate::manifest::{RunKey, digest};
+
+/// What shows that a table is as its run wrote it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum VouchedBy {
+    /// The digest of its file in the run's row of `runs`.
+    Row,
+    /// The digest of its content, which the file itself carries; no row has it.
+    Itself,
+    /// Nothing: it was written before tables carried a digest, and no lake is at hand.
+    Nothing,
+}
+
+impl Lake {
+    /// Reads a table of a run as it is, and says whether its content is what its file says was written.
+    pub fn read_as_it_is(&self, table: &str, key: &RunKey) -> Result<Opened, LakeError> {
+        let schema = schema::find(table)?;
+        let file = self.open(table, key)?;
+        let place = self.place(table, key)?.named();
+        Ok(table::open(file, &place, schema)?)
+    }
+
+    /// The digest that the row of `runs` has of a file of its run: of the table of that name, or its page. `None` where there
+    /// is no row; an error where the row does not name the file.
+    ///
+    /// A run that learnt from several sessions has files in the folder of each, and its row in one of them.
+    pub(super) fn written_digest(
+        &self,
+        table: &str,
+        key: &RunKey,
+    ) -> Result<Option<String>, LakeError> {
+        let Some(row) = self.row_of(key)? else {
+            return Ok(None);
+        };
+        let name = format!("{table}/{}", key.session);
+        let [names, digests] = ["table_names", "table_digests"].map(|own| texts(&row, own));
+        let place = names.iter().position(|own| *own == name);
+        match place.and_then(|place| digests.get(place)) {
+            Some(digest) => Ok(Some(digest.clone())),
+            None => Err(LakeError::NotOfRun {
+                place: self.place(table, key)?,
+                run: key.run.clone(),
+            }),
+        }
+    }
+
+    /// The row of the run that has a file of this key.
+    fn row_of(&self, key: &RunKey) -> Result<Option<Table>, LakeError> {
+        if self.exists(key)? {
+            return Ok(Some(self.read("runs", key)?));
+        }
+        let folder = format!("runs/{}", encoded("robot", &key.robot)?);
+        let name = format!("/{}.parquet", encoded("run", &key.run)?);
+        let listed = self.store.list(&folder, 1..=1)?;
+        let Some(found) = listed.iter().find(|file| file.key.ends_with(&name)) else {
+            return Ok(None);
+        };
+        let place = self.store.place(&found.key).named();
+        let file = self.store.open_listed(found)?;
+        Ok(Some(table::read_open(file, &place, schema::find("runs")?)?))
+    }
+
+    /// Reads a table of a run, which has to be what its row of `runs` says, where there is one.
+    pub(super) fn read_vouched(
+        &self,
+        table: &str,
+        key: &RunKey,
+    ) -> Result<(Table, VouchedBy), LakeError> {
+        let own = file_key(table, key)?;
+        let place = self.store.place(&own);
+        let mut file = self.store.open(&own)?;
+        let named = place.named();
+        let wrong = folder_error("read", &named);
+        let mut by_row = false;
+        if table != "runs"
+            && let Some(written) = self.written_digest(table, key)?
+        {
+            let (found, _) = digest(&file).map_err(&wrong)?;
+            file.rewind().map_err(&wrong)?;
+            if found != written {
+                return Err(LakeError::NotAsWritten {
+                    place,
+                    found,
+                    written,
+                });
+            }
+            by_row = true;
+        }
+        let opened = table::open(file, &named, schema::find(table)?)?;
+        let vouched = match &opened.seal {
+            _ if by_row => VouchedBy::Row,
+            Seal::Absent => VouchedBy::Nothing,
+            Seal::Holds | Seal::Broken { .. } => VouchedBy::Itself,
+        };
+        Ok((opened.believed(&named)?, vouched))
+    }
+
+    /// Whether any run has a row.
+    fn has_rows(&self) -> Result<bool, LakeError> {
+        Ok(!self.store.list("runs", 2..=2)?.is_empty())
+    }
+}
+
+/// Reads a published table by its path, as a person names it ([`read_by_path`]); one that nothing vouches for is told.
+pub fn read_given(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
+    let (table, vouched) = read_by_path(path, schema)?;
+    if vouched == VouchedBy::Nothing {
+        tracing::warn!(
+            "{}: nothing shows that it is as it was written: tables carried no digest of their content then, and its lake is \
+             not at hand; name the file in its lake, or run its session again",
+            path.display().to_string().escape_debug()
+        );
+    }
+    Ok(table)
+}
+
+/// Reads a published table by its path, and says what vouches for it. Where it stands in its lake, as
+/// `TABLE/ROBOT/SESSION/RUN.parquet` beside a folder `runs`, its run's row has to name it with its digest. Elsewhere the
+/// digest of its content, which the file carries, has to hold; one without is read too, and what vouches for it told.
+pub fn read_by_path(
+    path: &Path,
+    schema: &'static TableSchema,
+) -> Result<(Table, VouchedBy), FileError> {
+    let file = File::open(path).map_err(|source| FileError::Open {
+        path: path.to_owned(),
+        source,
+    })?;
+    let opened = table::open(file, path, schema)?;
+    let Some(lake) = lake_of(path, schema) else {
+        let vouched = match &opened.seal {
+            Seal::Absent => VouchedBy::Nothing,
+            Seal::Holds | Seal::Broken { .. } => VouchedBy::Itself,
+        };
+        return Ok((opened.believed(path)?, vouched));
+    };
+    let problem = |problem: String| FileError::NotOfLake {
+        path: path.to_owned(),
+        problem,
+    };
+    let root = lake.root();
+    let table = opened.believed(path)?;
+    let key = table.key().cloned();
+    let key = key.ok_or_else(|| problem("it does not say of which run it is".to_owned()))?;
+    let own = lake.place(&schema.table, &key);
+    let own = own.map_err(|error| problem(error.to_string()))?;
+    let is_here = |own: &Path| {
+        let ends = [own, path].map(fs::canonicalize);
+        matches!(&ends, [Ok(own), Ok(here)] if own == here)
+    };
+    if !own.as_path().is_some_and(is_here) {
+        return Err(problem(format!(
+            "it says that it is of run {} of robot {:?} and session {:?}, whose file in the lake {} is another one",
+            key.run,
+            key.robot,
+            key.session,
+            root.display()
+        )));
+    }
+    match lake.read_vouched(&schema.table, &key) {
+        Ok((table, VouchedBy::Row)) => Ok((table, VouchedBy::Row)),
+        Ok(_) => Err(problem(format!(
+            "the lake {} has no row of run {} in runs: it was deleted, or the run was never committed",
+            root.display(),
+            key.run
+        ))),
+        Err(LakeError::File(error)) => Err(error),
+        Err(error) => Err(problem(error.to_string())),
+    }
+}
+
+/// The lake that a file of this table stands in, if it does: a folder that has rows of `runs`.
+fn lake_of(path: &Path, schema: &TableSchema) -> Option<Lake> {
+    let whole = fs::canonicalize(path).ok()?;
+    let folder = whole.ancestors().nth(3)?;
+    if folder.file_name()? != schema.table.as_str() {
+        return None;
+    }
+    let lake = Lake::new(folder.parent()?);
+    lake.has_rows().unwrap_or(true).then_some(lake)
+}
+
+/// A list of texts in the only row of a table.
+fn texts(row: &Table, column: &str) -> Vec<String> {
+    if row.rows() == 0 {
+        return Vec::new();
+    }
+    let list = row.list(column).value(0);
+    let texts = list.as_string::<i32>().iter().flatten();
+    texts.map(str::to_owned).collect()
+}

@@ -1,0 +1,340 @@
+//! Every file under a lake: of a run, the lake's own, left over, or foreign.
+//!
+//! A query over the folder of a table reads whatever stands there, so what does not belong is named. A file belongs if the
+//! row of its run, at its own place in `runs`, names it. Files that stand and say of themselves as a run's do, without a row
+//! of that run, are told by run: the row was deleted, or the run was never committed. Everything else is foreign.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::VerifyError;
+use super::selection::Selected;
+use crate::io::lake::{Lake, LakeError, LakeFile, PAGES, Stands};
+use crate::io::store::Place;
+use crate::io::table::{self, Head};
+
+/// What stands under a lake.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Account {
+    /// Files that rows of `runs` name, and those rows.
+    pub of_runs: usize,
+    /// Files of runs whose rows cannot be read.
+    pub of_unread: usize,
+    /// The lake's own files.
+    pub own: usize,
+    /// Temporaries: of a process that writes, or left over by one that was stopped; the next run removes these.
+    pub temporaries: Vec<Place>,
+    /// Runs that have files and no row.
+    pub without_row: Vec<WithoutRow>,
+    /// What does not belong.
+    pub foreign: Vec<Foreign>,
+}
+
+/// The files of a run that has no row in `runs`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WithoutRow {
+    /// The folder of its robot.
+    pub robot: String,
+    /// The run.
+    pub run: String,
+    /// Its files, as TABLE/SESSION by the names of their folders.
+    pub files: Vec<String>,
+}
+
+/// A file, or a folder of files, that is neither of a run nor the lake's own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Foreign {
+    /// Where it is.
+    pub place: Place,
+    /// How many files: more than one of a folder.
+    pub files: usize,
+    /// What it says it is, or why it is not what its place says.
+    pub why: Option<String>,
+}
+
+impl Account {
+    /// Whether something stands there that does not belong.
+    pub const fn is_mismatch(&self) -> bool {
+        !self.without_row.is_empty() || !self.foreign.is_empty()
+    }
+
+    /// How many files were looked at.
+    pub fn files(&self) -> usize {
+        let without_row = self.without_row.iter().map(|run| run.files.len());
+        let foreign = self.foreign.iter().map(|own| own.files);
+        let known = self.of_runs + self.of_unread + self.own + self.temporaries.len();
+        known + without_row.sum::<usize>() + foreign.sum::<usize>()
+    }
+}
+
+/// Accounts for every file of the lake; or, where `names` of runs or sessions are given, for those in the folders of their
+/// sessions and of their names.
+pub fn account(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Account, VerifyError> {
+    let known = Known::of(lake, selected)?;
+    let scope = Scope::of(lake, selected, names)?;
+    let mut account = Account::default();
+    let mut doubtful = Vec::new();
+    let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
+    let mut add_foreign = |file: &LakeFile, why: Option<String>| {
+        let entry = foreign.entry(topmost(&file.key)).or_insert((0, why));
+        entry.0 += 1;
+    };
+    for file in lake.files("")? {
+        if !scope.has(&file) {
+            continue;
+        }
+        match known.judged(&file) {
+            Judged::OfRun => account.of_runs += 1,
+            Judged::OfUnread => account.of_unread += 1,
+            Judged::Own => account.own += 1,
+            Judged::Temporary => account.temporaries.push(lake.place_of(&file.key)),
+            Judged::NotNamed(run) => add_foreign(
+                &file,
+                Some(format!("the row of run {run} in runs does not name it")),
+            ),
+            Judged::Foreign => add_foreign(&file, said(lake, &file)),
+            Judged::NoRow => doubtful.push(file),
+        }
+    }
+    let rows = if doubtful.is_empty() {
+        BTreeSet::new()
+    } else {
+        rows_now(lake)?
+    };
+    let mut without_row: BTreeMap<(String, String), Vec<String>> = BTreeMap::new();
+    for file in doubtful {
+        let Stands::OfRun {
+            table,
+            robot,
+            session,
+            run,
+        } = &file.stands
+        else {
+            continue;
+        };
+        if rows.contains(&(robot.clone(), run.clone())) {
+            // Committed meanwhile.
+            account.of_runs += 1;
+        } else if let Some(why) = says_otherwise(lake, &file, table, run) {
+            add_foreign(&file, Some(why));
+        } else {
+            let of_run = without_row.entry((robot.clone(), run.clone()));
+            of_run.or_default().push(format!("{table}/{session}"));
+        }
+    }
+    let named = |(key, (files, why)): (String, (usize, Option<String>))| Foreign {
+        place: lake.place_of(&key),
+        files,
+        why,
+    };
+    account.foreign = foreign.into_iter().map(named).collect();
+    let run = |((robot, run), files)| WithoutRow { robot, run, files };
+    account.without_row = without_row.into_iter().map(run).collect();
+    Ok(account)
+}
+
+/// What the rows of the lake name.
+struct Known {
+    keys: BTreeSet<String>,
+    /// Robots, by the names of their folders, and runs that have rows; those whose rows cannot be read.
+    runs: BTreeSet<(String, String)>,
+    unread: BTreeSet<(String, String)>,
+    unread_rows: BTreeSet<String>,
+}
+
+/// What a file is by the rows.
+enum Judged {
+    OfRun,
+    OfUnread,
+    Own,
+    Temporary,
+    NotNamed(String),
+    NoRow,
+    Foreign,
+}
+
+impl Known {
+    fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
+        let mut known = Self {
+            keys: BTreeSet::new(),
+            runs: BTreeSet::new(),
+            unread: BTreeSet::new(),
+            unread_rows: BTreeSet::new(),
+        };
+        for run in selected.register.all() {
+            let row = lake.file_key("runs", &run.key)?;
+            if let Some(found) = of_row(&row) {
+                known.runs.insert(found);
+            }
+            known.keys.insert(row);
+            for file in &run.files {
+                let key = run.key.of_session(&file.session);
+                // A name that this version does not know is no place of a lake.
+                known.keys.extend(lake.file_key(&file.table, &key).ok());
+            }
+        }
+        for key in &selected.unread {
+            known.unread.extend(of_row(key));
+            known.unread_rows.insert(key.clone());
+        }
+        Ok(known)
+    }
+
+    fn judged(&self, file: &LakeFile) -> Judged {
+        match &file.stands {
+            _ if self.keys.contains(&file.key) => Judged::OfRun,
+            Stands::Own => Judged::Own,
+            Stands::Temporary => Judged::Temporary,
+            Stands::Foreign => Judged::Foreign,
+            Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
+            Stands::OfRun { table, .. } if table == "runs" => Judged::Foreign,
+            Stands::OfRun { robot, run, .. } => {
+                let name = (robot.clone(), run.clone());
+                if self.unread.contains(&name) {
+                    Judged::OfUnread
+                } else if self.runs.contains(&name) {
+                    Judged::NotNamed(run.clone())
+                } else {
+                    Judged::NoRow
+                }
+            }
+        }
+    }
+}
+
+/// Robot, by the name of its folder, and run of a row.
+fn of_row(key: &str) -> Option<(String, String)> {
+    let parts: Vec<&str> = key.split('/').collect();
+    let [_, robot, _, name] = parts[..] else {
+        return None;
+    };
+    let run = name.strip_suffix(".parquet")?;
+    Some((robot.to_owned(), run.to_owned()))
+}
+
+/// Robots and runs that have rows now.
+fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
+    let files = lake.files("runs")?;
+    Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
+}
+
+/// Which files are looked at.
+struct Scope {
+    all: bool,
+    /// ROBOT/SESSION by the names of their folders.
+    sessions: BTreeSet<String>,
+    names: BTreeSet<String>,
+}
+
+impl Scope {
+    fn of(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Self, LakeError> {
+        let mut sessions = BTreeSet::new();
+        for claim in selected
+            .runs
+            .iter()
+            .filter_map(|run| run.claim.as_ref().ok())
+        {
+            let own = std::iter::once(&claim.key.session);
+            for session in own.chain(claim.files.iter().map(|file| &file.session)) {
+                let row = lake.file_key("runs", &claim.key.of_session(session))?;
+                let parts: Vec<&str> = row.split('/').skip(1).take(2).collect();
+                sessions.insert(parts.join("/"));
+            }
+        }
+        Ok(Self {
+            all: names.is_empty(),
+            sessions,
+            names: names.iter().cloned().collect(),
+        })
+    }
+
+    fn has(&self, file: &LakeFile) -> bool {
+        let parts: Vec<&str> = file.key.split('/').collect();
+        let in_session = match parts[..] {
+            [_, robot, session, _, ..] => {
+                self.sessions.contains(&format!("{robot}/{session}"))
+                    || self.names.contains(session)
+            }
+            _ => false,
+        };
+        let is_named = || match &file.stands {
+            Stands::OfRun { run, .. } => self.names.contains(run),
+            _ => false,
+        };
+        self.all || in_session || is_named()
+    }
+}
+
+/// What a foreign file is named by: itself, or the topmost folder that is no lake's.
+fn topmost(key: &str) -> String {
+    let parts: Vec<&str> = key.split('/').collect();
+    let is_own = |folder: &str| Lake::folders().any(|own| own == folder);
+    let parts = match parts[..] {
+        [first, _, ..] if first == ".history" => &parts[..2],
+        [first, _, ..] if !is_own(first) => &parts[..1],
+        [_, _, _, _, _, ..] => &parts[..4],
+        _ => &parts[..],
+    };
+    parts.join("/")
+}
+
+/// What a foreign file says that it is.
+fn said(lake: &Lake, file: &LakeFile) -> Option<String> {
+    if topmost(&file.key) != file.key || !file.key.ends_with(".parquet") {
+        return None;
+    }
+    let head = head(lake, &file.key).ok()?;
+    let key = head.key?;
+    Some(format!(
+        "it says that it is {} of run {} of robot {:?} and session {:?}",
+        head.table
+            .map_or_else(|| "a table".to_owned(), |name| format!("table {name}")),
+        key.run,
+        key.robot,
+        key.session
+    ))
+}
+
+fn head(lake: &Lake, key: &str) -> Result<Head, String> {
+    let file = lake.open_key(key).map_err(|error| error.to_string())?;
+    let place = lake.place_of(key).named();
+    table::head_of(&file, &place).map_err(|error| error.to_string())
+}
+
+/// Why a file that stands where a run's would is none, if it is none.
+fn says_otherwise(lake: &Lake, file: &LakeFile, table: &str, run: &str) -> Option<String> {
+    if table == PAGES {
+        let is_name = run.len() == 32 && run.bytes().all(|b| b.is_ascii_hexdigit());
+        return (!is_name).then(|| format!("{run:?} is no run's name"));
+    }
+    let head = match head(lake, &file.key) {
+        Ok(head) => head,
+        Err(reason) => return Some(reason),
+    };
+    let says = head.key.as_ref().zip(head.table.as_deref());
+    let place = says.and_then(|(key, table)| lake.file_key(table, key).ok());
+    if place.as_ref() == Some(&file.key) {
+        return None;
+    }
+    Some(said(lake, file).unwrap_or_else(|| "it does not say of which run it is".to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn foreign_files_are_named_by_the_topmost_folder_that_is_no_lakes() {
+        let cases = [
+            ("README.txt", "README.txt"),
+            (".git/objects/ab/cd", ".git"),
+            (".history/notes/x", ".history/notes"),
+            ("accuracy/x.parquet", "accuracy/x.parquet"),
+            ("accuracy/r/s/x.csv", "accuracy/r/s/x.csv"),
+            ("accuracy/r/s/copy/x.parquet", "accuracy/r/s/copy"),
+            ("accuracy/r/s/copy/more/x.parquet", "accuracy/r/s/copy"),
+        ];
+        for (key, expected) in cases {
+            assert_eq!(topmost(key), expected);
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! A row of `runs` against itself, its file, its place, and what later rows say of it.
+
+use std::io::Read as _;
+
+use super::claim::Claim;
+use super::register::Register;
+use super::selection::PastRun;
+use crate::io::lake::{Lake, LakeError};
+use crate::io::schema;
+use crate::io::store::Place;
+use crate::io::table::{self, Seal};
+use crate::manifest::{RunKey, VERSION, Work};
+
+/// Where a row contradicts itself, its place, its file or a later row, in words.
+pub(super) fn contradictions(
+    run: &PastRun,
+    claim: &Claim,
+    register: &Register,
+    lake: &Lake,
+) -> Vec<String> {
+    let mut found = of_digests(run, claim);
+    found.extend(of_later(claim, register));
+    found.extend(of_names(claim));
+    let own = lake.place("runs", &claim.key);
+    if own.as_ref().ok() == Some(&run.place) {
+        // What differs already needs no other proof that its file was written anew.
+        if found.is_empty() {
+            found.extend(of_bytes(claim, &run.place, lake));
+        }
+    } else {
+        found.push(format!(
+            "it stands at {}, which is not the place of run {} of robot {:?} and session {:?}",
+            run.place.display(),
+            claim.key.run,
+            claim.key.robot,
+            claim.key.session
+        ));
+    }
+    found
+}
+
+/// The digests that the row and its file state, against its content.
+fn of_digests(run: &PastRun, claim: &Claim) -> Vec<String> {
+    let mut told = Vec::new();
+    let row = &claim.row;
+    match &row.stated {
+        Some(stated) if *stated != row.found => told.push(format!(
+            "its content has the digest {}, and it says {stated}: it was changed",
+            row.found
+        )),
+        None if row.are_due() => told.push("it has no digest of itself: it was changed".to_owned()),
+        Some(_) | None => {}
+    }
+    match &run.seal {
+        Some(Seal::Broken { stated, found }) => told.push(format!(
+            "the content of its file has the digest {found}, and its metadata says {stated}: it was damaged or changed"
+        )),
+        Some(Seal::Absent) if row.are_due() => {
+            told.push("the metadata of its file has no digest of its content".to_owned());
+        }
+        Some(Seal::Absent | Seal::Holds) | None => {}
+    }
+    if row.are_due() && claim.replaces.is_some() != row.replaced.is_some() {
+        told.push(
+            "it has one of `replaces` and `replaced_row_digest`, which belong together".to_owned(),
+        );
+    }
+    told
+}
+
+/// What rows of runs that took its place say of it.
+fn of_later(claim: &Claim, register: &Register) -> Vec<String> {
+    let later = register.later(&claim.key);
+    let other = later.filter_map(|later| {
+        let then = later.row.replaced.as_ref()?;
+        (*then != claim.row.found).then(|| {
+            format!(
+                "run {}, which took its place, says that it had the digest {then}, and it has {}: one of the two was changed",
+                later.key.run, claim.row.found
+            )
+        })
+    });
+    other.collect()
+}
+
+/// Its name against what it follows from, and its settings against their digest.
+fn of_names(claim: &Claim) -> Vec<String> {
+    let mut told = Vec::new();
+    let work = Work {
+        robot: claim.key.robot.clone(),
+        session: claim.key.session.clone(),
+        pipeline: claim.pipeline.clone(),
+        sessions: claim.sessions.clone(),
+        test_sessions: claim.test_sessions.clone(),
+        inputs: claim.inputs.clone(),
+        settings: claim.settings.clone(),
+    };
+    let RunKey { run, .. } = work.key_by_version(&claim.version);
+    if run != claim.key.run {
+        told.push(format!(
+            "its name is {}, and from its inputs, settings and version follows {run}",
+            claim.key.run
+        ));
+    }
+    let digest = blake3::hash(claim.settings.as_bytes()).to_hex().to_string();
+    if digest != claim.settings_digest {
+        told.push(format!(
+            "its settings have the digest {digest}, and it says {}",
+            claim.settings_digest
+        ));
+    }
+    told
+}
+
+/// Its file against the bytes that its content is written as. No digest is of those bytes, as the row cannot hold it; but the
+/// same version writes the same content as the same bytes, so a damage that spares the content, and may keep other programs
+/// from reading the file, is told too. Of the bytes of other versions only the name of who wrote them is known.
+fn of_bytes(claim: &Claim, place: &Place, lake: &Lake) -> Option<String> {
+    let read = || -> Result<Option<String>, LakeError> {
+        let opened = lake.read_as_it_is("runs", &claim.key)?;
+        let named = place.named();
+        if claim.version != VERSION || claim.row.version != schema::find("runs")?.version {
+            let head = table::head_of(&lake.open("runs", &claim.key)?, &named)?;
+            let expected = format!("posegrid version {}", claim.version);
+            let is_other = head.created_by.as_ref() != Some(&expected);
+            return Ok(is_other.then(|| {
+                let by = head.created_by.unwrap_or_else(|| "nobody".to_owned());
+                format!("its file was written by {by:?}, and the row by {expected:?}")
+            }));
+        }
+        let Ok(written) = table::write(&opened.table, Vec::new()) else {
+            return Ok(Some("its content cannot be written again".to_owned()));
+        };
+        let mut bytes = Vec::new();
+        let file = lake.open("runs", &claim.key)?;
+        // A longer one differs in length alone, however long it is.
+        let length = written.len() as u64 + 1;
+        if let Err(error) = file.take(length).read_to_end(&mut bytes) {
+            return Ok(Some(error.to_string()));
+        }
+        let differs = bytes
+            .iter()
+            .zip(&written)
+            .position(|(own, other)| own != other);
+        let differs = differs
+            .or_else(|| (bytes.len() != written.len()).then(|| bytes.len().min(written.len())));
+        Ok(differs.map(|byte| {
+            format!(
+                "its file is not what posegrid writes for this content, from byte {byte} on: it was damaged, or written anew by \
+                 another program"
+            )
+        }))
+    };
+    read().unwrap_or_else(|error| Some(error.to_string()))
+}
