@@ -73,7 +73,7 @@ impl Run {
     /// record on, that one is none.
     pub fn yield_to(&mut self, lost: &mut Lost) {
         let (start, is_message) = self.last;
-        let is_framing = matches!(lost.why, frames::Loss::Framing(_));
+        let is_framing = matches!(lost.why, Loss::Framing(_));
         let of_message = is_message && lost.start == self.end;
         if is_framing && (of_message || lost.start == start) {
             self.end = start;
