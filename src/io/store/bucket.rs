@@ -3,7 +3,8 @@
 //! 1. The environment says how to reach it, and nothing else does (`environment`).
 //! 2. What is to stand under a key is written to a local temporary, whole, and then uploaded: in one request, or from
 //!    [`PART_BYTES`] on in parts; storage shows it when all of it is there.
-//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one.
+//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one. The object says in its
+//!    metadata which attempt it is of: of a put whose answer was lost nobody could tell otherwise whether it was granted.
 //! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
 //!
 //! Calls wait: the one worker of a runtime that all buckets of the process share does what is asynchronous. Requests are
@@ -12,20 +13,21 @@
 mod environment;
 mod trouble;
 
+use std::borrow::Cow;
 use std::fmt;
 use std::fs::File;
 use std::future::Future;
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use futures_util::{StreamExt as _, TryStreamExt as _, future, stream};
 use object_store::aws::AmazonS3;
 use object_store::path::Path as Key;
 use object_store::{
-    Error, GetOptions, GetRange, MultipartUpload, ObjectMeta, ObjectStore as _,
-    ObjectStoreExt as _, PutMode, PutPayload, PutResult,
+    Attribute, Error, GetOptions, GetRange, MultipartUpload, ObjectMeta, ObjectStore as _,
+    ObjectStoreExt as _, PutMode, PutOptions, PutPayload, PutResult,
 };
 use tempfile::TempDir;
 use tokio::runtime::{Builder, Runtime};
@@ -47,6 +49,8 @@ const FILES_AT_ONCE: usize = 16;
 const RETRIES: usize = 3;
 /// After this long nothing is tried again.
 const PATIENCE: Duration = Duration::from_mins(1);
+/// The metadata of a created object that names the attempt which created it.
+const ATTEMPT: Attribute = Attribute::Metadata(Cow::Borrowed("posegrid-attempt"));
 /// What folders of local temporaries are named by.
 const SCRATCH: &str = "posegrid-upload";
 
@@ -202,6 +206,37 @@ impl Bucket {
         Ok(self.scratch.get_or_init(|| made))
     }
 
+    /// Puts an object where there is none, of this attempt. Where the answer is lost it asks again, as the client does of all
+    /// other requests; this one it takes for one that may not be repeated.
+    fn put_if_none(&self, object: &Key, payload: &PutPayload, attempt: &str) -> Result<(), Error> {
+        let options = || PutOptions {
+            mode: PutMode::Create,
+            attributes: [(ATTEMPT, attempt.to_owned())].into_iter().collect(),
+            ..PutOptions::default()
+        };
+        let put = || self.client.put_opts(object, payload.clone(), options());
+        let mut left = RETRIES;
+        loop {
+            match self.runtime.block_on(put()) {
+                Err(error) if left > 0 && trouble::is_answer_lost(&error) => left -= 1,
+                done => return done.map(drop),
+            }
+        }
+    }
+
+    /// The attempt that an object is of; `None` where it does not say.
+    fn attempt_of(&self, object: &Key) -> Result<Option<String>, Error> {
+        let options = GetOptions {
+            head: true,
+            ..GetOptions::default()
+        };
+        let found = self
+            .runtime
+            .block_on(self.client.get_opts(object, options))?;
+        let by = found.attributes.get(&ATTEMPT);
+        Ok(by.map(|by| by.to_string()))
+    }
+
     /// Uploads in parts, a few at once.
     async fn upload(&self, object: &Key, mut file: File, bytes: u64) -> Result<PutResult, Error> {
         let mut upload = self.client.put_multipart(object).await?;
@@ -289,25 +324,33 @@ impl Store for Bucket {
     fn put(&self, key: &str, written: Temporary) -> Result<Tag, StoreError> {
         let object = self.object(key)?;
         let (file, bytes) = opened(&written)?;
-        let put = if bytes > PART_BYTES {
-            self.wait("write", key, self.upload(&object, file, bytes))?
-        } else {
+        if bytes <= PART_BYTES {
             let payload = payload(&written)?;
-            self.wait("write", key, self.client.put(&object, payload))?
-        };
-        Ok(put.e_tag)
+            let put = self.wait("write", key, self.client.put(&object, payload))?;
+            return Ok(put.e_tag);
+        }
+        match self.runtime.block_on(self.upload(&object, file, bytes)) {
+            Ok(put) => Ok(put.e_tag),
+            // There is no such upload where it is complete and the answer was lost. Whether what is there is what was
+            // written, its digest has to say.
+            Err(Error::NotFound { .. }) if self.exists(key)? => Ok(None),
+            Err(error) => Err(self.told("write", key, &error)),
+        }
     }
 
     fn create(&self, key: &str, written: Temporary) -> Result<bool, StoreError> {
         let object = self.object(key)?;
         let payload = payload(&written)?;
-        let put = self
-            .client
-            .put_opts(&object, payload, PutMode::Create.into());
-        match self.runtime.block_on(put) {
+        let attempt = attempt(&written);
+        match self.put_if_none(&object, &payload, &attempt) {
             Ok(_) => Ok(true),
-            // Storage also says so of a conflict that another's attempt was, if that did not end well.
-            Err(Error::AlreadyExists { .. }) if self.exists(key)? => Ok(false),
+            Err(error @ Error::AlreadyExists { .. }) => match self.attempt_of(&object) {
+                // It may be ours, put before an answer was lost.
+                Ok(by) => Ok(by.as_ref() == Some(&attempt)),
+                // Storage also says so of a conflict that another's attempt was, if that did not end well.
+                Err(Error::NotFound { .. }) => Err(self.told("create", key, &error)),
+                Err(error) => Err(self.told("look for", key, &error)),
+            },
             Err(error) => Err(self.told("create", key, &error)),
         }
     }
@@ -350,6 +393,15 @@ fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
         Ok((file, bytes))
     };
     opened().map_err(StoreError::folder("read the temporary", written.path()))
+}
+
+/// A name for an attempt to create what was written, which no other attempt has: of the temporary, this process and the moment.
+fn attempt(written: &Temporary) -> String {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let words = (written.path(), std::process::id(), now.unwrap_or_default());
+    blake3::hash(format!("{words:?}").as_bytes())
+        .to_hex()
+        .to_string()
 }
 
 fn payload(written: &Temporary) -> Result<PutPayload, StoreError> {

@@ -5,7 +5,7 @@
 
 use object_store::Error;
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
-use object_store::client::HttpError;
+use object_store::client::{HttpError, HttpErrorKind};
 
 use super::{Place, StoreError};
 use crate::io::store::BucketTrouble;
@@ -104,6 +104,19 @@ fn read(error: &Error) -> (String, BucketTrouble) {
         _ => said.join(", "),
     };
     (reason, trouble)
+}
+
+/// Whether a request may have been served without our hearing of it.
+pub(super) fn is_answer_lost(error: &Error) -> bool {
+    use HttpErrorKind::{Connect, Request};
+    let mut cause: &dyn std::error::Error = error;
+    while let Some(next) = cause.source() {
+        cause = next;
+        if let Some(error) = cause.downcast_ref::<HttpError>() {
+            return !matches!(error.kind(), Connect | Request);
+        }
+    }
+    false
 }
 
 fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
