@@ -50,7 +50,7 @@ pub struct ChannelSummary {
     /// What could be made of it, if that can be told.
     pub suggestion: Option<Suggestion>,
     /// Its messages.
-    pub traffic: Traffic,
+    pub traffic: Box<Traffic>,
 }
 
 /// The messages of one channel, or of a part of it.
@@ -99,7 +99,7 @@ impl ChannelSummary {
     pub fn best_time(&self) -> TimeSource {
         let Traffic {
             header, messages, ..
-        } = &self.traffic;
+        } = &*self.traffic;
         let suggestion = self.suggestion.as_ref();
         // Of a common type it is known where the stamp would be, and that it is not there.
         let suggested = suggestion.is_some_and(|found| found.stamped && found.fields.is_some());
@@ -232,7 +232,7 @@ impl Kind {
 struct Part {
     row: Row,
     /// By the channel's place.
-    traffic: BTreeMap<usize, Traffic>,
+    traffic: BTreeMap<usize, Box<Traffic>>,
 }
 
 #[derive(Default)]
@@ -292,7 +292,7 @@ impl Visitor for Survey {
             encoding: channel.encoding.clone(),
             schema: schema.cloned(),
             suggestion,
-            traffic: Traffic::default(),
+            traffic: Box::default(),
         });
         self.kind_of.push(Arc::clone(&kind));
         Ok(Take { place, kind })
@@ -301,8 +301,8 @@ impl Visitor for Survey {
     /// The messages of a block may each be of another channel.
     fn part_bytes(&self, block: u64) -> u64 {
         let channels = (block / SHORTEST_MESSAGE).min(self.channels.len() as u64);
-        // A tree keeps room for more.
-        channels * 2 * size_of::<Traffic>() as u64
+        // What leads to it takes a few words more.
+        channels * (64 + size_of::<Traffic>() as u64)
     }
 
     fn message(&self, take: &Take, message: &MessageRecord<'_>, part: &mut Part) {
@@ -330,7 +330,12 @@ impl Visitor for Survey {
             if known || !self.has_room(names) {
                 later.joints = Vec::new();
             }
-            self.channels[place].traffic.append(later);
+            let traffic = &mut self.channels[place].traffic;
+            if first {
+                *traffic = later;
+            } else {
+                traffic.append(*later);
+            }
         }
     }
 }

@@ -365,8 +365,10 @@ where
             self.keep(&mut block);
             self.batch[place] = block;
         }
-        self.progress.advance(self.frames.at() - self.told);
-        self.told = self.frames.at();
+        // The walk goes back where a record turns out to have been cut.
+        let reached = self.frames.at().max(self.told);
+        self.progress.advance(reached - self.told);
+        self.told = reached;
         self.filled = 0;
         self.blocks_at_once = (self.blocks_at_once * 2).min(MOST_BLOCKS);
         self.let_go();

@@ -55,7 +55,8 @@ where
         let rejects = self.account.rejects.get(self.rejects..);
         let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));
         let outside = self.account.messages_outside_chunks > self.outside_chunks;
-        if !(outside || !self.private.is_empty()) || damaged {
+        let unchecked = outside || !self.private.is_empty();
+        if damaged || !unchecked {
             return Ok(());
         }
         let start = self.frames.log_start();
