@@ -84,14 +84,22 @@ impl Stands {
         let parts: Vec<&str> = key.split('/').collect();
         match parts[..] {
             [".lock"] => Self::Own,
-            [HISTORY, name] if !name.starts_with('.') && name.ends_with(".jsonl") => Self::Own,
-            [HISTORY, name] if name.starts_with('.') && name.contains(".jsonl.tmp-") => {
-                Self::Temporary
-            }
+            [HISTORY, name] => Self::in_history(name),
             [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
                 Self::in_session(table, robot, session, name)
             }
             _ => Self::Foreign,
+        }
+    }
+
+    fn in_history(name: &str) -> Self {
+        let is_hidden = name.starts_with('.');
+        if is_hidden && name.contains(".jsonl.tmp-") {
+            Self::Temporary
+        } else if !is_hidden && name.strip_suffix(".jsonl").is_some() {
+            Self::Own
+        } else {
+            Self::Foreign
         }
     }
 

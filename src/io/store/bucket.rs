@@ -149,7 +149,7 @@ impl Bucket {
         };
         let name = rest.rsplit('/').next().unwrap_or(rest);
         let is_wanted = levels.contains(&rest.matches('/').count()) && !name.starts_with('.');
-        is_wanted.then(|| Listed {
+        is_wanted.then_some(Listed {
             tag: found.e_tag,
             bytes: found.size,
             key,

@@ -4,13 +4,16 @@
 //! row of its run, at its own place in `runs`, names it. Files that stand and say of themselves as a run's do, without a row
 //! of that run, are told by run: the row was deleted, or the run was never committed. Everything else is foreign.
 
+mod known;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::VerifyError;
 use super::selection::Selected;
-use crate::io::lake::{Lake, LakeError, LakeFile, PAGES, Stands};
+use crate::io::lake::{Lake, LakeFile, PAGES, Stands};
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
+use known::{Judged, Known, Scope, rows_now};
 
 /// What stands under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -132,144 +135,12 @@ pub fn account(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Acc
     Ok(account)
 }
 
-/// What the rows of the lake name.
-struct Known {
-    keys: BTreeSet<String>,
-    /// Robots, by the names of their folders, and runs that have rows; those whose rows cannot be read.
-    runs: BTreeSet<(String, String)>,
-    unread: BTreeSet<(String, String)>,
-    unread_rows: BTreeSet<String>,
-}
-
-/// What a file is by the rows.
-enum Judged {
-    OfRun,
-    OfUnread,
-    Own,
-    Temporary,
-    NotNamed(String),
-    NoRow,
-    Foreign,
-}
-
-impl Known {
-    fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
-        let mut known = Self {
-            keys: BTreeSet::new(),
-            runs: BTreeSet::new(),
-            unread: BTreeSet::new(),
-            unread_rows: BTreeSet::new(),
-        };
-        for run in selected.register.all() {
-            let row = lake.file_key("runs", &run.key)?;
-            if let Some(found) = of_row(&row) {
-                known.runs.insert(found);
-            }
-            known.keys.insert(row);
-            for file in &run.files {
-                let key = run.key.of_session(&file.session);
-                // A name that this version does not know is no place of a lake.
-                known.keys.extend(lake.file_key(&file.table, &key).ok());
-            }
-        }
-        for key in &selected.unread {
-            known.unread.extend(of_row(key));
-            known.unread_rows.insert(key.clone());
-        }
-        Ok(known)
-    }
-
-    fn judged(&self, file: &LakeFile) -> Judged {
-        match &file.stands {
-            _ if self.keys.contains(&file.key) => Judged::OfRun,
-            Stands::Own => Judged::Own,
-            Stands::Temporary => Judged::Temporary,
-            Stands::Foreign => Judged::Foreign,
-            Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
-            Stands::OfRun { table, .. } if table == "runs" => Judged::Foreign,
-            Stands::OfRun { robot, run, .. } => {
-                let name = (robot.clone(), run.clone());
-                if self.unread.contains(&name) {
-                    Judged::OfUnread
-                } else if self.runs.contains(&name) {
-                    Judged::NotNamed(run.clone())
-                } else {
-                    Judged::NoRow
-                }
-            }
-        }
-    }
-}
-
-/// Robot, by the name of its folder, and run of a row.
-fn of_row(key: &str) -> Option<(String, String)> {
-    let parts: Vec<&str> = key.split('/').collect();
-    let [_, robot, _, name] = parts[..] else {
-        return None;
-    };
-    let run = name.strip_suffix(".parquet")?;
-    Some((robot.to_owned(), run.to_owned()))
-}
-
-/// Robots and runs that have rows now.
-fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
-    let files = lake.files("runs")?;
-    Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
-}
-
-/// Which files are looked at.
-struct Scope {
-    all: bool,
-    /// ROBOT/SESSION by the names of their folders.
-    sessions: BTreeSet<String>,
-    names: BTreeSet<String>,
-}
-
-impl Scope {
-    fn of(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Self, LakeError> {
-        let mut sessions = BTreeSet::new();
-        for claim in selected
-            .runs
-            .iter()
-            .filter_map(|run| run.claim.as_ref().ok())
-        {
-            let own = std::iter::once(&claim.key.session);
-            for session in own.chain(claim.files.iter().map(|file| &file.session)) {
-                let row = lake.file_key("runs", &claim.key.of_session(session))?;
-                let parts: Vec<&str> = row.split('/').skip(1).take(2).collect();
-                sessions.insert(parts.join("/"));
-            }
-        }
-        Ok(Self {
-            all: names.is_empty(),
-            sessions,
-            names: names.iter().cloned().collect(),
-        })
-    }
-
-    fn has(&self, file: &LakeFile) -> bool {
-        let parts: Vec<&str> = file.key.split('/').collect();
-        let in_session = match parts[..] {
-            [_, robot, session, _, ..] => {
-                self.sessions.contains(&format!("{robot}/{session}"))
-                    || self.names.contains(session)
-            }
-            _ => false,
-        };
-        let is_named = || match &file.stands {
-            Stands::OfRun { run, .. } => self.names.contains(run),
-            _ => false,
-        };
-        self.all || in_session || is_named()
-    }
-}
-
 /// What a foreign file is named by: itself, or the topmost folder that is no lake's.
 fn topmost(key: &str) -> String {
     let parts: Vec<&str> = key.split('/').collect();
     let is_own = |folder: &str| Lake::folders().any(|own| own == folder);
     let parts = match parts[..] {
-        [first, _, ..] if first == ".history" => &parts[..2],
+        [".history", _, ..] => &parts[..2],
         [first, _, ..] if !is_own(first) => &parts[..1],
         [_, _, _, _, _, ..] => &parts[..4],
         _ => &parts[..],

@@ -1,0 +1,205 @@
+//! One column's part of a table's digest: its presence, lengths and values, each digested as its rows come.
+
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, AsArray};
+use arrow::buffer::Buffer;
+use arrow::datatypes::{ArrowNativeType, Float64Type, Int64Type};
+use blake3::Hasher;
+
+use super::super::same;
+use super::{number, text};
+use crate::io::schema::{ColumnSchema, ColumnType};
+
+/// The digest of one column.
+pub(super) struct ColumnDigest {
+    /// Where it stands in a batch of rows.
+    pub(super) place: usize,
+    name: String,
+    kind: ColumnType,
+    nullable: bool,
+    presence: Runs,
+    lengths: Runs,
+    values: Values,
+    /// The array that came last, where it has one text in all rows: where it comes again it need not be looked at.
+    latest: Option<ArrayRef>,
+}
+
+/// The values of a column that are there.
+enum Values {
+    Numbers(Box<Hasher>),
+    Counted(Box<Runs>),
+}
+
+impl ColumnDigest {
+    /// Of a column without rows yet.
+    pub(super) fn new(place: usize, column: &ColumnSchema) -> Self {
+        Self {
+            place,
+            name: column.name.clone(),
+            kind: column.kind,
+            nullable: column.nullable,
+            presence: Runs::default(),
+            lengths: Runs::default(),
+            values: if column.kind.is_number() {
+                Values::Numbers(Box::default())
+            } else {
+                Values::Counted(Box::default())
+            },
+            latest: None,
+        }
+    }
+
+    /// Adds rows behind those before.
+    pub(super) fn add(&mut self, array: &ArrayRef) {
+        self.add_presence(array);
+        if array.null_count() == array.len() {
+            return;
+        }
+        let spans = present(array);
+        let Some(lists) = array.as_list_opt::<i32>() else {
+            for (start, end) in spans {
+                self.add_values(array, start, end);
+            }
+            return;
+        };
+        let bounds = lists.value_offsets();
+        for (start, end) in spans {
+            for row in bounds[start..=end].windows(2) {
+                let length = (row[1] - row[0]).as_usize() as u64;
+                self.lengths.add(&length.to_le_bytes(), 1);
+            }
+            let (first, last) = (bounds[start].as_usize(), bounds[end].as_usize());
+            self.add_values(lists.values(), first, last);
+        }
+    }
+
+    fn add_presence(&mut self, array: &ArrayRef) {
+        match array.nulls().filter(|nulls| nulls.null_count() > 0) {
+            None => self.presence.add(&[1], array.len() as u64),
+            Some(nulls) if nulls.null_count() == array.len() => {
+                self.presence.add(&[0], array.len() as u64);
+            }
+            Some(nulls) => nulls
+                .iter()
+                .for_each(|there| self.presence.add(&[u8::from(there)], 1)),
+        }
+    }
+
+    /// Values that are all there, from one place up to another.
+    fn add_values(&mut self, array: &ArrayRef, start: usize, end: usize) {
+        match (&mut self.values, self.kind) {
+            (Values::Numbers(hasher), ColumnType::Float64 | ColumnType::ListFloat64) => {
+                let numbers = array.as_primitive::<Float64Type>();
+                let bytes = |number: f64| number.to_le_bytes();
+                add_numbers(
+                    hasher,
+                    &numbers.values()[start..end],
+                    numbers.values().inner(),
+                    start,
+                    bytes,
+                );
+            }
+            (Values::Numbers(hasher), _) => {
+                let numbers = array.as_primitive::<Int64Type>();
+                let bytes = |number: i64| number.to_le_bytes();
+                add_numbers(
+                    hasher,
+                    &numbers.values()[start..end],
+                    numbers.values().inner(),
+                    start,
+                    bytes,
+                );
+            }
+            (Values::Counted(runs), ColumnType::Bool) => {
+                let truths = array.as_boolean();
+                (start..end).for_each(|row| runs.add(&[u8::from(truths.value(row))], 1));
+            }
+            (Values::Counted(runs), _) => {
+                let known = self.latest.as_ref();
+                let known = known
+                    .is_some_and(|known| std::ptr::addr_eq(Arc::as_ptr(known), Arc::as_ptr(array)));
+                let texts = array.as_string::<i32>();
+                let is_whole = (start, end) == (0, array.len()) && start < end;
+                if is_whole && (known || same::text(texts).is_some()) {
+                    runs.add(texts.value(0).as_bytes(), texts.len() as u64);
+                    self.latest = Some(Arc::clone(array));
+                } else {
+                    (start..end).for_each(|row| runs.add(texts.value(row).as_bytes(), 1));
+                }
+            }
+        }
+    }
+
+    /// Adds the column to the digest of the table.
+    pub(super) fn finish(self, whole: &mut Hasher) {
+        text(whole, self.name.as_bytes());
+        text(whole, self.kind.name().as_bytes());
+        whole.update(&[u8::from(self.nullable)]);
+        whole.update(self.presence.finish().as_bytes());
+        whole.update(self.lengths.finish().as_bytes());
+        let values = match self.values {
+            Values::Numbers(hasher) => hasher.finalize(),
+            Values::Counted(runs) => runs.finish(),
+        };
+        whole.update(values.as_bytes());
+    }
+}
+
+/// Where values are there, from one row up to another, in order.
+fn present(array: &ArrayRef) -> Vec<(usize, usize)> {
+    match array.nulls().filter(|nulls| nulls.null_count() > 0) {
+        None => vec![(0, array.len())],
+        Some(nulls) => nulls.valid_slices().collect(),
+    }
+}
+
+/// Numbers as 64 bits each, lowest byte first; in memory they stand so on nearly every processor.
+fn add_numbers<N: Copy>(
+    hasher: &mut Hasher,
+    numbers: &[N],
+    buffer: &Buffer,
+    start: usize,
+    bytes: impl Fn(N) -> [u8; 8],
+) {
+    if cfg!(target_endian = "little") {
+        hasher.update(&buffer.as_slice()[8 * start..8 * (start + numbers.len())]);
+    } else {
+        for &number in numbers {
+            hasher.update(&bytes(number));
+        }
+    }
+}
+
+/// A sequence in which equal neighbours are counted.
+#[derive(Default)]
+pub(super) struct Runs {
+    hasher: Hasher,
+    value: Vec<u8>,
+    count: u64,
+}
+
+impl Runs {
+    /// So many equal ones more.
+    pub(super) fn add(&mut self, value: &[u8], count: u64) {
+        if self.value != value {
+            self.end();
+            value.clone_into(&mut self.value);
+        }
+        self.count += count;
+    }
+
+    fn end(&mut self) {
+        if self.count > 0 {
+            text(&mut self.hasher, &self.value);
+            number(&mut self.hasher, self.count);
+            self.count = 0;
+        }
+    }
+
+    /// The digest of the whole sequence.
+    pub(super) fn finish(mut self) -> blake3::Hash {
+        self.end();
+        self.hasher.finalize()
+    }
+}

@@ -1,0 +1,146 @@
+//! What the rows of `runs` name, and what a file under the lake is by them.
+
+use std::collections::BTreeSet;
+
+use super::super::selection::Selected;
+use crate::io::lake::{Lake, LakeError, LakeFile, Stands};
+
+/// What the rows of the lake name.
+pub(super) struct Known {
+    keys: BTreeSet<String>,
+    /// Robots, by the names of their folders, and runs that have rows; those whose rows cannot be read.
+    runs: BTreeSet<(String, String)>,
+    unread: BTreeSet<(String, String)>,
+    unread_rows: BTreeSet<String>,
+}
+
+/// What a file is by the rows.
+pub(super) enum Judged {
+    OfRun,
+    OfUnread,
+    Own,
+    Temporary,
+    NotNamed(String),
+    NoRow,
+    Foreign,
+}
+
+impl Known {
+    /// By every row of the lake.
+    pub(super) fn of(lake: &Lake, selected: &Selected) -> Result<Self, LakeError> {
+        let mut known = Self {
+            keys: BTreeSet::new(),
+            runs: BTreeSet::new(),
+            unread: BTreeSet::new(),
+            unread_rows: BTreeSet::new(),
+        };
+        for run in selected.register.all() {
+            let row = lake.file_key("runs", &run.key)?;
+            if let Some(found) = of_row(&row) {
+                known.runs.insert(found);
+            }
+            known.keys.insert(row);
+            for file in &run.files {
+                let key = run.key.of_session(&file.session);
+                // A name that this version does not know is no place of a lake.
+                known.keys.extend(lake.file_key(&file.table, &key).ok());
+            }
+        }
+        for key in &selected.unread {
+            known.unread.extend(of_row(key));
+            known.unread_rows.insert(key.clone());
+        }
+        Ok(known)
+    }
+
+    /// What a file is by them.
+    pub(super) fn judged(&self, file: &LakeFile) -> Judged {
+        match &file.stands {
+            _ if self.keys.contains(&file.key) => Judged::OfRun,
+            Stands::Own => Judged::Own,
+            Stands::Temporary => Judged::Temporary,
+            Stands::Foreign => Judged::Foreign,
+            Stands::OfRun { .. } if self.unread_rows.contains(&file.key) => Judged::OfUnread,
+            Stands::OfRun { table, .. } if table == "runs" => Judged::Foreign,
+            Stands::OfRun { robot, run, .. } => {
+                let name = (robot.clone(), run.clone());
+                if self.unread.contains(&name) {
+                    Judged::OfUnread
+                } else if self.runs.contains(&name) {
+                    Judged::NotNamed(run.clone())
+                } else {
+                    Judged::NoRow
+                }
+            }
+        }
+    }
+}
+
+/// Robot, by the name of its folder, and run of a row.
+fn of_row(key: &str) -> Option<(String, String)> {
+    let parts: Vec<&str> = key.split('/').collect();
+    let [_, robot, _, name] = parts[..] else {
+        return None;
+    };
+    let run = name.strip_suffix(".parquet")?;
+    Some((robot.to_owned(), run.to_owned()))
+}
+
+/// Robots and runs that have rows now.
+pub(super) fn rows_now(lake: &Lake) -> Result<BTreeSet<(String, String)>, LakeError> {
+    let files = lake.files("runs")?;
+    Ok(files.iter().filter_map(|file| of_row(&file.key)).collect())
+}
+
+/// Which files are looked at.
+pub(super) struct Scope {
+    all: bool,
+    /// ROBOT/SESSION by the names of their folders.
+    sessions: BTreeSet<String>,
+    names: BTreeSet<String>,
+}
+
+impl Scope {
+    /// Of all, or of what these names ask for.
+    pub(super) fn of(
+        lake: &Lake,
+        selected: &Selected,
+        names: &[String],
+    ) -> Result<Self, LakeError> {
+        let mut sessions = BTreeSet::new();
+        for claim in selected
+            .runs
+            .iter()
+            .filter_map(|run| run.claim.as_ref().ok())
+        {
+            let own = std::iter::once(&claim.key.session);
+            for session in own.chain(claim.files.iter().map(|file| &file.session)) {
+                let row = lake.file_key("runs", &claim.key.of_session(session))?;
+                let parts: Vec<&str> = row.split('/').skip(1).take(2).collect();
+                sessions.insert(parts.join("/"));
+            }
+        }
+        Ok(Self {
+            all: names.is_empty(),
+            sessions,
+            names: names.iter().cloned().collect(),
+        })
+    }
+
+    /// Whether a file is looked at.
+    pub(super) fn has(&self, file: &LakeFile) -> bool {
+        let parts: Vec<&str> = file.key.split('/').collect();
+        let in_session = match parts[..] {
+            [_, robot, session, _, ..] => {
+                self.sessions.contains(&format!("{robot}/{session}"))
+                    || self.names.contains(session)
+            }
+            _ => false,
+        };
+        let is_named = || match &file.stands {
+            Stands::OfRun { run, .. } => self.names.contains(run),
+            _ => false,
+        };
+        self.all || in_session || is_named()
+    }
+}
