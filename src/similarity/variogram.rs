@@ -1,7 +1,8 @@
 //! Models of a semivariogram: spherical, exponential, Gaussian, with nugget, sill and range.
 //!
 //! For a given range every model is linear in its nugget and its partial sill, so the fit is two numbers by weighted
-//! least squares (weights: pair counts) inside a search over the range alone. Neither number may be negative.
+//! least squares (weights: pair counts) inside a search over the range alone. Neither number may be negative, and the range is
+//! positive, however near to each other the first pairs lie.
 
 use super::{Alikeness, Bin};
 
@@ -50,6 +51,8 @@ pub struct VariogramModel {
 const LEAST_BINS: usize = 4;
 /// Ranges tried between the first and twice the last separation.
 const RANGES: u32 = 200;
+/// Ranges begin at this share of a bin's width or above it.
+const SHARE_OF_A_BIN: f64 = 0.01;
 /// A rising curve explains at least this share of the bins' weighted variance.
 const RISING_SHARE: f64 = 0.5;
 
@@ -93,12 +96,23 @@ pub fn alikeness(bins: &[Bin], models: &[VariogramModel]) -> Alikeness {
 }
 
 fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
-    let (first, last) = (bins.first()?.separation, 2.0 * bins.last()?.separation);
+    let (first, last) = (shortest_range(bins)?, 2.0 * bins.last()?.separation);
     let ratio = (last / first).max(1.0);
     let range = |step: u32| first * ratio.powf(f64::from(step) / f64::from(RANGES));
     (0..=RANGES)
         .map(|step| at_range(shape, range(step), bins))
         .min_by(|a, b| a.misfit.total_cmp(&b.misfit))
+}
+
+/// The first range that is tried: the separation of the first bin. Repeated visits may have none at all, and a range of zero is no
+/// range: a bin tells nothing of ranges far below its own width.
+fn shortest_range(bins: &[Bin]) -> Option<f64> {
+    let first = bins.first()?;
+    Some(
+        first
+            .separation
+            .max(SHARE_OF_A_BIN * (first.to - first.from)),
+    )
 }
 
 /// Nugget and partial sill at a given range, both at least zero.
@@ -170,6 +184,26 @@ mod tests {
         assert!((models[0].sill - 0.21).abs() < 2e-3);
         assert!((models[0].range - 80.0).abs() < 2.0);
         assert_eq!(alikeness(&bins, &models), Alikeness::Rising);
+    }
+
+    #[test]
+    fn pairs_that_were_measured_twice_at_one_place_have_a_model_too() {
+        let mut bins = bins_of(|h| 0.01 + 0.2 * Shape::Exponential.at(h / 80.0));
+        bins[0].separation = 0.0;
+        bins[0].gamma = 0.0;
+        let models = fit_all(&bins);
+        assert_eq!(models.len(), 3);
+        for model in &models {
+            let numbers = [model.nugget, model.sill, model.range, model.misfit];
+            assert!(numbers.iter().all(|x| x.is_finite()), "{model:?}");
+            assert!(model.range > 0.0);
+        }
+        assert_eq!(alikeness(&bins, &models), Alikeness::Rising);
+        // The same errors everywhere, at one place alone or not.
+        bins.iter_mut().for_each(|bin| bin.gamma = 0.0);
+        let models = fit_all(&bins);
+        assert!(models.iter().all(|model| model.misfit == 0.0), "{models:?}");
+        assert_eq!(alikeness(&bins, &models), Alikeness::Flat);
     }
 
     #[test]
