@@ -169,7 +169,7 @@ pub enum GridError {
         "no paired station is left to build a grid on; look at the rejects for what was left out"
     )]
     NoStations,
-    /// A step that fits into the box along no axis or only some.
+    /// A step that fits into the box along no axis or only some: a row that says so, and an error where it is every step.
     #[error(
         "step {step_mm} mm does not fit into the box of {sizes} mm: every step has to fit at least once along each \
          axis; choose smaller steps_mm or a larger box"
@@ -236,9 +236,9 @@ pub fn grids(
     progress.begin("grid steps", settings.steps_mm.len() as u64);
     let mut judged = Vec::new();
     for &step_mm in &settings.steps_mm {
-        let lattice =
-            Lattice::new(&plan.bounds, [step_mm; 3]).ok_or_else(|| plan.too_large(step_mm))?;
-        let grid = PlacedGrid::new(reach, lattice, plan.orientation, &like);
+        let grid = Lattice::new(&plan.bounds, [step_mm; 3])
+            .map(|lattice| PlacedGrid::new(reach, lattice, plan.orientation, &like))
+            .ok_or_else(|| plan.too_large(step_mm));
         let cells = judge::local_cells(reach, input.stations, [step_mm; 3]);
         for &interpolation in &settings.interpolations {
             if settings.sources.contains(&Source::Model) {
@@ -253,7 +253,7 @@ pub fn grids(
                 judged.push(rows::table_row(
                     input,
                     step_mm,
-                    &grid,
+                    grid.as_ref(),
                     &plan,
                     interpolation,
                     settings,

@@ -165,22 +165,24 @@ fn tables_of(judged: &[Judged], family: (Source, Interpolation)) -> Vec<usize> {
         .collect()
 }
 
-/// The table row of the model whose local cells leave the least error.
+/// The table row of the model whose local cells leave the least error, among those that have a node.
 fn best_by_local_cell(judged: &[Judged]) -> Option<usize> {
+    let table_of = |local: &Judged| {
+        judged.iter().position(|row| {
+            row.judgement == Judgement::Table
+                && row.source == Source::Model
+                && row.interpolation == local.interpolation
+                && row.step_mm.total_cmp(&local.step_mm).is_eq()
+                && row.nodes > row.refused_nodes.values().sum::<usize>()
+        })
+    };
     let local = judged
         .iter()
         .filter(|row| row.judgement == Judgement::LocalCell);
-    let best = local
-        .filter_map(|row| Some((row, row.figures?.p95)))
-        .min_by(|a, b| a.1.total_cmp(&b.1))?
-        .0;
-    judged.iter().position(|row| {
-        row.judgement == Judgement::Table
-            && row.source == Source::Model
-            && row.interpolation == best.interpolation
-            && row.step_mm.total_cmp(&best.step_mm).is_eq()
-            && row.nodes > row.refused_nodes.values().sum::<usize>()
-    })
+    local
+        .filter_map(|row| Some((table_of(row)?, row.figures?.p95)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(table, _)| table)
 }
 
 fn reasons(judged: &[Judged]) -> String {

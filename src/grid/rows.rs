@@ -8,7 +8,7 @@ use super::judge::{self, HeldOut};
 use super::measured::MeasuredGrid;
 use super::node::{GridStation, PlacedGrid, Refusal};
 use super::settings::{GridPlan, GridSettings};
-use super::{GridInput, Judged, Judgement, Source, Verdict};
+use super::{GridError, GridInput, Judged, Judgement, Source, Verdict};
 use crate::figures::Figures;
 
 pub(super) fn local_row(
@@ -47,12 +47,27 @@ pub(super) fn local_row(
 pub(super) fn table_row(
     input: &GridInput<'_>,
     step_mm: f64,
-    grid: &PlacedGrid,
+    grid: Result<&PlacedGrid, &GridError>,
     plan: &GridPlan,
     interpolation: Interpolation,
     settings: &GridSettings,
     tolerance: &Tolerance,
 ) -> Judged {
+    let frame = Row {
+        step_mm,
+        source: Source::Model,
+        interpolation,
+        judgement: Judgement::Table,
+    };
+    let grid = match grid {
+        Ok(grid) => grid,
+        Err(reason) => {
+            return Judged {
+                verdict: Verdict::NotShown(reason.to_string()),
+                ..frame.empty()
+            };
+        }
+    };
     let like = |station: &GridStation| plan.is_like(station);
     let held_out = judge::by_table(
         input.stations,
@@ -62,12 +77,6 @@ pub(super) fn table_row(
         interpolation,
         settings.idw_power,
     );
-    let frame = Row {
-        step_mm,
-        source: Source::Model,
-        interpolation,
-        judgement: Judgement::Table,
-    };
     let counts = Counts {
         nodes: grid.nodes.len(),
         refused_nodes: grid.refused_nodes(),
