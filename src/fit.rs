@@ -8,8 +8,8 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 //!
-//! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), and which stations
-//! are visits of one pose ([`visits`]).
+//! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
+//! visits of one pose ([`visits`]), and whether the instrument's length unit agrees with the arm's lengths ([`scale`]).
 
 pub mod commanded;
 pub mod full;
@@ -22,6 +22,7 @@ pub mod problem;
 pub mod rank;
 pub mod same_arm;
 pub mod saved;
+pub mod scale;
 pub mod solve;
 pub mod start;
 pub mod visits;
@@ -56,6 +57,9 @@ pub struct FitSettings {
     pub prior_length_mm: f64,
     /// Standard deviation that the weak prior gives to angle offsets, mrad; zero for no prior.
     pub prior_angle_mrad: f64,
+    /// Standard deviation of the arm's lengths about their nominal values, mm, as it is made: a scale of the instrument is named where
+    /// lengths as good as this do not explain it. The fit's own prior is wider, so that worse lengths are found.
+    pub length_tolerance_mm: f64,
     /// Whether orientations are fitted where the log has them.
     pub orientations: bool,
     /// Where the target sits at the flange, where it is known; with one tool orientation nothing else tells.
@@ -72,6 +76,7 @@ impl Default for FitSettings {
             loss: Loss::Squares,
             prior_length_mm: 3.0,
             prior_angle_mrad: 3.0,
+            length_tolerance_mm: 0.3,
             orientations: false,
             target: None,
             blocks: Blocks::default(),

@@ -271,6 +271,8 @@ fn check(arm: &Arm, settings: &SimulateSettings) -> Result<(), SimulateError> {
     within(&rates, 0.01, 10_000.0, "between 0.01 and 10000 Hz")?;
     within(&positive, 1e-3, 1e6, "between 0.001 and a million")?;
     within(&shares, 0.0, 1.0, "between 0 and 1")?;
+    let scale = [("scale", settings.tracker.scale)];
+    within(&scale, -0.1, 0.1, "between -0.1 and 0.1")?;
     within(
         &[("dwell_spread_s", motion.dwell_spread_s)],
         0.0,

@@ -24,6 +24,7 @@ mod parts;
 pub mod regression;
 mod rows;
 pub mod saved;
+mod scales;
 pub mod settings;
 pub mod spectrum;
 pub mod standing;
@@ -38,6 +39,7 @@ use rayon::prelude::*;
 use super::commanded::Shortfall;
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
+use super::scale::ScaleEvidence;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use components::Part;
 use design::PoseView;
@@ -65,6 +67,11 @@ pub struct FullModel {
     drift_variance: f64,
     /// The same of warming up, which all sessions repeat.
     warm_up_variance: f64,
+    /// The middle of each session's stations, in the base frame, mm.
+    middles: Vec<Point3<f64>>,
+    /// Standard deviation of a session's own scale, a share.
+    scale_sd: f64,
+    scale_evidence: Option<ScaleEvidence>,
     standing: Option<Standing>,
     tails: Tails,
     mean: DVector<f64>,
@@ -127,10 +134,10 @@ pub struct Query<'q> {
     pub lever: Vector3<f64>,
     /// The session whose frames are used.
     pub session: usize,
-    /// Whether the session's own parts apply (base as fitted, drift, changes); otherwise the base is the nominal one and
+    /// Whether the session's own parts apply (base as fitted, drift, scale, changes); otherwise the base is the nominal one and
     /// predictions are those for any session.
     pub own: bool,
-    /// The station's number, for drift and warm-up.
+    /// The station's number, for drift, warm-up and the session's scale; `None` for a command that is given some day.
     pub station: Option<usize>,
 }
 
@@ -200,6 +207,7 @@ impl FullModel {
         let mut start = DVector::zeros(problem.unknowns().len());
         start.rows_mut(0, geometry.len()).copy_from_slice(geometry);
         let mut settled = train::train(&problem, start, settings, up)?;
+        let scale_evidence = settled.scale_evidence(&problem);
         let parts = settled.weigh_parts();
         let mean = settled.posterior.mean() + &settled.prior_mean;
         let standing = standing(observations, &settled.state.layout, &mean);
@@ -224,6 +232,9 @@ impl FullModel {
             // The basis has variance one half at a random time.
             drift_variance: 0.5 * state.components.size(Part::Drift).unwrap_or(0.0),
             warm_up_variance: 0.5 * state.components.size(Part::WarmUp).unwrap_or(0.0),
+            middles: state.middles,
+            scale_sd: 1e-6 * settings.session_scale_ppm,
+            scale_evidence,
             standing,
             tails: state.tails,
             layout: state.layout,
@@ -310,10 +321,8 @@ impl FullModel {
     }
 
     fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
-        let root = self.frames[query.session]
-            .tracker_from_base
-            .isometry()
-            .rotation;
+        let base = self.frames[query.session].tracker_from_base.isometry();
+        let root = base.rotation;
         PoseView {
             unknowns: &view.unknowns,
             joints: &view.joints,
@@ -331,6 +340,7 @@ impl FullModel {
             time: query
                 .station
                 .map(|station| (station as f64 / self.span).min(1.0)),
+            middle: base * self.middles[query.session],
         }
     }
 
@@ -452,6 +462,31 @@ impl FullModel {
     /// Variance per axis of where the base stands at a time that is not known, mm²: for commands given some day.
     pub const fn any_time_variance(&self) -> f64 {
         self.drift_variance + self.warm_up_variance
+    }
+
+    /// Standard deviation of a session's own scale, as a share of the distance from the middle of its stations: for commands given
+    /// some day, and for sessions the model never saw.
+    pub const fn scale_sd(&self) -> f64 {
+        self.scale_sd
+    }
+
+    /// Covariance of a point by the scale of some day, tracker frame, mm².
+    pub fn any_scale_covariance(&self, session: usize, point: &Point3<f64>) -> Matrix3<f64> {
+        let base = self.frames[session].tracker_from_base.isometry();
+        let away = (point - base * self.middles[session]) * self.scale_sd;
+        away * away.transpose()
+    }
+
+    /// The scale of a session as the model has it, with its standard deviation, as shares; `None` where it has no such part.
+    pub fn session_scale(&self, session: usize) -> Option<(f64, f64)> {
+        let column = self.layout.columns(Block::Scale(session))?.start;
+        let variance = self.covariance_of(&[column])[(0, 0)];
+        Some((self.mean[column], variance.sqrt()))
+    }
+
+    /// What the stations say of lengths and scales; `None` where the model has no scales, or was not trained here.
+    pub const fn scale_evidence(&self) -> Option<&ScaleEvidence> {
+        self.scale_evidence.as_ref()
     }
 
     /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.

@@ -173,7 +173,9 @@ impl ErrorModel for ToolErrors<'_> {
         let rotation = base.to_rotation_matrix();
         // A command is given some day: where the base then stands is not known.
         let drift = Matrix3::identity() * model.any_time_variance();
-        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing + drift;
+        // And by which scale it was told: corrections are those of the mean scale of all sessions.
+        let scale = model.any_scale_covariance(session, &predicted.position);
+        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing + drift + scale;
         (
             self.in_gauge(joints, &predicted.position),
             rotation.transpose() * covariance * rotation,

@@ -14,7 +14,7 @@ use crate::kinematics::{
 };
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// What is wrong with a saved model.
 #[derive(Debug, Clone, PartialEq, Error)]

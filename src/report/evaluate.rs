@@ -2,12 +2,13 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::refit::{self, Placed};
+use super::refit::{self, Placed, Refit};
 use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::fit::full::{Known, Query};
+use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{Models, Observation};
 use crate::kinematics::Arm;
+use crate::units::MM_PER_M;
 
 /// A held-out session or the training session itself, as observations.
 #[derive(Debug, Clone, Copy)]
@@ -132,8 +133,10 @@ pub fn unseen_session(
                 BaseRefit::First => settings.first.min(stations.observations.len()),
                 BaseRefit::All => stations.observations.len(),
             };
+            let scale_sd = models.full.as_ref().filter(|_| model == Model::Full);
             let unseen = Unseen {
                 models,
+                scale_sd: scale_sd.map_or(0.0, FullModel::scale_sd),
                 predictions: &predictions,
                 placed: &placed,
                 to_base: &to_base,
@@ -152,6 +155,8 @@ pub fn unseen_session(
 /// An unseen session's predictions by one model, and which first stations its base is found from.
 struct Unseen<'u> {
     models: &'u Models,
+    /// Standard deviation of the session's own scale, a share; 0 of a model that knows no scales.
+    scale_sd: f64,
     predictions: &'u [Prediction],
     placed: &'u [Placed],
     to_base: &'u Isometry3<f64>,
@@ -164,27 +169,18 @@ struct Unseen<'u> {
 impl Unseen<'_> {
     fn residuals(&self, observations: &[Observation]) -> Option<Vec<Residual>> {
         let measured: Vec<Point3<f64>> = observations.iter().map(|o| o.position).collect();
-        let (base_from_tracker, shift) = if self.used == 0 {
-            (*self.to_base, Vector3::zeros())
-        } else {
-            let found = refit::refit(
-                &measured[..self.used],
-                &self.placed[..self.used],
-                self.settings.with_target,
-            )?;
-            (found.base_from_tracker, found.target_shift)
-        };
-        let covariances = self.covariances(observations);
-        let turns = self.turns(&base_from_tracker);
+        let found = self.found(&measured)?;
+        let covariances = self.covariances(observations, &found);
+        let turns = self.turns(&found.base_from_tracker);
         let residual = |(place, (measured, placed)): (usize, (&Point3<f64>, &Placed))| {
-            let predicted = placed.position + placed.flange * shift;
+            let predicted = found.predicted(placed);
             Residual {
                 station: observations[place].station,
                 pose: observations[place].pose,
                 fold: None,
                 used_for_refit: place < self.used && self.judges_rest,
                 predicted,
-                residual: base_from_tracker * measured - predicted,
+                residual: found.base_from_tracker * measured - predicted,
                 covariance: covariances.as_ref().map(|c| c[place]),
                 weight: None,
                 turn: turns[place],
@@ -197,6 +193,25 @@ impl Unseen<'_> {
                 .enumerate()
                 .map(residual)
                 .collect(),
+        )
+    }
+
+    /// The frames of the session: those of training where they are not found from its stations.
+    fn found(&self, measured: &[Point3<f64>]) -> Option<Refit> {
+        if self.used == 0 {
+            return Some(Refit {
+                base_from_tracker: *self.to_base,
+                target_shift: Vector3::zeros(),
+                scale: 0.0,
+                scale_ridge_mm2: 0.0,
+                middle: refit::middle(self.placed),
+            });
+        }
+        refit::refit_with_scale(
+            &measured[..self.used],
+            &self.placed[..self.used],
+            self.settings.with_target,
+            self.scale_sd,
         )
     }
 
@@ -218,8 +233,12 @@ impl Unseen<'_> {
     }
 
     /// Covariance of what is left on each station: the model's share that the refitted frames do not take up, noise, what
-    /// drift the session may have, and what the frames inherit from the stations they were found from.
-    fn covariances(&self, observations: &[Observation]) -> Option<Vec<Matrix3<f64>>> {
+    /// drift and scale the session may have, and what the frames inherit from the stations they were found from.
+    fn covariances(
+        &self,
+        observations: &[Observation],
+        found: &Refit,
+    ) -> Option<Vec<Matrix3<f64>>> {
         let full = self.models.full.as_ref()?;
         let to_tracker = self.to_base.inverse();
         let noise: Vec<Matrix3<f64>> = self
@@ -229,13 +248,24 @@ impl Unseen<'_> {
             .map(|(prediction, o)| turned(&(full.noise(o) + prediction.standing), &to_tracker))
             .collect();
         let mut rows = stacked(self.predictions, self.to_base)?;
-        let frames = (self.used > 0).then(|| self.frames());
+        // What a scale moves is one more column of rows.
+        let last = rows.ncols();
+        rows = rows.insert_column(last, 0.0);
+        rows.set_column(last, &(self.levers(found) * self.scale_sd));
+        let frames = (self.used > 0).then(|| self.frames(found));
         if let Some(frames) = &frames {
             rows -= &frames.columns * (&frames.from_first * rows.rows(0, 3 * self.used));
         }
+        let by_scale = |place: usize| {
+            let column = rows.fixed_view::<3, 1>(3 * place, last);
+            column * column.transpose()
+        };
+        let by_scale: Vec<Matrix3<f64>> = (0..observations.len()).map(by_scale).collect();
+        let rows = rows.remove_column(last);
         let drift = Matrix3::identity() * full.drift_variance();
         let own = full.covariances(&rows).into_iter().zip(&noise);
-        let own = own.map(|(model, noise)| model + noise + drift);
+        let own = own.zip(by_scale);
+        let own = own.map(|((model, noise), scale)| model + noise + drift + scale);
         Some(match frames.filter(|_| self.used < observations.len()) {
             None => own.collect(),
             Some(frames) => {
@@ -248,14 +278,29 @@ impl Unseen<'_> {
         })
     }
 
+    /// Where every station is predicted from the middle of those that the frames are found from, mm, stacked.
+    fn levers(&self, found: &Refit) -> DVector<f64> {
+        let levers = self.placed.iter().flat_map(|placed| {
+            let lever = placed.position - found.middle;
+            [lever.x, lever.y, lever.z]
+        });
+        DVector::from_iterator(3 * self.placed.len(), levers)
+    }
+
     /// The frames' columns at all stations, and how the frames follow from the stations they are found from.
-    fn frames(&self) -> RefittedFrames {
+    fn frames(&self, found: &Refit) -> RefittedFrames {
         let positions: Vec<_> = self.placed.iter().map(|p| p.position).collect();
         let flanges: Vec<_> = self.placed.iter().map(|p| p.flange).collect();
-        let columns = refit::columns(&positions, &flanges, self.settings.with_target);
+        let mut columns = refit::columns(&positions, &flanges, self.settings.with_target);
+        let last = columns.ncols();
+        let mut ridge = DVector::from_element(last, refit::RIDGE);
+        if found.scale_ridge_mm2 > 0.0 {
+            columns = columns.insert_column(last, 0.0);
+            columns.set_column(last, &(self.levers(found) / MM_PER_M));
+            ridge = ridge.push(found.scale_ridge_mm2 / (MM_PER_M * MM_PER_M));
+        }
         let first = columns.rows(0, 3 * self.used);
-        let size = columns.ncols();
-        let normal = first.tr_mul(&first) + DMatrix::identity(size, size) * refit::RIDGE;
+        let normal = first.tr_mul(&first) + DMatrix::from_diagonal(&ridge);
         let factor = normal
             .cholesky()
             .expect("a ridge makes it positive definite");

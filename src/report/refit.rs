@@ -1,6 +1,7 @@
 //! Where the base of an unseen session stands: found from its own stations, the arm held as identified.
 //!
-//! Six numbers of the base, and three of the target where the session has a mounting of its own; unweighted.
+//! Six numbers of the base, and three of the target where the session has a mounting of its own; unweighted. For a model that knows how
+//! much sessions differ in scale ([`refit_with_scale`]), the session's scale too, held to that.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -22,11 +23,33 @@ pub struct Refit {
     pub base_from_tracker: Isometry3<f64>,
     /// How far the target sits from where training had it, along the flange's axes, mm.
     pub target_shift: Vector3<f64>,
+    /// How much longer than the model the session measures, as a share of the way from `middle`.
+    pub scale: f64,
+    /// What the scale's prior counts for beside its column, mm²; 0 where the scale was not found.
+    pub scale_ridge_mm2: f64,
+    /// The middle of the stations, in the base frame, mm.
+    pub middle: Point3<f64>,
+}
+
+impl Refit {
+    /// Where a predicted target is in the session's own frames and scale.
+    pub fn predicted(&self, placed: &Placed) -> Point3<f64> {
+        self.scaled(placed).position + placed.flange * self.target_shift
+    }
+
+    fn scaled(&self, placed: &Placed) -> Placed {
+        Placed {
+            position: placed.position + (placed.position - self.middle) * self.scale,
+            ..placed.clone()
+        }
+    }
 }
 
 /// Keeps the target's shift from running away where one tool orientation does not show it.
 pub const RIDGE: f64 = 1e-3;
 const PASSES: usize = 4;
+/// A scale beyond so many of its prior's standard deviations is no scale that sessions ordinarily have: it stays in what is left.
+const ORDINARY: f64 = 3.0;
 
 /// The frames that bring `measured` (tracker frame) nearest to `predicted`; `None` where stations do not span space.
 pub fn refit(measured: &[Point3<f64>], predicted: &[Placed], with_target: bool) -> Option<Refit> {
@@ -51,7 +74,68 @@ pub fn refit(measured: &[Point3<f64>], predicted: &[Placed], with_target: bool) 
     Some(Refit {
         base_from_tracker,
         target_shift,
+        scale: 0.0,
+        scale_ridge_mm2: 0.0,
+        middle: middle(predicted),
     })
+}
+
+/// The middle of predicted targets, mm.
+pub fn middle(predicted: &[Placed]) -> Point3<f64> {
+    let sum = predicted
+        .iter()
+        .fold(Vector3::zeros(), |sum, p| sum + p.position.coords);
+    Point3::from(sum / predicted.len().max(1) as f64)
+}
+
+/// The same with the session's scale, which is expected to be off by `scale_sd` (a share); without it where the session's scale is
+/// beyond what is ordinary, or nothing is left that it could be held against.
+pub fn refit_with_scale(
+    measured: &[Point3<f64>],
+    predicted: &[Placed],
+    with_target: bool,
+    scale_sd: f64,
+) -> Option<Refit> {
+    let plain = refit(measured, predicted, with_target)?;
+    let mut found = plain;
+    for _ in 0..PASSES {
+        let Some((scale, ridge)) = scale_of(measured, predicted, &found, scale_sd) else {
+            return Some(plain);
+        };
+        found.scale = scale;
+        let scaled: Vec<Placed> = predicted.iter().map(|p| found.scaled(p)).collect();
+        found = Refit {
+            scale,
+            scale_ridge_mm2: ridge,
+            middle: plain.middle,
+            ..refit(measured, &scaled, with_target)?
+        };
+    }
+    let is_ordinary = found.scale.abs() <= ORDINARY * scale_sd;
+    Some(if is_ordinary { found } else { plain })
+}
+
+/// The scale in the frames of `found`, and what its prior counts for: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² what is left per
+/// axis.
+fn scale_of(
+    measured: &[Point3<f64>],
+    predicted: &[Placed],
+    found: &Refit,
+    scale_sd: f64,
+) -> Option<(f64, f64)> {
+    let (mut levers, mut along, mut left) = (0.0, 0.0, 0.0);
+    for (measured, placed) in measured.iter().zip(predicted) {
+        let lever = placed.position - found.middle;
+        let away = found.base_from_tracker * measured - found.predicted(placed);
+        levers += lever.norm_squared();
+        along += lever.dot(&(away + lever * found.scale));
+        left += away.norm_squared();
+    }
+    // Ten numbers are found from three coordinates of each station.
+    let freedom = (3 * measured.len()).checked_sub(10).filter(|f| *f > 0)?;
+    let ridge = left / freedom as f64 / (scale_sd * scale_sd);
+    let scale = along / (levers + ridge);
+    (scale_sd > 0.0 && scale.is_finite()).then_some((scale, ridge))
 }
 
 /// Columns of a small motion of the base about the points' middle, and of the target: `[I | −[p]× / 1 m | R]`.
@@ -104,18 +188,44 @@ mod tests {
     use super::*;
     use crate::geometry::isometry_from_rpy;
 
+    fn placed(i: u32) -> Placed {
+        let t = f64::from(i);
+        let position = Point3::new(600.0 * t.sin(), 500.0 * (1.7 * t).cos(), 40.0 * t);
+        Placed {
+            position,
+            flange: UnitQuaternion::from_euler_angles(t, 0.6 * t, 0.3 * t),
+        }
+    }
+
+    #[test]
+    fn a_session_s_own_scale_is_found_as_far_as_it_is_ordinary() {
+        let truth = isometry_from_rpy([2000.0, -50.0, 30.0], [0.01, -0.02, 1.5]);
+        let predicted: Vec<_> = (0..30).map(placed).collect();
+        // A micrometre of noise: what is left is held against the prior.
+        let measured = |scale: f64| -> Vec<Point3<f64>> {
+            let of = |(i, p): (usize, &Placed)| {
+                let noise = Vector3::repeat(1e-3 * (7.0 * i as f64).sin());
+                Point3::from((truth.inverse() * p.position).coords * (1.0 + scale) + noise)
+            };
+            predicted.iter().enumerate().map(of).collect()
+        };
+        let found = |scale| refit_with_scale(&measured(scale), &predicted, false, 50e-6);
+        let ordinary = found(60e-6).expect("stations in space");
+        assert!((ordinary.scale - 60e-6).abs() < 1e-6, "{ordinary:?}");
+        let left = measured(60e-6);
+        let left = left.iter().zip(&predicted);
+        let left =
+            left.map(|(m, p)| (ordinary.base_from_tracker * m - ordinary.predicted(p)).norm());
+        assert!(left.fold(0.0, f64::max) < 4e-3);
+        // 0.1 % is a fault, and stays in what is left.
+        let fault = found(1e-3).expect("stations in space");
+        assert!(fault.scale == 0.0, "{fault:?}");
+    }
+
     #[test]
     fn base_and_target_of_another_mounting_are_found() {
         let truth = isometry_from_rpy([2000.0, -50.0, 30.0], [0.01, -0.02, 1.5]);
         let shift = Vector3::new(3.0, -2.0, 5.0);
-        let placed = |i: u32| {
-            let t = f64::from(i);
-            let position = Point3::new(600.0 * t.sin(), 500.0 * (1.7 * t).cos(), 40.0 * t);
-            Placed {
-                position,
-                flange: UnitQuaternion::from_euler_angles(t, 0.6 * t, 0.3 * t),
-            }
-        };
         let predicted: Vec<_> = (0..30).map(placed).collect();
         let measured: Vec<_> = predicted
             .iter()

@@ -143,6 +143,9 @@ pub struct TrackerErrors {
     pub transverse_per_mm: f64,
     /// What the permissible errors are divided by to give standard deviations.
     pub divisor: f64,
+    /// How much too long the instrument measures, as a share of the distance from it: a wrong length unit.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub scale: f64,
     /// Standard deviation of an orientation, rad per axis.
     pub orientation_rad: f64,
     /// Share of stations that the beam misses.
@@ -151,6 +154,11 @@ pub struct TrackerErrors {
     pub lost_as_zeros: bool,
     /// Share of readings that are 2 to 20 mm off.
     pub outlier_share: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+fn is_zero(scale: &f64) -> bool {
+    *scale == 0.0
 }
 
 /// `tracker − t₀ = (1 + drift)(controller − t₀) + offset`, t₀ the first joint sample.
@@ -288,6 +296,7 @@ impl TrackerErrors {
             transverse_mm: 0.0,
             transverse_per_mm: 0.0,
             divisor: 2.0,
+            scale: 0.0,
             orientation_rad: 0.0,
             lost_share: 0.0,
             lost_as_zeros: false,

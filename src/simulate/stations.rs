@@ -52,7 +52,8 @@ impl Simulated {
         let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
         let from = readings.stamps.partition_point(|stamp| *stamp < start);
         let to = readings.stamps.partition_point(|stamp| *stamp <= end);
-        let place = Point3::from(truth.tracker_from_target.translation.vector);
+        let scale = 1.0 + self.truth.settings.tracker.scale;
+        let place = Point3::from(truth.tracker_from_target.translation.vector * scale);
         let kept: Vec<usize> = (from..to)
             .filter(|&i| readings.stamps[i].since_ns(start) >= SETTLING_NS)
             .filter(|&i| (Point3::from(readings.positions[i]) - place).norm() < 1.0)

@@ -227,7 +227,7 @@ impl<'a> View<'a> {
         let share = readings.sqrt().recip();
         let position = (placed + noise.normal3() * share) * FRAC_1_SQRT_2;
         let rotation = (turned + noise.normal3() * share) * FRAC_1_SQRT_2;
-        let off = along_and_across(&pose.translation.vector, &position, tracker);
+        let off = off(&pose.translation.vector, &position, tracker);
         let distance = pose.translation.vector.norm();
         let scatter_mm = FRAC_1_SQRT_2 * tracker.across_mm(distance);
         Mean::of(
@@ -246,13 +246,18 @@ impl<'a> View<'a> {
         let position = (placed + noise.normal3()) * FRAC_1_SQRT_2;
         let rotation = (turned + noise.normal3()) * FRAC_1_SQRT_2;
         let tracker = &self.settings.tracker;
-        let off = along_and_across(&pose.translation.vector, &position, tracker);
+        let off = off(&pose.translation.vector, &position, tracker);
         let turn = UnitQuaternion::from_scaled_axis(rotation * tracker.orientation_rad);
         Isometry3::from_parts(
             Translation3::from(pose.translation.vector + off),
             turn * pose.rotation,
         )
     }
+}
+
+/// How far off the instrument measures: by its scale, and by noise of three standard normal numbers, mm.
+fn off(beam: &Vector3<f64>, normal: &Vector3<f64>, tracker: &TrackerErrors) -> Vector3<f64> {
+    beam * tracker.scale + along_and_across(beam, normal, tracker)
 }
 
 /// Three standard normal numbers as noise along the beam (the first) and across it, mm.

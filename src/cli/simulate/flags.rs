@@ -169,6 +169,9 @@ pub(super) struct ErrorFlags {
     /// A tracker without noise.
     #[arg(long)]
     no_tracker_noise: bool,
+    /// How much too long the tracker measures, ppm: a wrong length unit.
+    #[arg(long, value_name = "PPM", value_parser = finite, allow_hyphen_values = true)]
+    tracker_scale_ppm: Option<f64>,
     /// Share of stations that the beam misses.
     #[arg(long, value_name = "SHARE", value_parser = finite)]
     lost_share: Option<f64>,
@@ -245,6 +248,7 @@ impl ErrorFlags {
                 ..TrackerErrors::none()
             };
         }
+        set(&mut tracker.scale, self.tracker_scale_ppm, 1e-6);
         set(&mut tracker.lost_share, self.lost_share, 1.0);
         set(&mut tracker.outlier_share, self.outlier_share, 1.0);
         tracker.lost_as_zeros |= self.lost_as_zeros;

@@ -233,6 +233,7 @@ fn applies(block: Block, session: Option<usize>) -> bool {
         Block::SessionBlend(own)
         | Block::OwnBlend(own)
         | Block::Drift(own)
+        | Block::Scale(own)
         | Block::SessionCurve { session: own, .. } => Some(own) == session,
         Block::Unknowns
         | Block::Gravity

@@ -1,13 +1,14 @@
 //! Which columns a training starts with, and how far its geometry and frames may be off.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Point3, Vector3};
 
 use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::train::FEW_HARMONICS;
 use crate::fit::observation::Observation;
-use crate::fit::problem::Problem;
+use crate::fit::problem::{Frames, Problem};
+use crate::kinematics::HeldChain;
 
 /// A joint moves the target little when its lever is below this share of the largest.
 const LITTLE: f64 = 0.05;
@@ -43,6 +44,9 @@ pub(super) fn layout(
         layout.push(Block::WarmUp, 3 * orders);
         (0..sessions).for_each(|session| layout.push(Block::Drift(session), 3 * orders));
     }
+    if settings.session_scale_ppm > 0.0 {
+        (0..sessions).for_each(|session| layout.push(Block::Scale(session), 1));
+    }
     for (joint, harmonics) in harmonics(problem, offsets, settings, joints)
         .into_iter()
         .enumerate()
@@ -56,6 +60,25 @@ pub(super) fn layout(
         }
     }
     layout
+}
+
+/// The middle of each session's stations as the nominal arm has their targets, in the base frame, mm.
+pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
+    let nominal = problem.held(&DVector::zeros(problem.unknowns().len()));
+    let middle = |(session, (chain, frames)): (usize, (&HeldChain, &Frames))| {
+        let own = problem
+            .observations()
+            .iter()
+            .filter(|o| o.session == session);
+        let (sum, count) = own.fold((Vector3::zeros(), 0_usize), |(sum, count), o| {
+            (sum + chain.view(&o.axes).end.translation.vector, count + 1)
+        });
+        let in_tracker = Point3::from(sum / count.max(1) as f64);
+        let base = frames.tracker_from_base.isometry();
+        base.inverse_transform_point(&in_tracker)
+    };
+    let sessions = nominal.iter().zip(problem.starts());
+    sessions.enumerate().map(middle).collect()
 }
 
 /// Blends between reported and commanded angles, for sessions whose commands say something.

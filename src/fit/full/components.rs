@@ -168,6 +168,7 @@ impl Components {
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
             Block::Blend | Block::OwnBlend(_) => self.fixed[columns].fill(s.blend_sd.powi(2)),
+            Block::Scale(_) => self.fixed[columns].fill((1e-6 * s.session_scale_ppm).powi(2)),
             Block::Gravity => self.join(Part::Gravity, s.gravity_sd, columns, even),
             Block::StopShort => self.join(Part::StopShort, s.stop_short_sd_rad, columns, even),
             Block::SessionBlend(_) => {

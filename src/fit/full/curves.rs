@@ -60,12 +60,7 @@ impl FullModel {
 
     /// Posterior covariance of the columns at `places`.
     pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
-        let mut rows = DMatrix::zeros(places.len(), self.layout.size());
-        for (row, &place) in places.iter().enumerate() {
-            rows[(row, place)] = 1.0;
-        }
-        let half = self.posterior.half(&rows);
-        half.tr_mul(&half)
+        self.posterior.covariance_of(places)
     }
 
     /// Posterior mean of the column at `place`; of an unknown, its whole offset.

@@ -36,8 +36,10 @@ pub struct PoseView<'a> {
     pub shortfall: Option<&'a Shortfall>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
-    /// Place in the session as a share of the drift's span; `None` where drift does not apply.
+    /// Place in the session as a share of the drift's span; `None` where drift and the session's scale do not apply.
     pub time: Option<f64>,
+    /// The middle of the session's stations, from which its scale moves the target away.
+    pub middle: Point3<f64>,
 }
 
 /// Point masses whose torque a joint gives way to: later joints' origins, and the target.
@@ -112,6 +114,9 @@ impl PoseView<'_> {
                 Block::Drift(session) if self.session == Some(session) => {
                     self.drift(columns, each);
                 }
+                Block::Scale(session) if self.session == Some(session) => {
+                    self.scale(columns.start, each);
+                }
                 Block::Curve(joint) => self.curve(columns, joint, period, each),
                 Block::SessionCurve { session, joint } if self.session == Some(session) => {
                     each(columns.start, &self.joints[joint], 1.0);
@@ -125,6 +130,7 @@ impl PoseView<'_> {
                 Block::SessionBlend(_)
                 | Block::OwnBlend(_)
                 | Block::Drift(_)
+                | Block::Scale(_)
                 | Block::SessionCurve { .. } => {}
             }
         }
@@ -195,6 +201,17 @@ impl PoseView<'_> {
             }
             // cos (k + 1)x = 2 cos x cos kx − cos (k − 1)x.
             (shape, before) = (2.0 * first * shape - before, shape);
+        }
+    }
+
+    /// A command is given some day, when another scale applies: its target is where the arm's lengths alone have it.
+    fn scale(&self, column: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
+        let away = Twist {
+            linear: self.end - self.middle,
+            angular: Vector3::zeros(),
+        };
+        if self.time.is_some() {
+            each(column, &away, 1.0);
         }
     }
 

@@ -21,6 +21,9 @@ pub enum Block {
     WarmUp,
     /// Slow translation of the base in one session alone.
     Drift(usize),
+    /// Scale of one session, its instrument's length unit against the arm's lengths: how far a target moves from the middle of the
+    /// session's stations as a share of how far it lies from there.
+    Scale(usize),
     /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::period_turns`].
     Curve(usize),
     /// How the curve of one joint changed in one session.

@@ -5,7 +5,7 @@
 //! one session of which no station is known yet.
 //! 1. What belongs to the arm (geometry, curves, gravity, gear lines, blend) keeps its mean and covariance, the sessions'
 //!    own parts being integrated out.
-//! 2. What belongs to a session (its base, drift, how its curves and its blend differ) is as open as that of any session.
+//! 2. What belongs to a session (its base, drift, scale, how its curves and its blend differ) is as open as that of any session.
 //! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes held: what training on both sessions
 //!    together gives, as far as their sizes are the same.
 
@@ -107,6 +107,9 @@ impl FullModel {
             offsets,
             drift_variance: self.drift_variance + self.warm_up_variance,
             warm_up_variance: 0.0,
+            middles: vec![self.middles[mounting.session]],
+            scale_sd: 1e-6 * settings.session_scale_ppm,
+            scale_evidence: None,
             standing: self.standing.clone(),
             tails: self.tails,
             mean,
@@ -174,6 +177,9 @@ impl FullModel {
         }
         let joints = self.repeatability.joints.len();
         let mut fresh: Vec<(Block, usize)> = self.next_drift(settings).into_iter().collect();
+        if settings.session_scale_ppm > 0.0 {
+            fresh.push((Block::Scale(0), 1));
+        }
         // A session whose commands said nothing of orientation left open where joints come to stand against them.
         if settings.blend && !self.knows_standing() {
             fresh.extend([(Block::Blend, joints), (Block::StopShort, joints)]);
@@ -328,6 +334,9 @@ impl FullModel {
             up: self.up,
             drift_variance: self.drift_variance,
             warm_up_variance: self.warm_up_variance,
+            middles: state.middles,
+            scale_sd: self.scale_sd,
+            scale_evidence: None,
             standing: standing.or_else(|| self.standing.clone()),
             tails: self.tails,
             layout: state.layout,
@@ -351,6 +360,7 @@ impl FullModel {
             weights: vec![1.0; observations],
             offsets: self.offsets.clone(),
             span: self.span,
+            middles: self.middles.clone(),
         }
     }
 

@@ -18,7 +18,7 @@ pub struct PartEvidence {
 /// A part that can be left out as a whole: its name, and the blocks it consists of.
 type Optional = (&'static str, fn(Block) -> bool);
 
-const OPTIONAL: [Optional; 5] = [
+const OPTIONAL: [Optional; 6] = [
     ("gravity", |block| block == Block::Gravity),
     ("blend", |block| {
         matches!(
@@ -29,6 +29,7 @@ const OPTIONAL: [Optional; 5] = [
     ("drift", |block| {
         matches!(block, Block::WarmUp | Block::Drift(_))
     }),
+    ("session_scale", |block| matches!(block, Block::Scale(_))),
     ("gear_lines", |block| matches!(block, Block::Line { .. })),
     ("session_changes", |block| {
         matches!(block, Block::SessionCurve { .. })

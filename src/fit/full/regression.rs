@@ -109,6 +109,16 @@ impl Posterior {
         )
     }
 
+    /// Posterior covariance of the columns at `places`.
+    pub fn covariance_of(&self, places: &[usize]) -> DMatrix<f64> {
+        let mut rows = DMatrix::zeros(places.len(), self.scale.len());
+        for (row, &place) in places.iter().enumerate() {
+            rows[(row, place)] = 1.0;
+        }
+        let half = self.half(&rows);
+        half.tr_mul(&half)
+    }
+
     /// Posterior covariance of `rows · δ`, and its square root factor's transpose: `L⁻¹ √v rowsᵀ`.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         let mut right = rows.transpose();

@@ -54,6 +54,8 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             shortfall: observation.shortfall.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
+            middle: frames[observation.session].tracker_from_base.isometry()
+                * state.middles[observation.session],
         };
         let left = residual(observation, &view.end);
         let mut value = left.position.as_slice().to_vec();

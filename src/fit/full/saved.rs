@@ -9,7 +9,7 @@ use std::num::NonZeroU32;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::layout::{Block, Layout};
@@ -59,6 +59,10 @@ pub struct SavedFull {
     pub drift_variance_mm2: f64,
     /// The same of warming up, which all sessions repeat.
     pub warm_up_variance_mm2: f64,
+    /// The middle of each session's stations in the base frame, mm, from which its scale counts.
+    pub middles_mm: Vec<[f64; 3]>,
+    /// Standard deviation of a session's own scale, as a share.
+    pub scale_sd: f64,
     /// Where joints come to stand against their command, where it is known.
     pub standing: Option<Standing>,
     /// Log marginal likelihood, nats.
@@ -108,6 +112,11 @@ pub enum BlockName {
         /// The session.
         session: usize,
     },
+    /// Scale of one session: the target's place from the middle of its stations.
+    Scale {
+        /// The session.
+        session: usize,
+    },
     /// Error curve of one joint: pairs `cos, sin` of `k q / curve_period_turns`, k from 1.
     Curve {
         /// The joint.
@@ -154,7 +163,14 @@ pub struct SavedPart {
 }
 
 /// Names of parts that can be left out.
-const PARTS: [&str; 5] = ["gravity", "blend", "drift", "gear_lines", "session_changes"];
+const PARTS: [&str; 6] = [
+    "gravity",
+    "blend",
+    "drift",
+    "session_scale",
+    "gear_lines",
+    "session_changes",
+];
 
 impl FullModel {
     /// The model as it is saved; `names` are the sessions' in the fit's order.
@@ -181,6 +197,12 @@ impl FullModel {
             student_t: self.tails.setting(),
             drift_variance_mm2: self.drift_variance,
             warm_up_variance_mm2: self.warm_up_variance,
+            middles_mm: self
+                .middles
+                .iter()
+                .map(|middle| middle.coords.into())
+                .collect(),
+            scale_sd: self.scale_sd,
             standing: self.standing.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
@@ -217,6 +239,9 @@ impl FullModel {
             tails: Tails::from_setting(saved.student_t),
             drift_variance: saved.drift_variance_mm2,
             warm_up_variance: saved.warm_up_variance_mm2,
+            middles: saved.middles()?,
+            scale_sd: saved.scale_sd,
+            scale_evidence: None,
             standing: saved.standing.clone(),
             posterior,
             span: saved.span_stations,
@@ -260,6 +285,12 @@ impl SavedFull {
         Ok(layout)
     }
 
+    /// The middle of each session's stations.
+    fn middles(&self) -> Result<Vec<Point3<f64>>, SavedError> {
+        same_length("middles", self.sessions.len(), self.middles_mm.len())?;
+        Ok(self.middles_mm.iter().copied().map(Point3::from).collect())
+    }
+
     /// How many columns a block has to have; its own number where several are possible.
     fn columns_of(&self, block: &SavedBlock) -> Result<usize, SavedError> {
         let (joint, session) = block.block.belongs_to();
@@ -290,6 +321,7 @@ impl SavedFull {
             BlockName::Curve { .. } => columns / 2 * 2,
             BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
             BlockName::Line { .. } => 2,
+            BlockName::Scale { .. } => 1,
         })
     }
 
@@ -345,6 +377,7 @@ impl SavedBlock {
             Block::OwnBlend(session) => BlockName::OwnBlend { session },
             Block::WarmUp => BlockName::WarmUp,
             Block::Drift(session) => BlockName::Drift { session },
+            Block::Scale(session) => BlockName::Scale { session },
             Block::Curve(joint) => BlockName::Curve { joint },
             Block::SessionCurve { session, joint } => BlockName::SessionCurve { session, joint },
             Block::Line { joint, cycles } => BlockName::Line { joint, cycles },
@@ -367,6 +400,7 @@ impl BlockName {
             Self::OwnBlend { session } => Block::OwnBlend(session),
             Self::WarmUp => Block::WarmUp,
             Self::Drift { session } => Block::Drift(session),
+            Self::Scale { session } => Block::Scale(session),
             Self::Curve { joint } => Block::Curve(joint),
             Self::SessionCurve { session, joint } => Block::SessionCurve { session, joint },
             Self::Line { joint, cycles } => Block::Line { joint, cycles },
@@ -381,7 +415,8 @@ impl BlockName {
             }
             Self::SessionBlend { session }
             | Self::OwnBlend { session }
-            | Self::Drift { session } => (None, Some(session)),
+            | Self::Drift { session }
+            | Self::Scale { session } => (None, Some(session)),
             Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),
             Self::SessionCurve { session, joint } => (Some(joint), Some(session)),
         }

@@ -3,6 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::fit::observation::TrackerUncertainty;
+
 /// Settings of the whole error model.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
@@ -53,6 +55,9 @@ pub struct FullSettings {
     pub session_curve_sd_rad: f64,
     /// Smoothness of that change, degrees.
     pub session_length_deg: f64,
+    /// Standard deviation of a session's own scale, ppm: the instrument's length unit, the air, and how warm the arm is (11 to
+    /// 24 ppm for each kelvin). It is held, for lengths and scale are one thing to the arm's own stations; 0 for no scale.
+    pub session_scale_ppm: f64,
     /// Expected repeatability of the arm as a whole, per axis, mm.
     pub noise_mm: f64,
     /// Expected repeatability of each joint, rad.
@@ -60,6 +65,18 @@ pub struct FullSettings {
     /// Whether a Student t weighs stations by their leave-one-out residual: 0 for no, any other number for yes; its degrees
     /// of freedom are found from the residuals.
     pub student_t: f64,
+}
+
+impl FullSettings {
+    /// The settings where sessions are measured by this instrument: what its ranging adds with the range is a scale too.
+    #[must_use]
+    pub fn measured_by(mut self, tracker: &TrackerUncertainty) -> Self {
+        if self.session_scale_ppm > 0.0 {
+            let own_ppm = tracker.range_um_per_m / tracker.divisor;
+            self.session_scale_ppm = self.session_scale_ppm.hypot(own_ppm);
+        }
+        self
+    }
 }
 
 impl Default for FullSettings {
@@ -85,6 +102,7 @@ impl Default for FullSettings {
             session_blend_sd: 0.1,
             session_curve_sd_rad: 30e-6,
             session_length_deg: 30.0,
+            session_scale_ppm: 50.0,
             noise_mm: 0.02,
             joint_noise_rad: 25e-6,
             student_t: 8.0,

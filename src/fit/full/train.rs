@@ -3,9 +3,9 @@
 //! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix; a few steps of
 //! the variance components on it; leave-one-out residuals; from them the noise, the weights and new gear lines.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DVector, Point3, Vector3};
 
-use super::columns::{layout, unknown_variances};
+use super::columns::{layout, middles, unknown_variances};
 use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::{LeftOut, find_lines, leave_one_out};
@@ -43,6 +43,8 @@ pub struct State {
     pub offsets: DVector<f64>,
     /// Span of the drift's basis, stations.
     pub span: f64,
+    /// The middle of each session's stations, in the base frame, mm.
+    pub middles: Vec<Point3<f64>>,
 }
 
 /// A settled model.
@@ -119,6 +121,7 @@ impl State {
             repeatability: Repeatability::expected(settings, joints),
             tails: Tails::Normal,
             weights: vec![1.0; observations.len()],
+            middles: middles(problem),
             offsets,
             span,
             layout,

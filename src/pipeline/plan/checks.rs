@@ -132,6 +132,7 @@ fn geometric(fit: &FitSettings) -> Check {
     not_negative("[fit] repeatability_mm", fit.repeatability_mm)?;
     not_negative("[fit] prior_length_mm", fit.prior_length_mm)?;
     not_negative("[fit] prior_angle_mrad", fit.prior_angle_mrad)?;
+    positive("[fit] length_tolerance_mm", fit.length_tolerance_mm)?;
     if let Loss::Huber { tuning } | Loss::Cauchy { tuning } = fit.loss {
         positive("[fit] loss.tuning", tuning)?;
     }
@@ -162,6 +163,7 @@ fn full(full: &FullSettings) -> Check {
     each(positives, |(key, value)| {
         positive(format!("[fit.full] {key}"), value)
     })?;
+    not_negative("[fit.full] session_scale_ppm", full.session_scale_ppm)?;
     not_negative("[fit.full] line_threshold", full.line_threshold)?;
     not_negative("[fit.full] student_t", full.student_t)?;
     wrong_unless(

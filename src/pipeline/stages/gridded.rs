@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{ErrorModel, Gauge, Models, Noise, Predictor, ToolErrors};
+use crate::fit::{ErrorModel, Gauge, Models, Predictor, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
 use crate::join::Station;
 use crate::pipeline::outcome::JoinedSession;
@@ -54,7 +54,7 @@ pub(super) fn grids(
         .iter()
         .map(|errors| errors as &dyn ErrorModel)
         .collect();
-    let guard_mm = guard_mm(stations, gauge, &settings.noise);
+    let guard_mm = guard_mm(stations, gauge, settings);
     let input = GridInput {
         stations,
         folds: &folds,
@@ -71,18 +71,19 @@ pub(super) fn grids(
     )
 }
 
-/// Expanded uncertainty (k = 2) of a measured error along the instrument's worst direction, mm, at the stations' middle.
-pub(super) fn guard_mm(stations: &[GridStation], gauge: &Gauge<'_>, noise: &Noise) -> f64 {
+/// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the
+/// scale of the session at the station furthest from there. The base is found from the same stations, so in their middle a scale does
+/// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it.
+fn guard_mm(stations: &[GridStation], gauge: &Gauge<'_>, settings: &StageSettings) -> f64 {
     let sum = stations.iter().fold(Vector3::zeros(), |sum, station| {
         sum + station.position.coords
     });
     let middle = Point3::from(sum / stations.len().max(1) as f64);
     let in_tracker = gauge.frames().tracker_from_base.isometry() * middle;
-    2.0 * noise
-        .tracker
-        .covariance(&in_tracker)
-        .symmetric_eigenvalues()
-        .max()
-        .max(0.0)
-        .sqrt()
+    let from_middle = |station: &GridStation| (station.position - middle).norm();
+    let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
+    let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;
+    let tracker = settings.noise.tracker.covariance(&in_tracker);
+    let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
+    2.0 * by_tracker_mm.hypot(by_scale_mm)
 }

@@ -1,0 +1,40 @@
+//! What a training says of lengths and of each session's scale, for the test of [`crate::fit::scale`].
+
+use nalgebra::DVector;
+
+use super::columns::unknown_variances;
+use super::layout::Block;
+use super::train::Settled;
+use crate::fit::problem::Problem;
+use crate::fit::scale::{ScaleEvidence, lengths};
+
+impl Settled {
+    /// The evidence on lengths and scales, all parts still in the model; `None` where the model has no scales.
+    pub(super) fn scale_evidence(&self, problem: &Problem<'_>) -> Option<ScaleEvidence> {
+        let lengths = lengths(problem);
+        let blocks = self.state.layout.blocks();
+        let scales = blocks.filter(|(block, _)| matches!(block, Block::Scale(_)));
+        let scales: Vec<usize> = scales.map(|(_, columns)| columns.start).collect();
+        if scales.is_empty() {
+            return None;
+        }
+        let variances = unknown_variances(problem);
+        let unknowns = self.state.offsets.len();
+        let mean = self.posterior.mean() + &self.prior_mean;
+        let places: Vec<usize> = lengths.iter().chain(&scales).copied().collect();
+        let column = |of: &dyn Fn(usize) -> f64| {
+            DVector::from_iterator(places.len(), places.iter().map(|&place| of(place)))
+        };
+        let whole = column(&|place| {
+            // An unknown's coefficient is what it moved beyond its offset.
+            let offset = (place < unknowns).then(|| self.state.offsets[place]);
+            offset.unwrap_or(0.0) + mean[place]
+        });
+        let precisions = column(&|place| {
+            let held = || self.posterior.scale[place].powi(-2);
+            variances.get(place).map_or_else(held, |v| v.recip())
+        });
+        let covariance = self.posterior.covariance_of(&places);
+        ScaleEvidence::of(lengths.len(), covariance, &whole, &precisions)
+    }
+}

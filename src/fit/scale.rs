@@ -1,0 +1,329 @@
+//! Whether an instrument's length unit agrees with the arm's lengths: the scale of each session, tested against nominal lengths.
+//!
+//! Measured positions that are all too long by one share look to the fit like links that are too long by it: with a weak prior on
+//! lengths nothing is left over, and every held-out station is predicted to the micrometre in the wrong unit. What tells is that an
+//! arm's links are not all wrong by one share, and by no more than they are made to. Steps:
+//! 1. what the stations say of lengths (`a`, `d`) and of each session's scale, priors taken out ([`ScaleEvidence`]);
+//! 2. lengths right within a stated standard deviation, or as far off as they are found beside the scale where that is more, scales
+//!    free: the scale of each session and its standard deviation;
+//! 3. a scale beyond [`SIGMAS`] of them is named. The least that could have been is published beside it.
+//!
+//! Nominal lengths cannot tell a wrong scale from a warm arm, whose links are all longer by one share too
+//! ([`EXPANSION_PPM_PER_K`]); known distances can.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::full::FullModel;
+use super::problem::Problem;
+use crate::kinematics::{LinkQuantity, Parameter};
+
+/// A scale beyond so many of its standard deviations is named.
+pub const SIGMAS: f64 = 3.0;
+/// Thermal expansion of what arms are made of, from cast iron to aluminium, ppm for each kelvin.
+pub const EXPANSION_PPM_PER_K: [f64; 2] = [11.0, 24.0];
+/// A scale that nothing but the lengths holds, as a standard deviation: 1 %.
+const FREE: f64 = 1e-2;
+const PPM: f64 = 1e6;
+
+/// What stations say of an arm's lengths and of each session's scale, without a prior on either; everything else is integrated out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScaleEvidence {
+    /// Lengths, which stand before the scales.
+    lengths: usize,
+    /// Information on length offsets, mm⁻², and scales, as shares.
+    information: DMatrix<f64>,
+    /// The information times what the stations alone would have.
+    moment: DVector<f64>,
+}
+
+/// The scale of one session where lengths are right within a tolerance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeScale {
+    /// How much too long the instrument measures, against the arm's lengths, ppm.
+    pub ppm: f64,
+    /// Its standard deviation, ppm: nearly all of it is that of the lengths. They are taken to be as far off as they were found, where
+    /// that is more than their tolerance.
+    pub sd_ppm: f64,
+    /// Root mean square of what the lengths are off beside the scale, mm.
+    pub length_rms_mm: f64,
+}
+
+impl FreeScale {
+    /// Whether it is beyond what lengths within their tolerance explain.
+    pub fn is_named(&self) -> bool {
+        self.ppm.abs() > self.detectable_ppm()
+    }
+
+    /// The least scale that would have been named, ppm.
+    pub fn detectable_ppm(&self) -> f64 {
+        SIGMAS * self.sd_ppm
+    }
+
+    /// By how many kelvins an arm would have to be warmer than its nominal lengths are stated for, to look like this scale: least
+    /// and largest size, by what it is made of. Negative for an arm that is colder.
+    pub fn kelvins(&self) -> [f64; 2] {
+        kelvins(self.ppm)
+    }
+}
+
+/// The scale of one session in a whole error model that holds it to the instrument's prior.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FittedScale {
+    /// How much longer it measures than the arm that all sessions share, ppm.
+    pub ppm: f64,
+    /// Its standard deviation, ppm.
+    pub sd_ppm: f64,
+    /// Whether the evidence kept scales in the model; without them both are 0.
+    pub kept: bool,
+}
+
+impl FittedScale {
+    /// Of a session by its place in the model; `None` where the model has no scales.
+    pub fn of(full: &FullModel, session: usize) -> Option<Self> {
+        let (scale, sd) = full.session_scale(session)?;
+        Some(Self {
+            ppm: PPM * scale,
+            sd_ppm: PPM * sd,
+            kept: full
+                .parts
+                .iter()
+                .any(|part| part.name == "session_scale" && part.kept),
+        })
+    }
+}
+
+/// What is known of one session's scale.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SessionScale {
+    /// The session's name.
+    pub session: String,
+    /// Its measured stations.
+    pub stations: usize,
+    /// Standard deviation of its scale before any measurement, ppm.
+    pub prior_sd_ppm: f64,
+    /// The scale in the whole error model; `None` where it has none.
+    pub fitted: Option<FittedScale>,
+    /// Standard deviation of the arm's lengths, mm.
+    pub length_sd_mm: f64,
+    /// The scale that the arm's lengths alone hold; `None` without a whole error model, or where rounding made it indefinite.
+    pub free: Option<FreeScale>,
+}
+
+impl SessionScale {
+    /// The verdict as table `scales` has it.
+    pub fn verdict(&self) -> &'static str {
+        match (self.is_named(), self.free) {
+            (true, _) => "named",
+            (false, Some(_)) => "not_named",
+            (false, None) => "not_shown",
+        }
+    }
+
+    /// Why the verdict is what it is, where that is not plain.
+    pub fn reason(&self) -> Option<String> {
+        let not_shown = || {
+            let reason = if self.fitted.is_some() {
+                "what the stations say of lengths and scale could not be told from rounding"
+            } else {
+                "a full error model with scales is needed ([fit.full] enabled, session_scale_ppm above 0): geometry alone takes \
+                 gravity and joint curves for lengths"
+            };
+            self.free.is_none().then(|| reason.to_owned())
+        };
+        self.named().or_else(not_shown)
+    }
+
+    fn is_named(&self) -> bool {
+        self.free.is_some_and(|free| free.is_named()) || self.beside_others().is_some()
+    }
+
+    /// A scale against the other sessions of its pool that is beyond what sessions ordinarily have.
+    fn beside_others(&self) -> Option<FittedScale> {
+        self.fitted
+            .filter(|fitted| fitted.ppm.abs() > SIGMAS * self.prior_sd_ppm)
+    }
+
+    /// What is to be said of a scale that is named; `None` where none is.
+    pub fn named(&self) -> Option<String> {
+        let of = |ppm: f64, sd_ppm: f64, against: &str| {
+            let [least, most] = kelvins(ppm).map(f64::abs);
+            let (sense, warmth) = if ppm > 0.0 {
+                ("long", "warmer")
+            } else {
+                ("short", "colder")
+            };
+            format!(
+                "session {}: positions are measured {:.0} ± {sd_ppm:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
+                 standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
+                 lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot tell these apart, a known \
+                 distance measured with the same tracker can",
+                self.session,
+                ppm.abs(),
+                EXPANSION_PPM_PER_K[0],
+                EXPANSION_PPM_PER_K[1],
+            )
+        };
+        let lengths = format!(
+            "nominal lengths that are right within {} mm",
+            self.length_sd_mm
+        );
+        let free = self.free.filter(FreeScale::is_named);
+        let free = free.map(|free| of(free.ppm, free.sd_ppm, &lengths));
+        free.or_else(|| {
+            let fitted = self.beside_others()?;
+            Some(of(
+                fitted.ppm,
+                self.prior_sd_ppm,
+                "the other sessions of the pool",
+            ))
+        })
+    }
+}
+
+/// By how many kelvins an arm would have to be warmer to look like a scale, of aluminium and of cast iron.
+fn kelvins(ppm: f64) -> [f64; 2] {
+    // Links that are longer than nominal are measured as a positive scale.
+    let [iron, aluminium] = EXPANSION_PPM_PER_K;
+    [ppm / aluminium, ppm / iron]
+}
+
+impl ScaleEvidence {
+    /// From the posterior of length offsets (mm, from nominal) and scales, in this order, with priors of mean zero and these
+    /// precisions; `None` where rounding made the covariance indefinite.
+    pub fn of(
+        lengths: usize,
+        covariance: DMatrix<f64>,
+        mean: &DVector<f64>,
+        precisions: &DVector<f64>,
+    ) -> Option<Self> {
+        let mut information = inverse(&covariance)?;
+        let moment = &information * mean;
+        for (place, precision) in precisions.iter().enumerate() {
+            information[(place, place)] -= precision;
+        }
+        Some(Self {
+            lengths,
+            information,
+            moment,
+        })
+    }
+
+    /// Each session's scale where every length is right within `length_sd_mm` (a standard deviation) and scales are free; `None`
+    /// where rounding made the information indefinite.
+    pub fn free_scales(&self, length_sd_mm: f64) -> Option<Vec<FreeScale>> {
+        let mut information = self.information.clone();
+        for place in 0..information.nrows() {
+            let sd = if place < self.lengths {
+                length_sd_mm
+            } else {
+                FREE
+            };
+            information[(place, place)] += sd.powi(-2);
+        }
+        let covariance = inverse(&information)?;
+        let mean = &covariance * &self.moment;
+        // Lengths that no station tells of stay where they were expected, and count for nothing.
+        let told = |place: usize| 1.0 - covariance[(place, place)] / length_sd_mm.powi(2);
+        let told: f64 = (0..self.lengths).map(told).sum();
+        let off: f64 = (0..self.lengths).map(|place| mean[place].powi(2)).sum();
+        let length_rms_mm = if told > 0.0 { (off / told).sqrt() } else { 0.0 };
+        let wider = (length_rms_mm / length_sd_mm).max(1.0);
+        let free = |place: usize| FreeScale {
+            ppm: PPM * mean[place],
+            sd_ppm: PPM * wider * covariance[(place, place)].sqrt(),
+            length_rms_mm,
+        };
+        let scales: Vec<FreeScale> = (self.lengths..mean.len()).map(free).collect();
+        let sound = |free: &FreeScale| free.ppm.is_finite() && free.sd_ppm.is_finite();
+        scales.iter().all(sound).then_some(scales)
+    }
+}
+
+/// Where the arm's lengths stand among a problem's unknowns.
+pub(super) fn lengths(problem: &Problem<'_>) -> Vec<usize> {
+    let is_length = |parameter: Parameter| {
+        matches!(
+            parameter,
+            Parameter::Link {
+                quantity: LinkQuantity::A | LinkQuantity::D,
+                ..
+            }
+        )
+    };
+    let unknowns = problem.unknowns().iter().enumerate();
+    unknowns
+        .filter(|(_, unknown)| is_length(unknown.parameter))
+        .map(|(place, _)| place)
+        .collect()
+}
+
+/// The inverse of a positive definite matrix, its rows and columns scaled to a diagonal of ones meanwhile.
+fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scales = matrix.diagonal().map(|d| d.sqrt().recip());
+    let scale = |matrix: DMatrix<f64>| {
+        let size = scales.len();
+        DMatrix::from_fn(size, size, |i, j| matrix[(i, j)] * scales[i] * scales[j])
+    };
+    Some(scale(scale(matrix.clone()).cholesky()?.inverse()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Stations that know each length plus its share of the scale, and nothing else: `x_i + L_i s` to a micrometre.
+    fn evidence(lengths_mm: &[f64], found_mm: &[f64]) -> ScaleEvidence {
+        let n = lengths_mm.len();
+        let rows = DMatrix::from_fn(n, n + 1, |i, j| {
+            if j == n {
+                1e3 * lengths_mm[i]
+            } else {
+                1e3 * f64::from(i == j)
+            }
+        });
+        let values = DVector::from_fn(n, |i, _| 1e3 * found_mm[i]);
+        ScaleEvidence {
+            lengths: n,
+            information: rows.tr_mul(&rows),
+            moment: rows.tr_mul(&values),
+        }
+    }
+
+    #[test]
+    fn lengths_that_are_wrong_by_one_share_are_a_scale() {
+        // KR 210: sd 0.3/√(350² + 1150² + 41² + 1200²) = 176.6 ppm. All links too long by 0.1 %.
+        let lengths = [350.0, 1150.0, 41.0, 1200.0];
+        let found = evidence(&lengths, &lengths.map(|l| 1e-3 * l));
+        let free = found.free_scales(0.3).expect("positive definite")[0];
+        assert!((free.sd_ppm - 176.6).abs() < 0.1, "{free:?}");
+        assert!((free.ppm - 1000.0).abs() < 1.0 && free.is_named());
+        // 1000 ppm are 42 to 91 K.
+        let [least, most] = free.kelvins();
+        assert!((least - 41.7).abs() < 0.1 && (most - 90.9).abs() < 0.1);
+        // One link that is too long by its tolerance is none.
+        let free = evidence(&lengths, &[0.0, 0.3, 0.0, 0.0]).free_scales(0.3);
+        assert!(!free.expect("positive definite")[0].is_named());
+        // Lengths that are off by ten times their tolerance say so, and say less of the scale.
+        let free = evidence(&lengths, &[3.0, 1.0, -3.0, 3.0]).free_scales(0.3);
+        let free = free.expect("positive definite")[0];
+        assert!((1.5..3.5).contains(&free.length_rms_mm), "{free:?}");
+        assert!(free.sd_ppm > 800.0 && !free.is_named(), "{free:?}");
+    }
+
+    #[test]
+    fn priors_that_were_in_a_posterior_are_taken_out() {
+        let lengths = [350.0, 1150.0, 41.0, 1200.0];
+        let stations = evidence(&lengths, &[0.1, -0.2, 0.3, 0.4]);
+        let precisions = DVector::from_vec(vec![1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 4e8]);
+        let with_prior = &stations.information + DMatrix::from_diagonal(&precisions);
+        let covariance = with_prior.try_inverse().expect("positive definite");
+        let mean = &covariance * &stations.moment;
+        let found = ScaleEvidence::of(4, covariance, &mean, &precisions).expect("positive");
+        let (a, b) = (found.free_scales(0.3), stations.free_scales(0.3));
+        let (a, b) = (a.expect("positive")[0], b.expect("positive")[0]);
+        assert!(
+            (a.ppm - b.ppm).abs() < 0.01 && (a.sd_ppm - b.sd_ppm).abs() < 0.01,
+            "{a:?} {b:?}"
+        );
+    }
+}
