@@ -3,7 +3,7 @@
 //! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are
 //! checked [`Table`]s. [`publish`] writes all of a run and then the row of `runs` that makes it exist:
 //! 1. for each session: `stations`, `rejects`, `clocks`, and `logs` where asked for;
-//! 2. of the run: `calibrations`, `parameters`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
+//! 2. of the run: `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
 //!    `compensation`, `accuracy`;
 //! 3. the run's page, made of all these tables ([`super::page`]);
 //! 4. `runs`, with what came into each stage and what became of it ([`counts`]).
@@ -22,6 +22,7 @@ pub mod parameters;
 pub mod rejects;
 pub mod residuals;
 pub mod sampling_plan;
+pub mod scales;
 pub mod semivariograms;
 pub mod stations;
 #[cfg(test)]
@@ -174,10 +175,11 @@ pub fn of_run(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
     key: &RunKey,
-) -> Result<[Table; 8], PublishError> {
+) -> Result<[Table; 9], PublishError> {
     Ok([
         calibrations::calibrations(outcome, context, key)?,
         parameters::parameters(outcome, context, key)?,
+        scales::scales(&outcome.scales, key)?,
         joint_errors::joint_errors(outcome, context, key)?,
         residuals::residuals(&outcome.residuals, key)?,
         semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,

@@ -2,6 +2,7 @@
 
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
+use crate::fit::scale::SessionScale;
 use crate::fit::{Calibration, Gauge};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
@@ -76,6 +77,8 @@ pub struct Outcome<'a> {
     pub calibrations: Vec<(Model, Calibration)>,
     /// The whole error model, unless it is switched off.
     pub full: Option<FullModel>,
+    /// The scale of each session that trained, in their order.
+    pub scales: Vec<SessionScale>,
     /// The gauge of the first training session.
     pub gauge: Gauge<'a>,
     /// Residuals by model, split, angles and base.

@@ -8,6 +8,7 @@ mod gridded;
 mod iso_9283;
 mod judged;
 mod observed;
+pub(super) mod scales;
 mod turns;
 mod unseen;
 
@@ -153,8 +154,10 @@ pub fn run<'a>(
     };
     let mut accuracy = maker.figures(&residuals, driven.as_ref());
     accuracy.extend(unseen::table_figures(&grids));
+    let mut at_tip = maker.at_tip(&residuals, driven.as_ref());
+    let scales = scales::scales(&observed, &models, &training, settings);
+    scales::withhold(&scales, &mut grids, accuracy.iter_mut().chain(&mut at_tip));
     let verdict = judges.verdict(&grids, &accuracy, &residuals);
-    let at_tip = maker.at_tip(&residuals, driven.as_ref());
     if let Some(driven) = &driven {
         residuals.extend(driven.sets().cloned());
     }
@@ -166,6 +169,7 @@ pub fn run<'a>(
             (Model::Geometric, models.geometric),
         ],
         full: models.full,
+        scales,
         gauge,
         residuals,
         semivariograms,

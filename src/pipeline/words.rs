@@ -2,18 +2,20 @@
 
 use super::damage;
 use super::outcome::{JoinedSession, Outcome};
+use super::stages::scales;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::join::{Pairing, Station};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Split};
 use crate::units::NS_PER_S;
 
-/// What a page has no section for: damage of logs, and stations that the whole model hardly believes.
+/// What a page has no section for: damage of logs, scales that are named, and stations that the whole model hardly believes.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
+    let named = scales::named(&outcome.scales);
     let more = far_stations(outcome).into_iter().chain(left_out(outcome));
-    damaged.chain(more).collect()
+    damaged.chain(named).chain(more).collect()
 }
 
 /// The result in lines that a person reads.
@@ -24,6 +26,7 @@ pub(super) fn words(outcome: &Outcome<'_>, tolerance_mm: f64) -> Vec<String> {
     let mut words: Vec<String> = sessions.flat_map(session_words).collect();
     words.extend(headlines.filter_map(|accuracy| figure_words(accuracy, pooled)));
     words.extend(outcome.full.as_ref().map(part_words));
+    words.extend(scales::named(&outcome.scales));
     words.extend(far_stations(outcome));
     words.push(format!("grid: {}", outcome.grids.choice.words));
     words.extend(judged_by(outcome));

@@ -69,8 +69,8 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let runs = lake.read("runs", &key()).unwrap();
     assert_eq!(
         runs.list("table_names").value_length(0),
-        12,
-        "eleven tables and the page"
+        13,
+        "twelve tables and the page"
     );
     assert_eq!(
         runs.text("verdict").value(0),

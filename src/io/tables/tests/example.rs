@@ -10,6 +10,7 @@ use crate::compensation::Conditions;
 use crate::figures::{Counted, Figures};
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::{FullModel, FullSettings};
+use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
     self, Blocks, Calibration, ErrorModel, FitSettings, Freedom, Gauge, Noise, TrackerUncertainty,
 };
@@ -241,6 +242,7 @@ fn outcome() -> Outcome<'static> {
             &grids.choice.words,
             &TOLERANCE,
         )]),
+        scales: vec![scale()],
         accuracy: vec![accuracy(true), accuracy(false)],
         iso_9283: vec![iso_9283()],
         at_tip: vec![],
@@ -334,6 +336,25 @@ fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
     ResidualSet {
         subject: subject(Split::Blocks, Model::BaseTarget),
         residuals: stations.iter().filter_map(residual).collect(),
+    }
+}
+
+fn scale() -> SessionScale {
+    SessionScale {
+        session: SESSION.to_owned(),
+        stations: 20,
+        prior_sd_ppm: 50.0,
+        fitted: Some(FittedScale {
+            ppm: 2.0,
+            sd_ppm: 49.0,
+            kept: true,
+        }),
+        length_sd_mm: 0.3,
+        free: Some(FreeScale {
+            ppm: 1000.0,
+            sd_ppm: 176.0,
+            length_rms_mm: 0.2,
+        }),
     }
 }
 
