@@ -45,6 +45,7 @@ fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
         shortfall: None,
         session: None,
         time: None,
+        middle: Point3::origin(),
     };
     view.rows(layout, 3)
 }

@@ -487,5 +487,7 @@ fn robots_that_cannot_be_judged_are_told() {
     let RobotOutcome::Judged(left) = outcome else {
         panic!("it was judged");
     };
-    assert!(matches!(left.verdict, Verdict::NotShown(reason) if reason.contains("59 poses are needed")));
+    assert!(
+        matches!(left.verdict, Verdict::NotShown(reason) if reason.contains("59 poses are needed"))
+    );
 }

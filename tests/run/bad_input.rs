@@ -115,7 +115,10 @@ fn too_few_stations_are_told_with_both_numbers() {
 #[test]
 fn few_stations_have_a_result_that_shows_nothing() {
     let ended = small().run(&[]);
-    ended.expect(3, &["not shown to be within tolerance", "59 poses are needed"]);
+    ended.expect(
+        3,
+        &["not shown to be within tolerance", "59 poses are needed"],
+    );
 }
 
 #[test]
