@@ -4,6 +4,7 @@ pub mod calibrations_table;
 pub mod common;
 pub mod compensation_table;
 pub mod export;
+pub mod input;
 pub mod inspect;
 pub mod lake;
 pub mod log;

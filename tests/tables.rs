@@ -11,7 +11,7 @@ use parquet::arrow::ArrowWriter;
 use posegrid::ingest::{
     CommandSamples, JointAngles, JointSamples, Recording, TargetReadings, TemperatureSamples,
 };
-use posegrid::io::lake::{Commit, Lake};
+use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake};
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::io::tables::logs::{logs, parts};
@@ -80,7 +80,24 @@ fn fill(columns: Columns, column: &ColumnSchema, rows: usize) -> Columns {
 fn published() -> impl Iterator<Item = &'static TableSchema> {
     schema::all()
         .iter()
-        .filter(|schema| schema.role == Role::Published && schema.table != "runs")
+        .filter(|schema| schema.role == Role::Published)
+        .filter(|schema| !["runs", CORRECTIONS].contains(&schema.table.as_str()))
+}
+
+/// What was corrected with a table of that run; records are no part of it.
+fn correction() -> Correction {
+    Correction {
+        key: hostile_work().key(),
+        corrected_by: "compensation".to_owned(),
+        form: "krl".to_owned(),
+        version: "0.1.0".to_owned(),
+        targets_digest: "00".to_owned(),
+        file_digest: "ff".to_owned(),
+        targets: 3,
+        corrected: 2,
+        positions: vec![[1.0, -2.5, 3.0], [4.0, 5.0, 6.0]],
+        joints: vec![vec![0.5; 6]; 2],
+    }
 }
 
 /// Writes a sample of every published table as one committed run.
@@ -95,6 +112,7 @@ fn write_sample_lake(root: &Path) -> Lake {
         .runs_table(&[], run.written(), &outcome())
         .unwrap();
     assert_eq!(run.commit(&runs).unwrap(), Commit::Done);
+    assert!(lake.record(&correction()).unwrap());
     lake
 }
 
@@ -153,8 +171,8 @@ fn two_lakes_of_the_same_work_are_the_same_files_with_the_same_bytes() {
     let one = contents(&folder.path().join("one"));
     assert_eq!(
         one.len(),
-        published().count() + 1,
-        "a file a table, no temporaries"
+        published().count() + 2,
+        "a file a table, the record of a correction, no temporaries"
     );
     assert!(one == contents(&folder.path().join("two")));
 }
@@ -518,4 +536,23 @@ fn cleaning_a_lake_leaves_its_tables() {
         Lake::new(folder.path().join("none")).clean().unwrap(),
         Vec::<PathBuf>::new()
     );
+}
+
+#[test]
+fn two_columns_of_one_name_or_in_letters_of_another_size_are_told() {
+    let x: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
+    let texts: ArrayRef = Arc::new(StringArray::from(vec![None, Some("t-1")]));
+    for (name, told) in [
+        ("x_mm", "column \"x_mm\" beside \"x_mm\""),
+        ("X_mm", "column \"X_mm\" beside \"x_mm\""),
+        ("Qx", "column \"Qx\" beside \"qx\""),
+    ] {
+        let more = vec![(name, x.clone())];
+        let error = foreign_targets(x.clone(), more).unwrap_err();
+        assert!(error.contains(told), "{error}");
+    }
+    let error = foreign_targets(x.clone(), vec![("Table_ID", texts.clone())]).unwrap_err();
+    assert!(error.contains("column \"Table_ID\" beside \"table_id\""), "{error}");
+    let found = foreign_targets(x, vec![("note", texts)]).unwrap();
+    assert_eq!(found.rows(), 2, "a column of the caller's own");
 }

@@ -5,6 +5,7 @@
 //! table or the targets cannot be read, or the table is not valid for what the targets will be run with.
 
 mod error;
+mod record;
 mod source;
 mod told;
 mod used_with;
@@ -22,6 +23,7 @@ use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::targets::{self, Targets};
 pub use error::{CompensateCommandError, WriteCause};
+use record::{Recorded, Recording};
 use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
 use write::Written;
@@ -41,7 +43,8 @@ TARGETS is one of
   .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool
 
 The result has what to command, and each correction, its covariance and the reason for each refusal
-(`posegrid schema corrected_targets`). A data list comes back as it was but for X, Y and Z, a refused position as a
+(`posegrid schema corrected_targets`). Where TABLE stands in its lake, table corrections there gains a row for the file
+written, and a file of commands that it knows is refused, whatever was stripped of it. A data list comes back as it was but for X, Y and Z, a refused position as a
 comment; the rest stands beside it in OUT.corrections.csv. Orientations are commanded as they are.
 
 Example: the drilling program of a left wing, as positions, as joint angles and at a KUKA controller
@@ -64,6 +67,10 @@ pub struct CompensateArgs {
     /// Correct what would be refused for this reason; the result says for which targets it was needed.
     #[arg(long, value_enum, value_name = "REASON")]
     pub allow: Option<Exception>,
+    /// Write the result though the lake that TABLE stands in takes no record of it: a file without a record is known as
+    /// corrected by its marks alone.
+    #[arg(long)]
+    pub no_record: bool,
     /// What the targets will be run with.
     #[command(flatten)]
     pub used_with: UsedWithArgs,
@@ -76,6 +83,7 @@ pub struct Compensated {
     held: Held,
     targets: Targets,
     outcomes: Vec<Result<Corrected, Refused>>,
+    recording: Recording,
 }
 
 /// Runs the command: the result goes to `--out` or standard output, everything else to standard error. Gives the exit code.
@@ -109,7 +117,10 @@ pub fn run(
     let form = args.out_form()?;
     let source = Source::read(&args.table)?;
     let held = args.hold(&source)?;
+    let recorded = Recorded::around(&args.table, &source)?;
+    recorded.check_file(&args.targets)?;
     let mut targets = targets::read(&args.targets)?;
+    recorded.check_targets(&args.targets, &targets.targets)?;
     source.name_configurations(&mut targets)?;
     let outcomes = args.outcomes(&source, &held, &targets);
     let joint_names = source.joint_names();
@@ -121,8 +132,11 @@ pub fn run(
         outcomes: &outcomes,
         table_id: by.table_id,
     };
-    args.write(&written, form, stdout)?;
+    let bytes = written.bytes(form).map_err(|source| args.not_written(source))?;
+    let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
+    args.write(&written, &bytes, form, stdout)?;
     Ok(Compensated {
+        recording,
         source,
         held,
         targets,

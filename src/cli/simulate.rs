@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use thiserror::Error;
 
+use crate::io::input::{self, Bound};
 use crate::io::log_writer::{LogWriteError, write_controller_log, write_tracker_log};
 use crate::io::targets::{self, TargetsError};
 use crate::kinematics::{Arm, ArmError, RobotFile};
@@ -206,7 +207,7 @@ fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
 }
 
 fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
-    let text = fs::read_to_string(path).map_err(|source| SimulateCommandError::Read {
+    let text = input::text(path, Bound::SETTINGS).map_err(|source| SimulateCommandError::Read {
         path: path.to_owned(),
         source,
     })?;

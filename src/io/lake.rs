@@ -8,10 +8,13 @@
 //! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several that commit the same
 //!    run exactly one does, and nothing of a committed run is ever written again.
 //!
+//! Beside runs stand the records of what was corrected with their tables ([`Correction`]).
+//!
 //! What a run left that never committed is overwritten by the next that does the same work, or stays unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
 //! the same work at once.
 
+mod corrections;
 mod current;
 mod error;
 mod files;
@@ -30,10 +33,13 @@ use std::sync::Arc;
 
 use super::schema::{self, TableSchema};
 use super::store::{self, Folder, Place, Store};
-use super::table::Table;
+use super::table::{self, Table};
 use crate::manifest::RunKey;
 use error::folder_error;
+use run::into_io;
+use temporary::Temporary;
 
+pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};
 pub use error::LakeError;
 pub use files::{LakeFile, Stands};
 pub use lock::{Holder, Lock, Locking};
@@ -160,6 +166,23 @@ impl Lake {
         copied.map(drop).map_err(folder_error("write", &copy))
     }
 
+    /// Writes a table to a temporary; gives its digest too.
+    fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String), LakeError> {
+        let path = self.written_at(key);
+        let write = folder_error("write", &path);
+        let temporary = self.store.temporary(key)?;
+        let mut temporary =
+            table::write(table, temporary).map_err(|error| write(into_io(error)))?;
+        let digest = temporary.sync().map_err(&write)?;
+        Ok((temporary, digest))
+    }
+
+    /// What errors of writing a temporary name: the file, or the folder of temporaries where the lake is none.
+    fn written_at(&self, key: &str) -> PathBuf {
+        let folder = self.folder();
+        folder.map_or_else(std::env::temp_dir, |root| root.join(key))
+    }
+
     /// Removes temporaries of processes that are gone; gives their paths. Object storage shows none.
     pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
         let Some(root) = self.folder() else {
@@ -187,6 +210,11 @@ impl Lake {
             .collect::<Result<Vec<_>, _>>()?
             .concat())
     }
+}
+
+/// Whether a name of a robot or session (`part`) can be a lake's: not too long for a folder's.
+pub fn check_name(part: &'static str, name: &str) -> Result<(), LakeError> {
+    encoded(part, name).map(drop)
 }
 
 /// The key of a file of a run in the lake's store: of the table of that name, or of its page.

@@ -67,6 +67,9 @@ pub struct Limits {
     pub batch_bytes: u64,
     /// The largest log that is stored in zstd as a whole, bytes after decompression.
     pub unpacked_bytes: u64,
+    /// The largest file of a session that is no log, bytes: corrected targets. Of Parquet the values take sixteen times as
+    /// much in memory at most.
+    pub file_bytes: u64,
 }
 
 impl Default for Limits {
@@ -76,6 +79,7 @@ impl Default for Limits {
             chunk_bytes: 256 << 20,
             batch_bytes: 32 << 20,
             unpacked_bytes: 64 << 30,
+            file_bytes: 64 << 20,
         }
     }
 }

@@ -155,6 +155,7 @@ const FILES: [&str; 20] = [
     include_str!("../../schemas/plan_figures.toml"),
     include_str!("../../schemas/history.toml"),
     include_str!("../../schemas/drift.toml"),
+    include_str!("../../schemas/corrections.toml"),
     include_str!("../../schemas/targets.toml"),
     include_str!("../../schemas/corrected_targets.toml"),
 ];

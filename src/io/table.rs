@@ -26,7 +26,9 @@ use arrow::datatypes::{Float64Type, Int64Type};
 pub use cell::{Cell, Value};
 pub use columns::Columns;
 pub use error::{FileError, TableError};
-pub use read::{Head, Opened, Seal, head, head_of, open, read, read_open};
+pub use read::{
+    Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
+};
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;

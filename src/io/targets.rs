@@ -13,8 +13,10 @@ mod corrected;
 mod csv;
 pub mod driving;
 mod error;
+pub(crate) mod formula;
 mod json;
 pub mod krl;
+mod names;
 mod parquet;
 pub(crate) mod spread;
 pub(crate) mod write_csv;
@@ -28,10 +30,12 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion};
 use crate::compensation::{Target, TargetJoints};
 use crate::geometry::Position;
 use crate::ingest::AngleUnit;
+use crate::io::input::Bound;
 
 pub use corrected::{CorrectedBy, corrected};
 pub use error::{RowProblem, TargetsError};
 pub use krl::DataList;
+pub use names::NamesProblem;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 
@@ -49,6 +53,16 @@ pub enum Form {
 }
 
 impl Form {
+    /// Its name in table `corrections`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Parquet => "parquet",
+            Self::Json => "json",
+            Self::Krl => "krl",
+        }
+    }
+
     /// The form that a file's name says.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
         let extension = path
@@ -78,11 +92,12 @@ pub struct Targets {
 }
 
 fn rows(path: &Path) -> Result<Rows, TargetsError> {
+    let bound = Bound::TARGETS;
     match Form::of(path)? {
-        Form::Csv => csv::rows(path),
-        Form::Parquet => parquet::rows(path),
-        Form::Json => json::rows(path),
-        Form::Krl => krl::rows(path),
+        Form::Csv => csv::rows(path, bound),
+        Form::Parquet => parquet::rows(path, bound),
+        Form::Json => json::rows(path, bound),
+        Form::Krl => krl::rows(path, bound),
     }
 }
 
@@ -159,6 +174,7 @@ struct Row {
     quaternion: [Option<f64>; 4],
     configuration: Option<String>,
     tool: Option<String>,
+    /// The table that it was corrected with, or whatever else marks it as a command.
     table_id: Option<String>,
 }
 

@@ -12,7 +12,9 @@ use super::plan::SessionFiles;
 use super::run::RunError;
 use crate::compensation::Conditions;
 use crate::history::table_state::Shown;
+use crate::io::input::Bound;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::log::Limits;
 use crate::io::targets::driving;
 use crate::join::Station;
 use crate::kinematics::Arm;
@@ -27,11 +29,12 @@ const NOT_THE_FILES_MM: f64 = 0.05;
 pub(super) fn driven_by(
     files: &SessionFiles,
     stations: &[Station],
+    limits: Limits,
 ) -> Result<Option<DrivenBy>, RunError> {
     let Some(path) = &files.corrected else {
         return Ok(None);
     };
-    let file = driving::read(path).map_err(|source| RunError::Driving {
+    let file = driving::read(path, Bound::of(limits)).map_err(|source| RunError::Driving {
         session: files.name.clone(),
         source: Box::new(source),
     })?;

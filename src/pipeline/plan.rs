@@ -14,7 +14,6 @@ mod logs;
 mod sessions;
 mod tree;
 
-use std::fs;
 use std::path::{Component, Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
@@ -25,6 +24,7 @@ use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
+use crate::io::input::{self, Bound};
 use crate::io::log::Limits;
 use crate::io::store::{self, Place};
 use crate::join::JoinSettings;
@@ -144,7 +144,7 @@ impl Plan {
 }
 
 fn read(path: &Path) -> Result<PipelineFile, PlanError> {
-    let text = fs::read_to_string(path).map_err(|source| PlanError::Read {
+    let text = input::text(path, Bound::SETTINGS).map_err(|source| PlanError::Read {
         path: path.to_owned(),
         source,
     })?;
@@ -204,7 +204,7 @@ fn resolved(base: &Path, path: &Path) -> PathBuf {
 }
 
 fn read_arm(path: &Path, robot: &Path) -> Result<Arm, PlanError> {
-    let text = fs::read_to_string(robot).map_err(|source| PlanError::Robot {
+    let text = input::text(robot, Bound::SETTINGS).map_err(|source| PlanError::Robot {
         path: path.to_owned(),
         robot: robot.to_owned(),
         source,

@@ -199,7 +199,7 @@ impl Truth {
         let mut csv = String::from("station,start_ns,end_ns,measured");
         for kind in ["commanded", "reported"] {
             for name in joint_names {
-                push(&mut csv, format_args!(",{kind}_{name}"));
+                push(&mut csv, format_args!(",{}", quoted(&format!("{kind}_{name}"))));
             }
         }
         for frame in ["command", "base", "tracker"] {
@@ -212,6 +212,15 @@ impl Truth {
             station.push_row(&mut csv);
         }
         csv
+    }
+}
+
+/// A cell of CSV; in quotes where the text would not be one cell otherwise.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
     }
 }
 

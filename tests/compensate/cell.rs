@@ -238,15 +238,38 @@ impl Cell {
         allow: Option<Exception>,
         used_with: &UsedWithArgs,
     ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
-        let args = CompensateArgs {
+        Self::run(&CompensateArgs {
             table: self.table.clone(),
             targets: self.path(targets),
             out: out.map(|out| self.path(out)),
             allow,
+            no_record: false,
             used_with: used_with.clone(),
-        };
+        })
+    }
+
+    /// With `--no-record`.
+    pub fn without_record(
+        &self,
+        targets: &str,
+        out: &str,
+        used_with: &UsedWithArgs,
+    ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
+        Self::run(&CompensateArgs {
+            table: self.table.clone(),
+            targets: self.path(targets),
+            out: Some(self.path(out)),
+            allow: None,
+            no_record: true,
+            used_with: used_with.clone(),
+        })
+    }
+
+    fn run(
+        args: &CompensateArgs,
+    ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         let mut stdout = Vec::new();
-        let compensated = compensate::run(&args, &mut stdout)?;
+        let compensated = compensate::run(args, &mut stdout)?;
         Ok((compensated, String::from_utf8(stdout).unwrap()))
     }
 

@@ -3,6 +3,8 @@
 mod cell;
 mod damaged;
 mod forms;
+mod fuzz;
+mod recorded;
 mod used_with;
 mod worked;
 
@@ -113,7 +115,7 @@ fn parquet_in_parquet_out_and_no_second_correction() {
             [[751.0, 20.0, 450.0], [700.0, 20.0, 450.0]],
         )
         .absent(["qx", "qy", "qz", "qw", "configuration", "tool", "table_id"])
-        .absent(["joint_names"])
+        .absent(["joint_names", "corrected_by"])
         .column("joints_rad", [Some(vec![0.0; 6]), None])
         .finish()
         .unwrap();

@@ -1,18 +1,16 @@
-//! Fuzzing without instruments of the compiler: inputs are changed at random, and one that comes out in a way not seen
-//! before is kept to be changed again.
+//! Logs, messages, pipeline files and robot files, changed at random (`tests/common/fuzz.rs`).
 //!
-//! As a test each target runs for a few hundred inputs that are the same every time. For longer:
-//! `POSEGRID_FUZZ_SECONDS=600 cargo test --release --test logs fuzz::`, which begins somewhere else each time. An input
-//! that fails is written into the folder for temporaries, and its path told.
+//! `POSEGRID_FUZZ_SECONDS=600 cargo test --release --test logs fuzz::` takes ten minutes for each target; targets and
+//! tables that somebody gives are fuzzed in `tests/compensate`.
 //!
 //! Long runs so far, all clean (on two busy cores; seconds, thousands of inputs): `log_file` 420, 691; `log_file_in_zstd`
 //! 420, 782; `schema_and_message` 300, 970; `pipeline_file` 450, 85; `robot_file` 450, 43.
 
-use std::collections::BTreeSet;
+#[path = "../common/fuzz.rs"]
+mod harness;
+
 use std::fs;
-use std::panic::{self, AssertUnwindSafe};
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use mcap::Compression;
 use posegrid::io::inspect::inspect;
@@ -28,85 +26,15 @@ use crate::encodings::worded::{Seen, compare};
 use crate::mutator::log::Log;
 use crate::raw::{self, Body, op};
 use crate::{conformance, encodings};
-
-/// Inputs of one target in the tests.
-const INPUTS: u32 = 300;
-/// The longest input; longer ones only take longer.
-const LONGEST: usize = 64 * 1024;
+use harness::{Chance, LONGEST, NUMBERS, change, change_text, fuzz};
 
 const LIMITS: Limits = Limits {
     record_bytes: 4 << 20,
     chunk_bytes: 4 << 20,
     batch_bytes: 4 << 20,
     unpacked_bytes: 16 << 20,
+    file_bytes: 1 << 20,
 };
-
-/// Numbers that look random (splitmix64).
-struct Chance(u64);
-
-impl Chance {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        usize::try_from(self.next() % limit.max(1) as u64).expect("below a usize")
-    }
-
-    fn of<'a, T>(&mut self, all: &'a [T]) -> &'a T {
-        &all[self.below(all.len())]
-    }
-}
-
-/// Numbers at which programs stumble.
-const NUMBERS: [u64; 9] = [
-    0,
-    1,
-    0x7f,
-    0xff,
-    0xffff,
-    0x7fff_ffff,
-    0xffff_ffff,
-    1 << 40,
-    u64::MAX,
-];
-
-/// Changes bytes in one of the ways that files break, or that programs lie.
-fn change(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
-    let at = chance.below(bytes.len());
-    let end = (at + 1 + chance.below(64)).min(bytes.len());
-    match chance.below(8) {
-        _ if bytes.is_empty() => bytes.push(chance.next().to_le_bytes()[0]),
-        0 => bytes[at] ^= 1 << chance.below(8),
-        1 => bytes[at] = chance.next().to_le_bytes()[0],
-        2 => {
-            let number = chance.of(&NUMBERS).to_le_bytes();
-            let width = *chance.of(&[1, 2, 4, 8]);
-            let end = (at + width).min(bytes.len());
-            bytes[at..end].copy_from_slice(&number[..end - at]);
-        }
-        3 => drop(bytes.drain(at..end)),
-        4 => {
-            let again = bytes[at..end].to_vec();
-            let to = chance.below(bytes.len());
-            drop(bytes.splice(to..to, again));
-        }
-        5 => {
-            let other = chance.of(others);
-            let from = chance.below(other.len());
-            let to = (from + 1 + chance.below(512)).min(other.len());
-            let end = (at + to - from).min(bytes.len());
-            drop(bytes.splice(at..end, other[from..to].to_vec()));
-        }
-        6 => bytes[at..end].fill(0),
-        _ => bytes.truncate(at),
-    }
-    bytes.truncate(LONGEST);
-}
 
 /// Places of records in a log, as far as their lengths lead from one to the next, and one past the last.
 fn record_places(bytes: &[u8]) -> Vec<usize> {
@@ -196,99 +124,6 @@ fn set_statistics(bytes: &mut [u8], chance: &mut Chance) {
     {
         place.copy_from_slice(&crc.to_le_bytes());
     }
-}
-
-/// Changes a text in one of the ways that people do.
-fn change_text(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
-    const WORDS: [&str; 14] = [
-        "0",
-        "-1",
-        "1e308",
-        "-1e-308",
-        "nan",
-        "inf",
-        "[]",
-        "\"\"",
-        "{}",
-        "true",
-        "\"../../..\"",
-        "\"/\"",
-        "18446744073709551616",
-        "\"\u{202e}\u{1b}[2J\"",
-    ];
-    let text = String::from_utf8_lossy(bytes).into_owned();
-    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    let at = chance.below(lines.len());
-    match chance.below(6) {
-        _ if lines.is_empty() => return change(bytes, others, chance),
-        0 => drop(lines.remove(at)),
-        1 => lines.insert(chance.below(lines.len()), lines[at].clone()),
-        2 | 3 => {
-            let word = *chance.of(&WORDS);
-            if let Some((key, _)) = lines[at].split_once('=') {
-                lines[at] = format!("{key}= {word}");
-            }
-        }
-        4 => {
-            let other = chance.below(lines.len());
-            lines.swap(at, other);
-        }
-        _ => return change(bytes, others, chance),
-    }
-    *bytes = lines.join("\n").into_bytes();
-    bytes.truncate(LONGEST);
-}
-
-type Change = fn(&mut Vec<u8>, &[Vec<u8>], &mut Chance);
-
-/// Runs a target on changed seeds; it tells in a few words how an input came out.
-fn fuzz(name: &str, seeds: Vec<Vec<u8>>, change: Change, target: impl Fn(&[u8]) -> String) {
-    let seconds = std::env::var("POSEGRID_FUZZ_SECONDS").ok();
-    let seconds = seconds.map(|text| text.parse().expect("POSEGRID_FUZZ_SECONDS is a number"));
-    let begun = Instant::now();
-    // Other inputs each time where time is given; the same ones in the tests.
-    let start = seconds.map_or(1, |_: u64| {
-        u64::from(std::process::id()) << 32 | u64::from(begun.elapsed().subsec_nanos())
-    });
-    let mut chance = Chance(start);
-    let mut pool = seeds;
-    let mut seen: BTreeSet<String> = pool.iter().map(|seed| tried(name, seed, &target)).collect();
-    let mut count = 0_u64;
-    let goes_on = |count| match seconds {
-        None => count < u64::from(INPUTS),
-        Some(seconds) => begun.elapsed() < Duration::from_secs(seconds),
-    };
-    while goes_on(count) {
-        let mut input = chance.of(&pool).clone();
-        for _ in 0..=chance.below(6) {
-            change(&mut input, &pool, &mut chance);
-        }
-        let outcome = tried(name, &input, &target);
-        if seen.len() < 5000 && seen.insert(outcome) {
-            pool.push(input);
-        }
-        count += 1;
-    }
-    println!("{name}: {count} inputs, {} outcomes, clean", seen.len());
-    assert!(seen.len() > 3, "{name}: the inputs hardly differ: {seen:?}");
-}
-
-/// Tries an input; if that panics, keeps it.
-fn tried(name: &str, input: &[u8], target: &impl Fn(&[u8]) -> String) -> String {
-    if let Ok(outcome) = panic::catch_unwind(AssertUnwindSafe(|| target(input))) {
-        return without_numbers(&outcome);
-    }
-    let file = format!("posegrid-fuzz-{name}-{}", std::process::id());
-    let path = std::env::temp_dir().join(file);
-    fs::write(&path, input).expect("room for the input that fails");
-    panic!("{name}: fails on {}", path.display());
-}
-
-/// Outcomes that differ in numbers or names only are one.
-fn without_numbers(text: &str) -> String {
-    let words = text.split(|c: char| !c.is_alphabetic());
-    let words: Vec<_> = words.filter(|word| word.len() > 2).collect();
-    words.join(" ").chars().take(300).collect()
 }
 
 /// Reads a log in all ways; what goes in comes out or is counted, and is the same whether or not it is held in memory.

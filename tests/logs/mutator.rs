@@ -21,6 +21,7 @@ const LIMITS: Limits = Limits {
     chunk_bytes: 8 << 20,
     batch_bytes: 8 << 20,
     unpacked_bytes: 32 << 20,
+    file_bytes: 1 << 20,
 };
 
 /// A log with one thing wrong.

@@ -9,6 +9,7 @@ use thiserror::Error;
 use crate::compensation::validity::Outside;
 use crate::io::calibrations_table::CalibrationsTableError;
 use crate::io::compensation_table::CompensationTableError;
+use crate::io::lake::LakeError;
 use crate::io::table::{FileError, TableError};
 use crate::io::targets::TargetsError;
 
@@ -38,6 +39,64 @@ pub enum CompensateCommandError {
     /// The targets cannot be read, or the result is to have a form that is not known.
     #[error(transparent)]
     Targets(#[from] TargetsError),
+    /// The file, or some of its targets, are commands that this lake knows.
+    #[error(
+        "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
+         correct the targets themselves, a second correction would move the tool by the error once more",
+        path.display(),
+        record.display()
+    )]
+    Again {
+        /// The file of targets.
+        path: PathBuf,
+        /// The file, or which of its targets.
+        what: String,
+        /// When it was written, in words.
+        when: String,
+        /// The run whose table corrected them.
+        run: String,
+        /// Its robot.
+        robot: String,
+        /// Its session.
+        session: String,
+        /// The record.
+        record: PathBuf,
+    },
+    /// A record of corrections that says nothing.
+    #[error(
+        "{}: this record of corrections cannot be believed: {problem}; what was written then could be corrected again unseen: \
+         bring the file back, or take it out of the lake",
+        place.display()
+    )]
+    Unreadable {
+        /// The record.
+        place: PathBuf,
+        /// Why.
+        problem: String,
+    },
+    /// The records of the lake cannot be listed.
+    #[error(transparent)]
+    Records(#[from] LakeError),
+    /// The lake takes no record.
+    #[error(
+        "the lake {} takes no record of what is corrected with its table, so nothing was written: {source}; without a record a \
+         file whose marks are stripped could be corrected again unseen: make the lake writable, or give --no-record",
+        lake.display()
+    )]
+    NotRecorded {
+        /// The lake.
+        lake: PathBuf,
+        /// Why.
+        source: LakeError,
+    },
+    /// The file of targets cannot be digested.
+    #[error("cannot read {}: {source}", path.display())]
+    Digest {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
     /// They will be run with something that the table is not valid for.
     #[error(
         "the table is not valid for what the targets will be run with: {}; use a table measured so, or --allow one of them",
@@ -105,10 +164,14 @@ impl CompensateCommandError {
             | Self::Arm(_)
             | Self::Targets(_)
             | Self::Outside(_)
+            | Self::Again { .. }
+            | Self::Unreadable { .. }
+            | Self::Records(_)
+            | Self::Digest { .. }
             | Self::OnlyFromKrl { .. }
             | Self::Status { .. }
             | Self::Exists(_) => 2,
-            Self::Result(_) | Self::Write { .. } => 1,
+            Self::Result(_) | Self::NotRecorded { .. } | Self::Write { .. } => 1,
         }
     }
 }

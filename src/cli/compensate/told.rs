@@ -29,6 +29,9 @@ impl fmt::Display for Compensated {
             writeln!(f, "{line}")?;
         }
         self.write_warnings(f)?;
+        if let Some(words) = self.recording.words() {
+            writeln!(f, "{words}")?;
+        }
         for refused in self.refused().take(REFUSALS_SHOWN) {
             writeln!(f, "{refused}")?;
         }

@@ -8,7 +8,7 @@ use super::{CompensateArgs, CompensateCommandError, WriteCause};
 use crate::compensation::{Corrected, Refused};
 use crate::ingest::AngleUnit;
 use crate::io::table::{self, Table};
-use crate::io::targets::{self, DataList, Form, Targets};
+use crate::io::targets::{self, Form, Targets};
 use crate::io::whole_file::write_whole;
 
 /// What is to be written.
@@ -46,38 +46,57 @@ impl CompensateArgs {
         taken.map_or(Ok(wanted), |path| Err(CompensateCommandError::Exists(path)))
     }
 
-    /// Writes the result, to `stdout` where the arguments name no file.
+    /// Writes the result, which is `bytes`, to `stdout` where the arguments name no file.
     pub(super) fn write(
         &self,
         written: &Written<'_>,
+        bytes: &[u8],
         form: Form,
-        stdout: impl Write,
+        mut stdout: impl Write,
     ) -> Result<(), CompensateCommandError> {
         let failed = |path: Option<&Path>| {
             let path = path.map(Path::to_owned);
-            move |source| CompensateCommandError::Write { path, source }
+            move |source: WriteCause| CompensateCommandError::Write { path, source }
         };
         let Some(out) = &self.out else {
-            return written.form(form, stdout).map_err(failed(None));
+            let done = stdout.write_all(bytes).and_then(|()| stdout.flush());
+            return done.map_err(|source| failed(None)(source.into()));
         };
-        let Some(list) = written.targets.list.as_ref().filter(|_| form == Form::Krl) else {
-            return write_whole(out, |sink| written.form(form, sink)).map_err(failed(Some(out)));
-        };
+        let whole = || write_whole(out, |sink| Ok(sink.write_all(bytes)?));
+        if form != Form::Krl {
+            return whole().map_err(failed(Some(out)));
+        }
         // The list last: where it stands, its corrections do too.
         let beside = sidecar(out);
         write_whole(&beside, |sink| written.form(Form::Csv, sink))
             .map_err(failed(Some(&beside)))?;
-        write_whole(out, |sink| written.list(list, sink)).map_err(|cause| {
+        whole().map_err(|cause| {
             // The first error is the one to tell.
             let _ = fs::remove_file(&beside);
             failed(Some(out))(cause)
         })
+    }
+
+    /// The error of a result that could not be made.
+    pub(super) fn not_written(&self, source: WriteCause) -> CompensateCommandError {
+        let path = self.out.clone();
+        CompensateCommandError::Write { path, source }
     }
 }
 
 impl Written<'_> {
     fn unit(&self) -> AngleUnit {
         self.targets.angle_unit
+    }
+
+    /// The whole result in its form.
+    pub(super) fn bytes(&self, form: Form) -> Result<Vec<u8>, WriteCause> {
+        if let (Form::Krl, Some(list)) = (form, &self.targets.list) {
+            return Ok(list.write(self.outcomes, self.table_id));
+        }
+        let mut bytes = Vec::new();
+        self.form(form, &mut bytes)?;
+        Ok(bytes)
     }
 
     fn form(&self, form: Form, mut sink: impl Write) -> Result<(), WriteCause> {
@@ -89,9 +108,5 @@ impl Written<'_> {
                 Ok(sink.write_all(&bytes)?)
             }
         }
-    }
-
-    fn list(&self, list: &DataList, mut sink: impl Write) -> Result<(), WriteCause> {
-        Ok(sink.write_all(&list.write(self.outcomes, self.table_id))?)
     }
 }

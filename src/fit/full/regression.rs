@@ -47,6 +47,26 @@ impl Sums {
         }
     }
 
+    /// The sums of no rows, for so many columns.
+    pub fn zero(columns: usize) -> Self {
+        Self {
+            information: DMatrix::zeros(columns, columns),
+            moment: DVector::zeros(columns),
+            square: 0.0,
+            rows: 0,
+            ln_noise: 0.0,
+        }
+    }
+
+    /// Adds those of other rows.
+    pub fn add(&mut self, other: &Self) {
+        self.information += &other.information;
+        self.moment += &other.moment;
+        self.square += other.square;
+        self.rows += other.rows;
+        self.ln_noise += other.ln_noise;
+    }
+
     /// The posterior at prior variances `v`; `None` if rounding made M indefinite.
     pub fn posterior(&self, variances: &DVector<f64>) -> Option<Posterior> {
         let scale = variances.map(f64::sqrt);

@@ -75,6 +75,10 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
         .collect()
 }
 
+/// Observations that are whitened and summed at once: a whitened row takes as much memory as the row itself, and is needed
+/// for its sum alone. Fixed, so that results do not depend on the number of threads.
+const SUMMED_AT_ONCE: usize = 512;
+
 /// Whitens all rows and sums them; also the covariance of each observation at what it counts.
 pub(super) fn sums(
     problem: &Problem<'_>,
@@ -102,17 +106,28 @@ pub(super) fn sums(
         let ln = 2.0 * factor.diagonal().map(f64::ln).sum();
         (white(&row.rows), value, ln, covariance)
     };
-    let observations = problem
-        .observations()
-        .par_iter()
-        .zip(rows)
-        .zip(&state.weights);
-    let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
+    let mut sums = Sums::zero(state.layout.size());
+    let mut covariances = Vec::with_capacity(rows.len());
+    let batches = problem.observations().chunks(SUMMED_AT_ONCE);
+    let others = rows.chunks(SUMMED_AT_ONCE).zip(state.weights.chunks(SUMMED_AT_ONCE));
+    for (observations, (rows, weights)) in batches.zip(others) {
+        let observations = observations.par_iter().zip(rows).zip(weights);
+        let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
+        sums.add(&stacked(parts, state.layout.size(), &mut covariances));
+    }
+    (sums, covariances)
+}
+
+/// The sums of whitened rows; their covariances go to the others.
+fn stacked(
+    parts: Vec<(DMatrix<f64>, DVector<f64>, f64, DMatrix<f64>)>,
+    columns: usize,
+    covariances: &mut Vec<DMatrix<f64>>,
+) -> Sums {
     let count: usize = parts.iter().map(|part| part.1.len()).sum();
-    let mut stacked = DMatrix::zeros(count, state.layout.size());
+    let mut stacked = DMatrix::zeros(count, columns);
     let mut values = DVector::zeros(count);
     let (mut first, mut ln_noise) = (0, 0.0);
-    let mut covariances = Vec::with_capacity(parts.len());
     for (white, value, ln, covariance) in parts {
         stacked.rows_mut(first, value.len()).copy_from(&white);
         values.rows_mut(first, value.len()).copy_from(&value);
@@ -120,5 +135,5 @@ pub(super) fn sums(
         ln_noise += ln;
         covariances.push(covariance);
     }
-    (Sums::new(&stacked, &values, ln_noise), covariances)
+    Sums::new(&stacked, &values, ln_noise)
 }

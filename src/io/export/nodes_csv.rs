@@ -78,5 +78,29 @@ fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, Exp
         });
     }
     let values: Vec<String> = first.iter().map(value).collect();
-    Ok(values.join(", "))
+    Ok(no_formula(values.join(", ")))
+}
+
+/// JSON that no spreadsheet takes for a formula where it parts such a line at its commas: a comma with one behind it stands
+/// in texts alone, and there a letter may be written by its number.
+fn no_formula(json: String) -> String {
+    ["=", "+", "-", "@"].iter().fold(json, |json, sign| {
+        let letter = sign.as_bytes()[0];
+        json.replace(&format!(",{sign}"), &format!(",\\u{letter:04x}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_in_a_comment_begins_no_cell_with_a_formula() {
+        let name = "a,=cmd,+1,-1,@x";
+        let written = no_formula(serde_json::Value::from(name).to_string());
+        assert_eq!(written, r#""a,\u003dcmd,\u002b1,\u002d1,\u0040x""#);
+        let read: String = serde_json::from_str(&written).unwrap();
+        assert_eq!(read, name);
+        assert_eq!(no_formula("[1, -2.5]".to_owned()), "[1, -2.5]");
+    }
 }

@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::name;
 use crate::io::schema::SchemaError;
 use crate::io::store::{Place, StoreError};
-use crate::io::table::FileError;
+use crate::io::table::{FileError, TableError};
 
 /// Why a lake cannot be used.
 #[derive(Debug, Error)]
@@ -87,6 +87,12 @@ pub enum LakeError {
         place: Place,
         /// The run.
         run: String,
+    },
+    /// A record of corrections breaks its contract.
+    #[error("the record of corrections: {source}")]
+    Record {
+        /// What is wrong with it.
+        source: TableError,
     },
     /// The file of a table cannot be read.
     #[error(transparent)]

@@ -1,12 +1,12 @@
 //! Every file under a lake, and what its place says of it.
 //!
 //! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history/ROBOT.jsonl`; and temporaries of processes that write or were stopped. Whatever else stands there is foreign.
+//! `.history/ROBOT.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or were stopped. Whatever else stands there is foreign.
 
 use std::fs::File;
 
 use super::temporary::Owner;
-use super::{Lake, LakeError, PAGES, file_key};
+use super::{Lake, LakeError, PAGES, file_key, is_correction};
 use crate::io::schema::{self, Role};
 use crate::io::store::Place;
 use crate::manifest::RunKey;
@@ -37,7 +37,7 @@ pub enum Stands {
         /// The run.
         run: String,
     },
-    /// The lake's own: its lock, or the summary of a history.
+    /// The lake's own: its lock, the summary of a history, or a record of corrections.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
@@ -85,6 +85,7 @@ impl Stands {
         match parts[..] {
             [".lock"] => Self::Own,
             [HISTORY, name] => Self::in_history(name),
+            _ if is_correction(key) => Self::Own,
             [table, robot, session, name] if Lake::folders().any(|own| own == table) => {
                 Self::in_session(table, robot, session, name)
             }
@@ -139,6 +140,14 @@ mod tests {
             ("report/r%20x/mon/0a.html", of_run(PAGES)),
             (".lock", Stands::Own),
             (".history/r.jsonl", Stands::Own),
+            (
+                "corrections/r/mon/0123456789abcdef0123456789abcdef.parquet",
+                Stands::Own,
+            ),
+            (
+                "corrections/r/mon/.0123.parquet.tmp-host-12-345-0",
+                Stands::Temporary,
+            ),
             (".history/.r.jsonl.tmp-12", Stands::Temporary),
             (temporary, Stands::Temporary),
             ("README.txt", Stands::Foreign),

@@ -106,7 +106,7 @@ impl<'r> OpenTable<'r> {
 impl Begun {
     fn with(run: &OpenRun<'_>, first: &Table) -> Result<Self, LakeError> {
         let key = run.file_key(first)?;
-        let path = run.written_at(&key);
+        let path = run.lake().written_at(&key);
         let wrong = |error: ParquetError| folder_error("write", &path)(into_io(error));
         let encoder = Encoder::of(first).map_err(wrong)?;
         let file = PartsFile::new(&encoder, run.temporary(&key)?).map_err(wrong)?;

@@ -1,7 +1,6 @@
 //! A run being written: its tables one by one, then the row that makes it exist.
 
 use std::io::{self, Write as _};
-use std::path::PathBuf;
 
 use parquet::errors::ParquetError;
 
@@ -10,7 +9,7 @@ use super::parts::{OpenTable, WholeTable};
 use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES, file_key};
 use crate::io::store::Tag;
-use crate::io::table::{self, Table};
+use crate::io::table::Table;
 use crate::manifest::{RunKey, Written, digest};
 
 /// A run whose tables are being written.
@@ -45,6 +44,11 @@ impl<'a> OpenRun<'a> {
         }
     }
 
+    /// The lake that it is written to.
+    pub(super) const fn lake(&self) -> &Lake {
+        self.lake
+    }
+
     /// The run.
     pub const fn key(&self) -> &RunKey {
         &self.key
@@ -58,7 +62,7 @@ impl<'a> OpenRun<'a> {
     /// Writes a table of the run; its session may be another that the run read.
     pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
         let key = self.file_key(table)?;
-        let (temporary, digest) = self.write(table, &key)?;
+        let (temporary, digest) = self.lake.write(table, &key)?;
         let written = Written {
             table: table.schema().table.clone(),
             session: table
@@ -76,7 +80,7 @@ impl<'a> OpenRun<'a> {
         let mut temporary = self.lake.store.temporary(&key)?;
         let written = temporary.write_all(html.as_bytes());
         let digest = written.and_then(|()| temporary.sync());
-        let digest = digest.map_err(folder_error("write", &self.written_at(&key)))?;
+        let digest = digest.map_err(folder_error("write", &self.lake.written_at(&key)))?;
         let written = Written {
             table: PAGES.to_owned(),
             session: self.key.session.clone(),
@@ -148,7 +152,7 @@ impl<'a> OpenRun<'a> {
             self.check_unchanged(written, tag)?;
         }
         let key = self.file_key(runs)?;
-        let (temporary, _) = self.write(runs, &key)?;
+        let (temporary, _) = self.lake.write(runs, &key)?;
         Ok(if self.lake.store.create(&key, temporary)? {
             Commit::Done
         } else {
@@ -194,23 +198,6 @@ impl<'a> OpenRun<'a> {
             found,
             written: written.digest.clone(),
         })
-    }
-
-    /// Writes a table to a temporary; gives its digest too.
-    fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String), LakeError> {
-        let path = self.written_at(key);
-        let write = folder_error("write", &path);
-        let temporary = self.lake.store.temporary(key)?;
-        let mut temporary =
-            table::write(table, temporary).map_err(|error| write(into_io(error)))?;
-        let digest = temporary.sync().map_err(&write)?;
-        Ok((temporary, digest))
-    }
-
-    /// What errors of writing a temporary name: the file, or the folder of temporaries where the lake is none.
-    pub(super) fn written_at(&self, key: &str) -> PathBuf {
-        let folder = self.lake.folder();
-        folder.map_or_else(std::env::temp_dir, |root| root.join(key))
     }
 
     fn digest_of(&self, key: &str) -> Result<String, LakeError> {

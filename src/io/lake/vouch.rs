@@ -1,6 +1,6 @@
 //! Files of a lake against the digests that the rows of `runs` have of them.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Seek as _;
 use std::path::Path;
 
@@ -8,6 +8,7 @@ use arrow::array::AsArray as _;
 
 use super::error::folder_error;
 use super::{Lake, LakeError, encoded, file_key};
+use crate::io::input::{self, Bound};
 use crate::io::schema::{self, TableSchema};
 use crate::io::table::{self, FileError, Opened, Seal, Table};
 use crate::manifest::{RunKey, digest};
@@ -133,11 +134,11 @@ pub fn read_by_path(
     path: &Path,
     schema: &'static TableSchema,
 ) -> Result<(Table, VouchedBy), FileError> {
-    let file = File::open(path).map_err(|source| FileError::Open {
+    let file = input::open(path, Bound::TABLE).map_err(|source| FileError::Open {
         path: path.to_owned(),
         source,
     })?;
-    let opened = table::open(file, path, schema)?;
+    let opened = table::open_within(file, path, schema, Bound::TABLE.of_values())?;
     let Some(lake) = lake_of(path, schema) else {
         let vouched = match &opened.seal {
             Seal::Absent => VouchedBy::Nothing,

@@ -18,6 +18,19 @@ pub enum TableError {
         /// The column.
         column: String,
     },
+    /// Two columns whose names are the same but for the size of letters, or one that the schema has in others.
+    #[error(
+        "table {table}: column {column:?} beside {other:?}: the names are the same, or but for the size of letters; which is \
+         meant is not clear"
+    )]
+    Alike {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+        /// The other, or the schema's.
+        other: String,
+    },
     /// The same column twice.
     #[error("table {table}: column {column:?} is given twice")]
     Twice {
@@ -107,6 +120,16 @@ pub enum FileError {
         path: PathBuf,
         /// The system's error.
         source: io::Error,
+    },
+    /// Values that would take too much memory.
+    #[error("{path}: its values take more than the limit of {limit} bytes in memory; {advice}")]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The limit, bytes.
+        limit: u64,
+        /// What to try.
+        advice: &'static str,
     },
     /// Not a Parquet file, or a damaged one.
     #[error("cannot read {path} as a Parquet file: {source}")]

@@ -4,6 +4,7 @@
 //! differs, [`open`] gives it with what was found. Files of versions that wrote no digest have none.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -16,6 +17,7 @@ use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderB
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
 use super::{FileError, Table, TableError, check, digest};
+use crate::io::input::{self, Bound};
 use crate::io::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
 
@@ -71,14 +73,28 @@ pub struct Head {
 /// A published table has to say in its metadata which table and version it is. An accepted one may come from anywhere:
 /// columns that may be null may be missing, others may be there, and narrower types are widened.
 pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
-    let file = File::open(path).map_err(|source| FileError::Open {
-        path: path.to_owned(),
-        source,
-    })?;
-    read_open(file, path, schema)
+    read_within(path, schema, Bound::TABLE)
 }
 
-/// The same of an open file, which is named `path` in errors.
+/// The same of a file whose size, and that of its values in memory, has another bound.
+pub fn read_within(
+    path: &Path,
+    schema: &'static TableSchema,
+    bound: Bound,
+) -> Result<Table, FileError> {
+    let file = open_file(path, bound)?;
+    open_within(file, path, schema, bound.of_values())?.believed(path)
+}
+
+/// Opens a file that is one, and not too large.
+fn open_file(path: &Path, bound: Bound) -> Result<File, FileError> {
+    input::open(path, bound).map_err(|source| FileError::Open {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// The same of an open file, which is named `path` in errors; it may be as large as it is.
 pub fn read_open(
     file: File,
     path: &Path,
@@ -102,9 +118,24 @@ impl Opened {
 }
 
 /// Reads an open file, which is named `path` in errors, and says whether its content is what was written.
+/// It may be as large as it is.
 pub fn open(file: File, path: &Path, schema: &'static TableSchema) -> Result<Opened, FileError> {
+    let unbounded = Bound {
+        bytes: u64::MAX,
+        ..Bound::TABLE
+    };
+    open_within(file, path, schema, unbounded)
+}
+
+/// The same of a file whose values take no more memory than `values` allows.
+pub fn open_within(
+    file: File,
+    path: &Path,
+    schema: &'static TableSchema,
+    values: Bound,
+) -> Result<Opened, FileError> {
     // The Parquet reader panics on some damaged pages. It owns nothing but the file, so nothing is left half done.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema)));
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema, values)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {
         Err(FileError::Damaged {
             path: path.to_owned(),
@@ -147,6 +178,7 @@ fn decode(
     path: &Path,
     file: File,
     schema: &TableSchema,
+    bound: Bound,
 ) -> Result<(Entries, RecordBatch), FileError> {
     let parquet = |source| FileError::Parquet {
         path: path.to_owned(),
@@ -164,21 +196,28 @@ fn decode(
         check_version(path, schema, &entries)?;
     }
     let found = Arc::clone(reader.schema());
-    let batches: Vec<_> = reader
-        .build()
-        .map_err(parquet)?
-        .collect::<Result<_, _>>()
-        .map_err(values)?;
+    let mut batches = Vec::new();
+    let mut bytes = 0_u64;
+    // A few bytes of a file can stand for many rows: they are counted as they come.
+    for batch in reader.build().map_err(parquet)? {
+        let batch = batch.map_err(values)?;
+        bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
+        if bytes > bound.bytes {
+            return Err(FileError::TooLarge {
+                path: path.to_owned(),
+                limit: bound.bytes,
+                advice: bound.advice,
+            });
+        }
+        batches.push(batch);
+    }
     let batch = concat_batches(&found, &batches).map_err(values)?;
     Ok((entries, batch))
 }
 
 /// What the Parquet file at `path` says it is.
 pub fn head(path: &Path) -> Result<Head, FileError> {
-    let file = File::open(path).map_err(|source| FileError::Open {
-        path: path.to_owned(),
-        source,
-    })?;
+    let file = open_file(path, Bound::TABLE)?;
     head_of(&file, path)
 }
 
@@ -265,6 +304,7 @@ fn columns(
 ) -> Result<Vec<Option<ArrayRef>>, TableError> {
     let accepted = schema.role == Role::Accepted;
     let fields = batch.schema();
+    names_are_clear(fields.fields().iter().map(|field| field.name().as_str()), schema)?;
     let extra = fields.fields().iter().find(|field| {
         let known = schema.column(field.name());
         known.is_none_or(|(_, column)| !column.is_in(version))
@@ -283,6 +323,29 @@ fn columns(
         None => None,
     };
     Ok(schema.columns.iter().map(find).collect())
+}
+
+/// That no name of a column stands twice, and none is one of the schema's in letters of another size.
+fn names_are_clear<'n>(
+    names: impl Iterator<Item = &'n str>,
+    schema: &TableSchema,
+) -> Result<(), TableError> {
+    let mut seen: BTreeMap<String, &str> = BTreeMap::new();
+    for name in names {
+        let folded = name.trim().to_lowercase();
+        let alike = |other: &str| TableError::Alike {
+            table: schema.table.clone(),
+            column: name.to_owned(),
+            other: other.to_owned(),
+        };
+        if folded != name && schema.column(&folded).is_some() {
+            return Err(alike(&folded));
+        }
+        if let Some(other) = seen.insert(folded, name) {
+            return Err(alike(other));
+        }
+    }
+    Ok(())
 }
 
 /// The array as `wanted` where that says the same; otherwise as it is, and the check that follows names its type.

@@ -61,6 +61,11 @@ pub(super) fn shown(angle_rad: f64, unit: AngleUnit) -> String {
     }
 }
 
+/// Whether a column of this name holds joint angles.
+pub(super) fn is_angle(name: &str) -> bool {
+    parsed(name).is_some()
+}
+
 /// Joint (from 1) and unit of a column of this name.
 fn parsed(name: &str) -> Option<(usize, AngleUnit)> {
     let (joint, unit) = name.strip_prefix('q')?.split_once('_')?;

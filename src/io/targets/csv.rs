@@ -5,25 +5,26 @@ use std::path::Path;
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::angles::{self, AngleColumns};
-use super::{Place, Row, RowProblem, Rows, TargetsError};
+use super::{Place, Row, RowProblem, Rows, TargetsError, bounded, formula, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
+use crate::io::input::Bound;
 
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const TARGET: &str = "target";
-const TEXTS: [&str; 3] = ["configuration", "tool", "table_id"];
+const TEXTS: [&str; 2] = ["configuration", "tool"];
 
 /// Reads the rows with their lines.
-pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
+pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsError::Csv {
         path: path.to_owned(),
         source,
     };
+    let bytes = bounded::read(path, bound)?;
     let mut reader = ReaderBuilder::new()
         .trim(Trim::All)
-        .from_path(path)
-        .map_err(failed)?;
+        .from_reader(bytes.as_slice());
     let header = Header::new(path, reader.headers().map_err(failed)?)?;
     let mut rows = Vec::new();
     for record in reader.records() {
@@ -50,13 +51,12 @@ struct Header {
 impl Header {
     fn new(path: &Path, names: &StringRecord) -> Result<Self, TargetsError> {
         let columns: Vec<String> = names.iter().map(str::to_owned).collect();
-        let twice = (1..columns.len()).find(|&place| columns[..place].contains(&columns[place]));
-        if let Some(place) = twice {
-            return Err(TargetsError::SameColumn {
+        names::check(columns.iter().map(String::as_str)).map_err(|problem| {
+            TargetsError::Names {
                 path: path.to_owned(),
-                column: columns[place].clone(),
-            });
-        }
+                problem,
+            }
+        })?;
         let angles = AngleColumns::of(&columns).map_err(|problem| TargetsError::Angles {
             path: path.to_owned(),
             problem,
@@ -96,6 +96,7 @@ impl Header {
                 || POSITION.contains(&name)
                 || QUATERNION.contains(&name)
                 || TEXTS.contains(&name)
+                || names::is_mark(name)
         };
         let angles = self.angles.map_or_else(Vec::new, |angles| angles.places);
         let named = self.columns.into_iter().enumerate();
@@ -112,7 +113,7 @@ impl Header {
         };
         let [x, y, z] = POSITION.map(|column| cells.number(column));
         let [qx, qy, qz, qw] = QUATERNION.map(|column| cells.number(column));
-        let [configuration, tool, table_id] = TEXTS.map(|column| cells.text(column));
+        let [configuration, tool] = TEXTS.map(|column| cells.text(column));
         Ok(Row {
             target: there(TARGET, cells.text(TARGET))?,
             position: [x?, y?, z?],
@@ -120,7 +121,7 @@ impl Header {
             quaternion: [qx?, qy?, qz?, qw?],
             configuration,
             tool,
-            table_id,
+            table_id: cells.mark(),
         })
     }
 }
@@ -139,7 +140,14 @@ impl Cells<'_> {
 
     fn text_at(self, place: usize) -> Option<String> {
         let text = self.record.get(place)?;
-        (!text.is_empty()).then(|| text.to_owned())
+        (!text.is_empty()).then(|| formula::unmarked(text).to_owned())
+    }
+
+    /// What marks the line as a command.
+    fn mark(self) -> Option<String> {
+        let columns = self.header.columns.iter().enumerate();
+        let mut marks = columns.filter(|(_, name)| names::is_mark(name));
+        marks.find_map(|(place, _)| self.text_at(place))
     }
 
     fn number(self, column: &str) -> Result<Option<f64>, RowProblem> {
@@ -293,7 +301,7 @@ mod tests {
             ),
             (
                 "target,x_mm,x_mm,y_mm,z_mm\n",
-                "column \"x_mm\" stands twice",
+                "\"x_mm\" stands twice",
             ),
             ("target,x_mm,y_mm,z_mm\n", "holds no target"),
             ("", "missing columns target"),
@@ -311,8 +319,36 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            error.starts_with("cannot read /nowhere/targets.csv as CSV"),
+            error.starts_with("cannot read /nowhere/targets.csv: No such file"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_mark_is_known_in_any_letters_and_other_names_are_told() {
+        for head in ["Table_ID", "TABLE_ID ", "corrected_by", "Corrected_By"] {
+            let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,t-1\n");
+            let error = targets(&text).unwrap_err();
+            assert!(error.contains("line 2: target \"A\" is corrected already"), "{error}");
+            let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,\n");
+            assert_eq!(targets(&text).unwrap().unused.len(), 0);
+        }
+        for (head, expected) in [
+            ("target,X_mm,y_mm,z_mm", "\"x_mm\" is; write it so"),
+            ("target,x_mm,y_mm,z_mm,X_MM", "\"X_MM\" is no name that is known here"),
+            ("target,x_mm,y_mm,z_mm,id,ID", "\"id\" and \"ID\" differ"),
+        ] {
+            let error = targets(&format!("{head}\n")).unwrap_err();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_name_that_a_spreadsheet_would_run_comes_back_as_it_was() {
+        let found = targets("target,x_mm,y_mm,z_mm,tool\n'=1+1,-1.5,+2,3,'-drill\n'A',1,2,3,\n");
+        let found = found.unwrap().targets;
+        assert_eq!((found[0].name.as_str(), found[1].name.as_str()), ("=1+1", "'A'"));
+        assert_eq!(found[0].tool.as_deref(), Some("-drill"));
+        assert_eq!(found[0].position.unwrap().coords().x.to_string(), "-1.5");
     }
 }

@@ -10,7 +10,8 @@ use arrow::array::Array as _;
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
-use super::{Form, TargetsError, bounded};
+use super::{Form, TargetsError, bounded, formula};
+use crate::io::input::Bound;
 use crate::io::schema;
 use crate::io::table;
 use crate::manifest::RunKey;
@@ -55,11 +56,11 @@ struct DrivingRow {
 }
 
 /// Reads a file of corrected targets.
-pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
+pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
     let rows = match Form::of(path)? {
-        Form::Csv => from_csv(path)?,
-        Form::Parquet => from_parquet(path)?,
-        Form::Json => from_json(path)?,
+        Form::Csv => from_csv(path, bound)?,
+        Form::Parquet => from_parquet(path, bound)?,
+        Form::Json => from_json(path, bound)?,
         Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
     };
     let of: BTreeSet<_> = rows
@@ -89,27 +90,28 @@ pub fn read(path: &Path) -> Result<DrivingFile, TargetsError> {
     })
 }
 
-fn from_csv(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
+fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
     let failed = |source| TargetsError::Csv {
         path: path.to_owned(),
         source,
     };
-    let mut reader = csv::Reader::from_path(path).map_err(failed)?;
+    let bytes = bounded::read(path, bound)?;
+    let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader
         .deserialize()
-        .map(|row| row.map_err(failed))
+        .map(|row| row.map(DrivingRow::unmarked).map_err(failed))
         .collect()
 }
 
-fn from_json(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bounded::read(path)?).map_err(|source| TargetsError::Json {
+fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
+    serde_json::from_slice(&bounded::read(path, bound)?).map_err(|source| TargetsError::Json {
         path: path.to_owned(),
         source,
     })
 }
 
-fn from_parquet(path: &Path) -> Result<Vec<DrivingRow>, TargetsError> {
-    let table = table::read(path, schema::find("corrected_targets")?)?;
+fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
+    let table = table::read_within(path, schema::find("corrected_targets")?, bound)?;
     let row = |row: usize| {
         let text = |column| table.text(column).value(row).to_owned();
         let number = |column| {
@@ -155,6 +157,20 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
 }
 
 impl DrivingRow {
+    /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
+    fn unmarked(mut self) -> Self {
+        let texts = [
+            &mut self.robot,
+            &mut self.session,
+            &mut self.run,
+            &mut self.target,
+        ];
+        for text in texts {
+            *text = formula::unmarked(text).to_owned();
+        }
+        self
+    }
+
     fn numbers(&self) -> impl Iterator<Item = f64> {
         let command = [self.x_mm, self.y_mm, self.z_mm];
         let target = [self.target_x_mm, self.target_y_mm, self.target_z_mm];
@@ -213,7 +229,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("corrected.csv");
         fs::write(&path, text).expect("writable");
-        read(&path).map_err(|error| error.to_string())
+        read(&path, Bound::TARGETS).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -285,7 +301,7 @@ mod tests {
         let written = |name: &str, bytes: Vec<u8>| {
             let path = folder.path().join(name);
             fs::write(&path, bytes).expect("writable");
-            read(&path).expect(name)
+            read(&path, Bound::TARGETS).expect(name)
         };
         let (mut csv, mut json) = (Vec::new(), Vec::new());
         write_csv(&table, AngleUnit::Deg, &mut csv).expect("CSV");
@@ -305,12 +321,36 @@ mod tests {
     }
 
     #[test]
+    fn a_file_larger_than_its_limit_is_told_and_not_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["corrected.csv", "corrected.json", "corrected.parquet"] {
+            let path = folder.path().join(name);
+            let sparse = fs::File::create(&path).expect("writable");
+            sparse.set_len(6 << 30).expect("no room is taken");
+            let limits = crate::io::log::Limits::default();
+            let told = read(&path, Bound::of(limits)).unwrap_err().to_string();
+            for part in [name, "6442450944 bytes", "limit of 67108864", "file_bytes in [limits]"] {
+                assert!(told.contains(part), "{told}");
+            }
+        }
+    }
+
+    #[test]
+    fn names_that_a_spreadsheet_would_run_come_back_as_they_were() {
+        let row = "'=kr,'-mon,00ff,'@A,compensation,-1.5,2,3,1,2,3,4,0,0,5,0,6,x\n";
+        let file = from(&format!("{HEAD}{row}")).expect("a good file");
+        assert_eq!(file.key, RunKey::new("=kr", "-mon", "00ff"));
+        assert_eq!(file.targets[0].name, "@A");
+        assert_eq!(file.targets[0].command.x.to_string(), "-1.5");
+    }
+
+    #[test]
     fn json_of_another_shape_is_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("corrected.json");
         for text in ["{}", "[{\"target\": \"A\"}]", "[1]", "["] {
             fs::write(&path, text).expect("writable");
-            let error = read(&path).unwrap_err().to_string();
+            let error = read(&path, Bound::TARGETS).unwrap_err().to_string();
             assert!(error.contains("corrected.json as JSON"), "{error}");
         }
     }

@@ -8,6 +8,7 @@ use thiserror::Error;
 
 use super::Place;
 use super::krl::KrlProblem;
+use super::names::NamesProblem;
 use crate::io::schema::SchemaError;
 use crate::io::table::FileError;
 
@@ -60,24 +61,13 @@ pub enum TargetsError {
         /// What the reader says.
         source: serde_json::Error,
     },
-    /// A text that cannot be read.
+    /// A file that cannot be read, is none, or is too large.
     #[error("cannot read {}: {source}", path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// Why.
         source: io::Error,
-    },
-    /// A text that would take too much memory.
-    #[error(
-        "{} is larger than {largest} MiB, the most that is read in this form; split it, or give CSV or Parquet",
-        path.display()
-    )]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// The limit, MiB.
-        largest: u64,
     },
     /// Not a Parquet file of targets.
     #[error(transparent)]
@@ -107,13 +97,21 @@ pub enum TargetsError {
         /// What is wrong with them.
         problem: String,
     },
-    /// The same column twice.
-    #[error("{}: column {column:?} stands twice in its first line", path.display())]
-    SameColumn {
+    /// Columns whose names do not say which is which.
+    #[error("{}: {problem}", path.display())]
+    Names {
         /// The file.
         path: PathBuf,
-        /// The column.
-        column: String,
+        /// What is wrong with them.
+        problem: NamesProblem,
+    },
+    /// A file that holds no targets as a whole.
+    #[error("{}: {problem}", path.display())]
+    Whole {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: RowProblem,
     },
     /// A row with a wrong value.
     #[error("{}, {place}: {problem}", path.display())]
@@ -150,12 +148,9 @@ pub enum RowProblem {
         /// What stands there.
         found: &'static str,
     },
-    /// The same key twice.
-    #[error("key {key:?} stands twice; which value is meant is not clear")]
-    SameKey {
-        /// The key.
-        key: String,
-    },
+    /// Keys whose names do not say which is which.
+    #[error(transparent)]
+    Names(#[from] NamesProblem),
     /// Joint angles that do not belong together.
     #[error("{0}; see `posegrid compensate --help`")]
     Angles(String),
@@ -213,6 +208,17 @@ pub enum RowProblem {
     NotUnit {
         /// The norm.
         norm: f64,
+    },
+    /// A file of commands.
+    #[error(
+        "corrected already, as its key {key:?} says ({value}); correct the targets themselves, a second correction would move \
+         the tool by the error once more"
+    )]
+    Marked {
+        /// The key.
+        key: String,
+        /// What stands there.
+        value: String,
     },
     /// A target that is a command already.
     #[error(

@@ -11,21 +11,32 @@ use std::path::Path;
 use serde::de::DeserializeSeed as _;
 
 use super::angles::{self, AngleColumns};
-use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
+use super::{Place, Row, RowProblem, Rows, TargetsError, bounded, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
+use crate::io::input::Bound;
 use visit::{Cell, Document, Object};
 
 /// Reads the rows.
-pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
-    let bytes = bounded::read(path)?;
+pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
+    let bytes = bounded::read(path, bound)?;
     let mut found = Found::default();
     let mut parser = serde_json::Deserializer::from_slice(&bytes);
     let read = Document(&mut found).deserialize(&mut parser);
     let read = read.and_then(|()| parser.end());
     // A wrong row ends the reading by an error whose text is of no interest.
     if let Some((place, problem)) = found.wrong {
-        return Err(problem.at(path, place));
+        return Err(match (place, problem) {
+            (Some(place), problem) => problem.at(path, place),
+            (None, RowProblem::Names(problem)) => TargetsError::Names {
+                path: path.to_owned(),
+                problem,
+            },
+            (None, problem) => TargetsError::Whole {
+                path: path.to_owned(),
+                problem,
+            },
+        });
     }
     read.map_err(|source| TargetsError::Json {
         path: path.to_owned(),
@@ -45,7 +56,8 @@ struct Found {
     placed: Vec<(Place, Row)>,
     unused: BTreeSet<String>,
     unit: Option<AngleUnit>,
-    wrong: Option<(Place, RowProblem)>,
+    /// What is wrong, and with which row; without one, with the document.
+    wrong: Option<(Option<Place>, RowProblem)>,
 }
 
 impl Found {
@@ -57,14 +69,21 @@ impl Found {
                 Ok(())
             }
             Err(problem) => {
-                self.wrong = Some((place, problem));
+                self.wrong = Some((Some(place), problem));
                 Err(())
             }
         }
     }
 
+    /// Ends the reading for what is wrong with the document as a whole.
+    fn refuse(&mut self, problem: RowProblem) {
+        self.wrong = Some((None, problem));
+    }
+
     fn row(&mut self, cells: Vec<(String, Cell)>) -> Result<Row, RowProblem> {
+        names::check(cells.iter().map(|(key, _)| key.as_str()))?;
         let mut keys = Keys(cells);
+        let table_id = keys.mark()?;
         let target = keys.text("target")?;
         let row = Row {
             target: target.ok_or(RowProblem::NoValue { column: "target" })?,
@@ -73,7 +92,7 @@ impl Found {
             quaternion: keys.numbers(["qx", "qy", "qz", "qw"])?,
             configuration: keys.text("configuration")?,
             tool: keys.text("tool")?,
-            table_id: keys.text("table_id")?,
+            table_id,
         };
         self.unused.extend(keys.0.into_iter().map(|(key, _)| key));
         Ok(row)
@@ -109,6 +128,29 @@ impl Found {
 struct Keys(Vec<(String, Cell)>);
 
 impl Keys {
+    /// What marks the object as a command: a value under a mark, in letters of any size and at any depth.
+    fn mark(&mut self) -> Result<Option<String>, RowProblem> {
+        let mut found = None;
+        for (key, cell) in &self.0 {
+            match cell {
+                Cell::Other { mark: Some(mark), .. } => {
+                    return Err(RowProblem::Marked {
+                        key: mark.key.clone(),
+                        value: mark.value.clone(),
+                    });
+                }
+                Cell::Absent => {}
+                cell if names::is_mark(key) => {
+                    let text = cell.shown();
+                    found = found.or(text.filter(|text| !text.is_empty()));
+                }
+                _ => {}
+            }
+        }
+        self.0.retain(|(key, _)| !names::is_mark(key));
+        Ok(found)
+    }
+
     fn cell(&mut self, key: &str) -> Cell {
         let place = self.0.iter().position(|(own, _)| own == key);
         place.map_or(Cell::Absent, |place| self.0.remove(place).1)

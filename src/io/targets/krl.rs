@@ -3,12 +3,15 @@
 //! A data list comes back as it was, byte for byte, but for the numbers of X, Y and Z and for lines that begin with
 //! `; corrected by posegrid` or `; refused by posegrid`. Definitions are those of KUKA System Software, Operating and
 //! Programming Instructions for System Integrators (*Positions and frames*, *Status and Turn*). Steps:
-//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own;
+//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own; what the language
+//!    forbids is an error with its line, for a controller would not run it and a part of it would be believed here;
 //! 2. a position is a target: X, Y, Z in mm, A, B, C as `Rz(A) Ry(B) Rx(C)` in degrees, S for the arm configuration
 //!    ([`status`]); T, external axes and everything else stay as they are, other aggregates are counted;
 //! 3. frames are held together: one pair of `TOOL_NO` and `BASE_NO`, and no tool that stands in the cell (`IPO_FRAME #TCP`);
 //! 4. [`DataList::write`] puts commands in place of targets. A refused target becomes a comment, so that a program that
-//!    uses it does not start rather than run half corrected.
+//!    uses it does not start rather than run half corrected. Before ENDDAT stands [`MARK`] with the table's id: a variable
+//!    that stays where comments are stripped. Programs' names have 24 letters at most, and a text in a data list is a CHAR
+//!    array with its value in the same line; CONST would need an option that not every controller has set.
 
 mod aggregate;
 mod lines;
@@ -31,6 +34,7 @@ use self::aggregate::Aggregate;
 use self::lines::Line;
 use self::statement::{Declaration, Statement};
 use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
+use crate::io::input::Bound;
 use crate::ingest::AngleUnit;
 
 /// A data list, with where its targets stand.
@@ -39,6 +43,8 @@ pub struct DataList {
     text: Vec<u8>,
     /// After the line of DEFDAT.
     head: usize,
+    /// Before the line of ENDDAT.
+    end: usize,
     points: Vec<Point>,
     /// Tool and base of the points, where FDATs say them.
     frames: Option<FdatFrames>,
@@ -72,11 +78,33 @@ impl DataList {
 }
 
 /// Types that hold positions.
-const POSITIONS: [&str; 3] = ["POS", "E6POS", "FRAME"];
+const POSITIONS: [&str; 4] = ["POS", "E3POS", "E6POS", "FRAME"];
+
+/// The variable that says of a list that it is corrected, and by which table.
+pub const MARK: &str = "POSEGRID_CORRECTED";
+
+/// The components of a position: of a FRAME the first six, of a POS the first eight.
+const COMPONENTS: [&str; 14] = [
+    "X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6",
+];
+
+/// The components that a position of a type has.
+fn components_of(kind: &str) -> &'static [&'static str] {
+    match kind {
+        "FRAME" => &COMPONENTS[..6],
+        "POS" => &COMPONENTS[..8],
+        "E3POS" => &COMPONENTS[..11],
+        _ => &COMPONENTS,
+    }
+}
+
+fn is_position(kind: &str) -> bool {
+    POSITIONS.contains(&kind)
+}
 
 /// Reads a data list.
-pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
-    let text = bounded::read(path)?;
+pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
+    let text = bounded::read(path, bound)?;
     let (rows, list) = read(text).map_err(|error| error.at(path))?;
     Ok(Rows {
         placed: rows,
@@ -102,7 +130,7 @@ impl InLine {
 /// The targets of a text, each with its place.
 pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLine> {
     let lines = lines::all(&text)?;
-    let (head, inside) = lines::of_list(&text, &lines)?;
+    let inside = lines::of_list(&text, &lines)?;
     let mut reading = Reading {
         text: &text,
         kinds: BTreeMap::new(),
@@ -111,7 +139,7 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
         frames: None,
         others: BTreeMap::new(),
     };
-    for line in inside {
+    for line in inside.lines {
         let read = reading.line(line);
         read.map_err(|problem| InLine {
             line: line.number,
@@ -126,7 +154,8 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
         ..
     } = reading;
     let list = DataList {
-        head,
+        head: inside.head,
+        end: inside.end,
         points,
         frames: frames.map(|(frames, _)| frames),
         others,
@@ -138,8 +167,8 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
 /// A data list as far as it was read.
 struct Reading<'t> {
     text: &'t [u8],
-    /// The type of each name declared so far, both in capitals.
-    kinds: BTreeMap<String, String>,
+    /// The type of each name declared so far, both in capitals, and the line.
+    kinds: BTreeMap<String, (String, u64)>,
     rows: Vec<(Place, Row)>,
     points: Vec<Point>,
     /// With the line of the FDAT that first said them.
@@ -152,38 +181,86 @@ impl Reading<'_> {
         match statement::parse(self.text, &line.code)? {
             None => Ok(()),
             Some(Statement::Declared(Declaration { kind, names })) => {
-                let names = names.into_iter();
-                self.kinds.extend(names.map(|name| (name, kind.clone())));
-                Ok(())
+                let mut names = names.into_iter();
+                names.try_for_each(|name| self.declare(name, &kind, line))
             }
-            Some(Statement::Valued { kind, name, value }) => self.valued(line, kind, name, value),
+            Some(Statement::Valued { kind, name, value }) => {
+                self.mark(&name, value.clone())?;
+                if let Some(kind) = &kind {
+                    self.declare(name.variable.clone(), kind, line)?;
+                }
+                self.valued(line, &name, value)
+            }
+        }
+    }
+
+    /// A list that says of itself that it is corrected is no list of targets.
+    fn mark(&self, name: &statement::Name, value: Range<usize>) -> Result<(), RowProblem> {
+        if name.variable != MARK {
+            return Ok(());
+        }
+        let table = String::from_utf8_lossy(&self.text[value]);
+        Err(KrlProblem::Marked {
+            name: name.variable.clone(),
+            table: table.trim_matches('"').to_owned(),
+        }
+        .into())
+    }
+
+    fn declare(&mut self, name: String, kind: &str, line: &Line) -> Result<(), RowProblem> {
+        if name == MARK {
+            self.mark(&statement::Name::of(&name), 0..0)?;
+        }
+        let own = (kind.to_owned(), line.number);
+        match self.kinds.insert(name.clone(), own) {
+            None => Ok(()),
+            Some((_, first_line)) => Err(KrlProblem::DeclaredTwice { name, first_line }.into()),
         }
     }
 
     fn valued(
         &mut self,
         line: &Line,
-        kind: Option<String>,
-        name: statement::Name,
+        name: &statement::Name,
         value: Range<usize>,
     ) -> Result<(), RowProblem> {
-        let aggregate = aggregate::parse(self.text, value)?;
-        if let Some(kind) = &kind {
-            self.kinds.insert(name.variable.clone(), kind.clone());
+        let declared = self.kinds.get(&name.variable);
+        let declared = declared.map(|(kind, _)| kind.clone());
+        let shown = || name.shown.clone();
+        if name.is_part {
+            let may_be_position = declared.as_deref().is_none_or(is_position);
+            let wrong = || Err(KrlProblem::Component { name: shown() }.into());
+            return if may_be_position { wrong() } else { Ok(()) };
         }
+        let aggregate = aggregate::parse(self.text, value)?;
         let Some(aggregate) = aggregate else {
-            let is_position = kind.is_some_and(|kind| POSITIONS.contains(&kind.as_str()));
-            let wrong = || Err(KrlProblem::NoAggregate { name: name.shown }.into());
+            let is_position = declared.as_deref().is_some_and(is_position);
+            let wrong = || Err(KrlProblem::NoAggregate { name: shown() }.into());
             return if is_position { wrong() } else { Ok(()) };
         };
-        let own = aggregate.kind.clone().or(kind);
-        let known = own.or_else(|| self.kinds.get(&name.variable).cloned());
+        if let (Some(kind), Some(own)) = (&declared, &aggregate.kind)
+            && kind != own
+            && is_position(kind) != is_position(own)
+        {
+            return Err(KrlProblem::OtherKind {
+                name: shown(),
+                kind: kind.clone(),
+                own: own.clone(),
+            }
+            .into());
+        }
+        let known = aggregate.kind.clone().or(declared);
         let places = aggregate.has(&["X", "Y", "Z"]);
         match known.as_deref() {
-            Some(kind) if places > 0 && POSITIONS.contains(&kind) => {
-                self.target(line, kind, name.shown, &aggregate)
+            Some(kind) if is_position(kind) => {
+                self.check_position(kind, name, &aggregate)?;
+                if places == 0 {
+                    *self.others.entry(kind.to_owned()).or_default() += 1;
+                    return Ok(());
+                }
+                self.target(line, kind, shown(), &aggregate)
             }
-            None if places == 3 => Err(KrlProblem::NoKind { name: name.shown }.into()),
+            None if places > 0 => Err(KrlProblem::NoKind { name: shown() }.into()),
             other => {
                 if other == Some("FDAT") {
                     self.frames(line, &aggregate)?;
@@ -193,6 +270,27 @@ impl Reading<'_> {
                 Ok(())
             }
         }
+    }
+
+    /// That a position has the components of its type alone, and numbers there.
+    fn check_position(
+        &self,
+        kind: &str,
+        name: &statement::Name,
+        at: &Aggregate,
+    ) -> Result<(), RowProblem> {
+        if !name.is_counted {
+            let name = name.shown.clone();
+            return Err(KrlProblem::NoIndex { name }.into());
+        }
+        if let Some(other) = at.other_than(components_of(kind)) {
+            return Err(KrlProblem::OtherComponent {
+                component: other.to_owned(),
+                kind: kind.to_owned(),
+            }
+            .into());
+        }
+        at.whole(self.text, "T").map(drop)
     }
 
     fn target(

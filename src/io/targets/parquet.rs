@@ -5,15 +5,16 @@ use std::path::Path;
 use arrow::array::{Array as _, AsArray as _, StringArray};
 use arrow::datatypes::Float64Type;
 
-use super::{Place, Row, RowProblem, Rows, TargetsError};
+use super::{Place, Row, RowProblem, Rows, TargetsError, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
+use crate::io::input::Bound;
 use crate::io::schema;
 use crate::io::table::{self, Table};
 
 /// Reads the rows.
-pub(super) fn rows(path: &Path) -> Result<Rows, TargetsError> {
-    let table = table::read(path, schema::find("targets")?)?;
+pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
+    let table = table::read_within(path, schema::find("targets")?, bound)?;
     let row = |row| {
         let place = Place::Row(row);
         let found = row_of(&table, row).map_err(|problem| problem.at(path, place))?;
@@ -42,7 +43,7 @@ fn row_of(table: &Table, row: usize) -> Result<Row, RowProblem> {
         quaternion: ["qx", "qy", "qz", "qw"].map(number),
         configuration: text("configuration"),
         tool: text("tool"),
-        table_id: text("table_id"),
+        table_id: names::MARKS.into_iter().find_map(text),
     })
 }
 

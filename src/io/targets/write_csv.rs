@@ -2,12 +2,13 @@
 
 use std::io::Write;
 
+use super::formula;
 use super::spread::{Cell, Spread};
 use crate::ingest::AngleUnit;
 use crate::io::table::Table;
 
 /// Writes a table as CSV: lengths to the nanometre, joint angles in `unit`, other numbers as exactly as they are, nothing
-/// where a value is absent.
+/// where a value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
 ///
 /// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` and so on, as many as its longest row
 /// has; other lists are one column, their elements apart by blanks. Lists that no row has are left out.
@@ -32,10 +33,20 @@ pub(crate) fn write_columns(
 }
 
 fn field(cell: Cell) -> String {
+    let is_text = match &cell {
+        Cell::Text(_) => true,
+        Cell::List(cells) => matches!(cells.first(), Some(Cell::Text(_))),
+        _ => false,
+    };
+    let text = plain(cell);
+    if is_text { formula::marked(text) } else { text }
+}
+
+fn plain(cell: Cell) -> String {
     match cell {
         Cell::Absent => String::new(),
         Cell::Number(text) | Cell::Text(text) => text,
         Cell::Flag(flag) => flag.to_string(),
-        Cell::List(cells) => cells.into_iter().map(field).collect::<Vec<_>>().join(" "),
+        Cell::List(cells) => cells.into_iter().map(plain).collect::<Vec<_>>().join(" "),
     }
 }

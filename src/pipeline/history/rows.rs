@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::HistoryError;
 use super::summary::Summary;
+use crate::io::input::{self, Bound};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::store::StoreError;
@@ -124,7 +125,7 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>, HistoryError> {
 }
 
 fn row(lake: &Lake, place: PathBuf, summary: &Summary) -> Row {
-    let bytes = match fs::read(&place) {
+    let bytes = match input::bytes(&place, Bound::TABLE) {
         Ok(bytes) => bytes,
         Err(error) => {
             let reason = format!("{}: {error}", place.display());

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::order::CurrentRow;
 use super::rows::Fact;
 use crate::history::{Course, Judged};
+use crate::io::input::{self, Bound};
 use crate::io::lake::Lake;
 use crate::io::whole_file::replace_whole;
 use crate::manifest::VERSION;
@@ -64,7 +65,7 @@ enum Line {
 impl Summary {
     /// The summary of the robot whose rows are in `folder`; an empty one where there is none that can be believed.
     pub(super) fn read(lake: &Lake, folder: &Path) -> Self {
-        let text = fs::read_to_string(place(lake, folder)).unwrap_or_default();
+        let text = input::text(&place(lake, folder), Bound::TABLE).unwrap_or_default();
         Self::parse(&text).unwrap_or_default()
     }
 

@@ -10,6 +10,7 @@ use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
 use crate::ingest::WrongFields;
+use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
 use crate::pipeline::file::PipelineFile;
@@ -66,6 +67,10 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     }
     if let Some(kg) = file.robot.valid_for.payload_kg {
         not_negative("[robot.valid_for] payload_kg", kg)?;
+    }
+    if let Some(name) = &file.robot.name {
+        let refused = |error| wrong("[robot] name", format!("{name:?}"), format!("another: {error}"));
+        lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;
     uncertainty(&file.tracker.uncertainty)?;
@@ -294,6 +299,7 @@ fn limits(limits: &Limits) -> Check {
         ("[limits] chunk_bytes", limits.chunk_bytes),
         ("[limits] batch_bytes", limits.batch_bytes),
         ("[limits] unpacked_bytes", limits.unpacked_bytes),
+        ("[limits] file_bytes", limits.file_bytes),
     ] {
         wrong_unless(bytes > 0, key, bytes, "above 0")?;
     }

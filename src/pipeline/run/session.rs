@@ -87,7 +87,7 @@ pub(in crate::pipeline) fn joined(
     Ok(JoinedSession {
         name: files.name.clone(),
         sampling_plan: recording.metadata.get("session.plan").cloned(),
-        driven_by: driven::driven_by(files, &joined.stations)?,
+        driven_by: driven::driven_by(files, &joined.stations, plan.limits)?,
         log_rejects: recording.rejects,
         counts: recording.counts,
         joined,

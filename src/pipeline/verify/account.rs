@@ -2,7 +2,8 @@
 //!
 //! A query over the folder of a table reads whatever stands there, so what does not belong is named. A file belongs if the
 //! row of its run, at its own place in `runs`, names it. Files that stand and say of themselves as a run's do, without a row
-//! of that run, are told by run: the row was deleted, or the run was never committed. Everything else is foreign.
+//! of that run, are told by run: the row was deleted, or the run was never committed. A record of corrections belongs if it
+//! is the one that was written. Everything else is foreign.
 
 mod known;
 
@@ -10,7 +11,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::VerifyError;
 use super::selection::Selected;
+<<<<<<< HEAD
 use crate::io::lake::{Lake, LakeFile, PAGES, Stands};
+=======
+use crate::io::lake::{Lake, LakeError, LakeFile, PAGES, Stands, is_correction};
+>>>>>>> f42d892 (wip 3)
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
 use known::{Judged, Known, Scope, rows_now};
@@ -88,6 +93,10 @@ pub fn account(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Acc
         match known.judged(&file) {
             Judged::OfRun => account.of_runs += 1,
             Judged::OfUnread => account.of_unread += 1,
+            Judged::Own if is_correction(&file.key) => match lake.correction(&file.key) {
+                Ok(_) => account.own += 1,
+                Err(why) => add_foreign(&file, Some(why)),
+            },
             Judged::Own => account.own += 1,
             Judged::Temporary => account.temporaries.push(lake.place_of(&file.key)),
             Judged::NotNamed(run) => add_foreign(

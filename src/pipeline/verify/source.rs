@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::altered::Lost;
 use super::claim::Claim;
+use crate::io::input::Bound;
 use crate::io::log::read_metadata;
 use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};
@@ -119,12 +120,12 @@ impl Source {
 
     /// The run whose table drove the last session, which that session is held against.
     pub(super) fn driven_by(&self) -> Option<RunKey> {
-        let Self::Sessions(_, fetched) = self else {
+        let Self::Sessions(plan, fetched) = self else {
             return None;
         };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
         // A file that cannot be read is told by the run.
-        Some(driving::read(path).ok()?.key)
+        Some(driving::read(path, Bound::of(plan.limits)).ok()?.key)
     }
 
     /// Does the work by the code of `posegrid run`; gives the run in the temporary lake.

@@ -57,7 +57,7 @@ fn what_is_wrong_is_told_by_its_row_or_place() {
         ),
         (
             r#"{"target": "B", "x_mm": 1, "x_mm": 1, "y_mm": 2}"#,
-            "row 1: key \"x_mm\" stands twice",
+            "row 1: \"x_mm\" stands twice",
         ),
         (
             r#"{"target": "B", "x_mm": 1, "z_mm": 2}"#,
@@ -103,7 +103,10 @@ fn texts_that_hold_no_targets_are_told_so() {
     let cases = [
         ("[]", "holds no target"),
         ("{}", "no key \"targets\""),
-        ("{\"targets\": [], \"targets\": []}", "stands twice"),
+        ("{\"targets\": [], \"targets\": []}", "\"targets\" stands twice"),
+        ("{\"targets\": {\"targets\": []}}", "expected an array of targets"),
+        ("{\"Targets\": []}", "\"targets\" is; write it so"),
+        ("{\"part\": 1, \"Part\": 2, \"targets\": []}", "\"part\" and \"Part\" differ"),
         ("3", "expected an array of targets"),
         ("[] x", "trailing characters"),
         (deep.as_str(), "a target: an object"),
@@ -114,4 +117,44 @@ fn texts_that_hold_no_targets_are_told_so() {
     }
     let nested = format!(r#"[{{"target": "A", "note": {}1"#, "[".repeat(100_000));
     assert!(targets(&nested).unwrap_err().contains("EOF while parsing"));
+}
+
+#[test]
+fn a_mark_is_known_in_any_letters_and_anywhere() {
+    let row = |more: &str| format!(r#"{{"target": "B", "x_mm": 1, "y_mm": 2, "z_mm": 3{more}}}"#);
+    let marked = [
+        format!("[{}]", row(r#", "Table_ID": "t-1""#)),
+        format!("[{}]", row(r#", "TABLE_ID": 7"#)),
+        format!("[{}]", row(r#", "corrected_by": "compensation""#)),
+        format!("[{}]", row(r#", "made": {"by": [{"Table_Id": "t-1"}]}"#)),
+        format!(r#"{{"table_id": "t-1", "targets": [{}]}}"#, row("")),
+        format!(r#"{{"targets": [{}], "Table_ID": true}}"#, row("")),
+        format!(r#"{{"head": {{"table_id": "t-1"}}, "targets": [{}]}}"#, row("")),
+    ];
+    for text in &marked {
+        let error = targets(text).unwrap_err();
+        assert!(error.contains("corrected already"), "{text}: {error}");
+    }
+    let unmarked = format!(
+        r#"{{"table_id": null, "targets": [{}]}}"#,
+        row(r#", "Table_ID": "", "made": {"table_id": null}"#)
+    );
+    assert_eq!(targets(&unmarked).unwrap().targets.len(), 1);
+}
+
+#[test]
+fn keys_in_letters_of_another_size_are_told_by_name() {
+    let cases = [
+        (r#"[{"target": "A", "X_mm": 1}]"#, "row 0: \"X_mm\" is no name that is known here"),
+        (r#"[{"target": "A", "Q1_deg": 1}]"#, "\"q1_deg\" is; write it so"),
+        (r#"[{"target": "A", "x": 1, "X": 2}]"#, "\"x\" and \"X\" differ"),
+        (
+            r#"[{"target": "A", "table_id": null, "Table_ID": "t"}]"#,
+            "\"table_id\" and \"Table_ID\" differ",
+        ),
+    ];
+    for (text, expected) in cases {
+        let error = targets(text).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
 }

@@ -3,10 +3,9 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use serde::de::{
-    DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor,
-};
+use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
+use super::super::names::{self, NamesProblem};
 use super::super::RowProblem;
 use super::Found;
 
@@ -18,7 +17,18 @@ pub(super) enum Cell {
     Absent,
     Number(f64),
     Text(String),
-    Other(&'static str),
+    Other {
+        what: &'static str,
+        /// A mark of corrected targets inside of it.
+        mark: Option<Mark>,
+    },
+}
+
+/// A value under a key that only commands have a value under.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Mark {
+    pub(super) key: String,
+    pub(super) value: String,
 }
 
 impl Cell {
@@ -30,8 +40,31 @@ impl Cell {
                 Self::Absent => "nothing",
                 Self::Number(_) => "a number",
                 Self::Text(_) => "a text",
-                Self::Other(what) => what,
+                Self::Other { what, .. } => what,
             },
+        }
+    }
+
+    /// The value in words; `None` where there is none.
+    pub(super) fn shown(&self) -> Option<String> {
+        match self {
+            Self::Absent => None,
+            Self::Number(number) => Some(number.to_string()),
+            Self::Text(text) => Some(text.clone()),
+            Self::Other { what, .. } => Some((*what).to_owned()),
+        }
+    }
+
+    /// The mark that this value is under that key, or has inside.
+    fn mark(self, key: &str) -> Option<Mark> {
+        let value = self.shown().filter(|value| !value.is_empty())?;
+        if names::is_mark(key) {
+            let key = key.to_owned();
+            return Some(Mark { key, value });
+        }
+        match self {
+            Self::Other { mark, .. } => mark,
+            _ => None,
         }
     }
 }
@@ -49,11 +82,87 @@ impl<'de> DeserializeSeed<'de> for Document<'_> {
     }
 }
 
+impl Document<'_> {
+    /// Ends the reading, as what is wrong tells.
+    fn refuse<E: serde::de::Error>(&mut self, problem: impl Into<RowProblem>) -> E {
+        self.0.refuse(problem.into());
+        E::custom("a wrong document")
+    }
+}
+
 impl<'de> Visitor<'de> for Document<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("an array of targets, or an object with the key \"targets\"")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, array: A) -> Result<(), A::Error> {
+        Targets(self.0).visit_seq(array)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(mut self, mut object: A) -> Result<(), A::Error> {
+        let mut keys: Vec<String> = Vec::new();
+        while let Some(key) = object.next_key::<String>()? {
+            keys.push(key.clone());
+            if let Some(problem) = problem_of(&keys) {
+                return Err(self.refuse(problem));
+            }
+            if key == TARGETS {
+                object.next_value_seed(Targets(&mut *self.0))?;
+                continue;
+            }
+            let cell = object.next_value_seed(CellSeed)?;
+            if let Some(Mark { key, value }) = cell.mark(&key) {
+                return Err(self.refuse(RowProblem::Marked { key, value }));
+            }
+            self.0.unused.insert(key);
+        }
+        if keys.iter().any(|key| key == TARGETS) {
+            return Ok(());
+        }
+        Err(A::Error::custom(
+            "no key \"targets\"; targets are an array of objects, by itself or under that key",
+        ))
+    }
+}
+
+/// What is wrong with the last of a document's keys.
+fn problem_of(keys: &[String]) -> Option<NamesProblem> {
+    let (last, before) = keys.split_last()?;
+    let folded = last.trim().to_lowercase();
+    if folded == TARGETS && last != TARGETS {
+        return Some(NamesProblem::OtherLetters {
+            found: last.clone(),
+            known: folded,
+        });
+    }
+    let first = before.iter().find(|key| key.trim().to_lowercase() == folded)?;
+    Some(if first == last {
+        NamesProblem::Twice { name: last.clone() }
+    } else {
+        NamesProblem::Alike {
+            first: first.clone(),
+            second: last.clone(),
+        }
+    })
+}
+
+/// The array of targets.
+struct Targets<'a>(&'a mut Found);
+
+impl<'de> DeserializeSeed<'de> for Targets<'_> {
+    type Value = ();
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_seq(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Targets<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an array of targets")
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut array: A) -> Result<(), A::Error> {
@@ -63,28 +172,6 @@ impl<'de> Visitor<'de> for Document<'_> {
                 .map_err(|()| A::Error::custom("a wrong target"))?;
         }
         Ok(())
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut object: A) -> Result<(), A::Error> {
-        let mut seen = false;
-        while let Some(key) = object.next_key::<String>()? {
-            if key != TARGETS {
-                object.next_value::<IgnoredAny>()?;
-                self.0.unused.insert(key);
-                continue;
-            }
-            if seen {
-                return Err(A::Error::custom("key \"targets\" stands twice"));
-            }
-            seen = true;
-            object.next_value_seed(Document(&mut *self.0))?;
-        }
-        if seen {
-            return Ok(());
-        }
-        Err(A::Error::custom(
-            "no key \"targets\"; targets are an array of objects, by itself or under that key",
-        ))
     }
 }
 
@@ -113,12 +200,12 @@ impl<'de> Visitor<'de> for ObjectSeed {
         while let Some(key) = object.next_key::<String>()? {
             let cell = object.next_value_seed(CellSeed)?;
             if !places.insert(key.clone()) {
-                twice.get_or_insert(RowProblem::SameKey { key });
+                twice.get_or_insert(NamesProblem::Twice { name: key });
                 continue;
             }
             cells.push((key, cell));
         }
-        Ok(twice.map_or(Ok(cells), Err))
+        Ok(twice.map_or(Ok(cells), |problem| Err(problem.into())))
     }
 }
 
@@ -144,7 +231,10 @@ impl<'de> Visitor<'de> for CellSeed {
     }
 
     fn visit_bool<E>(self, _: bool) -> Result<Cell, E> {
-        Ok(Cell::Other("true or false"))
+        Ok(Cell::Other {
+            what: "true or false",
+            mark: None,
+        })
     }
 
     fn visit_f64<E>(self, number: f64) -> Result<Cell, E> {
@@ -164,12 +254,21 @@ impl<'de> Visitor<'de> for CellSeed {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut array: A) -> Result<Cell, A::Error> {
-        while array.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(Cell::Other("an array"))
+        let mut mark = None;
+        while let Some(cell) = array.next_element_seed(CellSeed)? {
+            mark = mark.or(cell.mark(""));
+        }
+        let what = "an array";
+        Ok(Cell::Other { what, mark })
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut object: A) -> Result<Cell, A::Error> {
-        while object.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-        Ok(Cell::Other("an object"))
+        let mut mark = None;
+        while let Some(key) = object.next_key::<String>()? {
+            let cell = object.next_value_seed(CellSeed)?;
+            mark = mark.or(cell.mark(&key));
+        }
+        let what = "an object";
+        Ok(Cell::Other { what, mark })
     }
 }

@@ -1,10 +1,16 @@
 //! An aggregate's components: `{E6POS: X 1650.0,Y -120.5,…}`.
+//!
+//! Components stand apart by one comma each, and each is a name and one value apart by blanks. Whatever else stands
+//! between the braces is an error: a controller would refuse it, and half of what was meant would be read here.
 
 use std::ops::Range;
 
 use super::super::RowProblem;
 use super::lines::trimmed;
 use super::{KrlProblem, Status};
+
+/// Braces within braces that are followed; KRL's own structures have three at most.
+const DEEPEST: usize = 16;
 
 /// An aggregate, as far as its own components go.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,9 +26,13 @@ pub(super) fn parse(text: &[u8], value: Range<usize>) -> Result<Option<Aggregate
     if text[value.clone()].first() != Some(&b'{') {
         return Ok(None);
     }
-    let pieces = pieces(text, &value).ok_or(KrlProblem::Open)?;
+    of_braces(text, &value, DEEPEST).map(Some)
+}
+
+fn of_braces(text: &[u8], value: &Range<usize>, depth: usize) -> Result<Aggregate, RowProblem> {
+    let pieces = pieces(text, value).ok_or(KrlProblem::Open)?;
     let mut kind = None;
-    let mut components: Vec<(String, Range<usize>)> = Vec::new();
+    let mut components: Vec<(String, Range<usize>)> = Vec::with_capacity(pieces.len());
     for (place, piece) in pieces.into_iter().enumerate() {
         let mut piece = trimmed(text, piece);
         if place == 0
@@ -31,35 +41,40 @@ pub(super) fn parse(text: &[u8], value: Range<usize>) -> Result<Option<Aggregate
             kind = Some(word);
             piece = rest;
         }
-        if piece.is_empty() {
-            continue;
-        }
-        let (name, value) = component(text, piece);
+        let (name, value) = component(text, piece)?;
         if components.iter().any(|(other, _)| *other == name) {
             return Err(KrlProblem::SameComponent { component: name }.into());
         }
+        if text[value.start] == b'{' {
+            let depth = depth.checked_sub(1).ok_or(KrlProblem::Open)?;
+            of_braces(text, &value, depth)?;
+        }
         components.push((name, value));
     }
-    Ok(Some(Aggregate { kind, components }))
+    Ok(Aggregate { kind, components })
 }
 
 /// What stands between the outer braces, apart by commas that stand in nothing else; `None` where they are not closed, or
 /// something follows them.
 fn pieces(text: &[u8], value: &Range<usize>) -> Option<Vec<Range<usize>>> {
     let mut pieces = Vec::new();
-    let (mut depth, mut quoted, mut start) = (0_usize, false, value.start + 1);
+    let mut open = Vec::new();
+    let (mut quoted, mut start) = (false, value.start + 1);
     for place in value.clone() {
         match text[place] {
             b'"' => quoted = !quoted,
             _ if quoted => {}
-            b'{' | b'[' => depth += 1,
-            b',' if depth == 1 => {
+            b'{' => open.push(b'}'),
+            b'[' => open.push(b']'),
+            b',' if open.len() == 1 => {
                 pieces.push(start..place);
                 start = place + 1;
             }
-            b'}' | b']' => {
-                depth = depth.checked_sub(1)?;
-                if depth == 0 {
+            end @ (b'}' | b']') => {
+                if open.pop() != Some(end) {
+                    return None;
+                }
+                if open.is_empty() {
                     pieces.push(start..place);
                     return (place + 1 == value.end).then_some(pieces);
                 }
@@ -75,20 +90,53 @@ fn typed(text: &[u8], piece: &Range<usize>) -> Option<(String, Range<usize>)> {
     let own = &text[piece.clone()];
     let colon = own.iter().position(|&byte| byte == b':')?;
     let word = own[..colon].trim_ascii();
-    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-    word.iter().all(is_word).then(|| {
+    is_word(word).then(|| {
         let rest = trimmed(text, piece.start + colon + 1..piece.end);
         (capitals(word), rest)
     })
 }
 
-/// Name and value: apart by blanks.
-fn component(text: &[u8], piece: Range<usize>) -> (String, Range<usize>) {
+/// Name and value: apart by blanks, and the value one word, text or aggregate.
+fn component(text: &[u8], piece: Range<usize>) -> Result<(String, Range<usize>), RowProblem> {
     let own = &text[piece.clone()];
+    let wrong = || KrlProblem::NoComponent {
+        text: String::from_utf8_lossy(own).into_owned(),
+    };
     let end = own.iter().position(u8::is_ascii_whitespace);
-    let end = end.unwrap_or(own.len());
-    let value = trimmed(text, piece.start + end..piece.end);
-    (capitals(&own[..end]), value)
+    let (name, rest) = own.split_at(end.unwrap_or(own.len()));
+    let bare = name.split(|&byte| byte == b'[').next().unwrap_or_default();
+    let is_name = is_word(bare) && !bare[0].is_ascii_digit();
+    if !is_name || !is_one_value(rest.trim_ascii()) {
+        return Err(wrong().into());
+    }
+    let value = trimmed(text, piece.start + name.len()..piece.end);
+    Ok((capitals(name), value))
+}
+
+/// Whether something is one value: without a blank outside of texts and braces, and nothing behind those.
+fn is_one_value(value: &[u8]) -> bool {
+    let (mut quoted, mut depth) = (false, 0_usize);
+    let mut is_whole = false;
+    for &byte in value {
+        // Behind the end of a text or of braces nothing stands.
+        if is_whole || (byte.is_ascii_whitespace() && !quoted && depth == 0) {
+            return false;
+        }
+        match byte {
+            b'"' => quoted = !quoted,
+            _ if quoted => {}
+            b'{' => depth += 1,
+            b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        is_whole = b"\"}".contains(&byte) && !quoted && depth == 0;
+    }
+    !value.is_empty() && !quoted && depth == 0
+}
+
+fn is_word(word: &[u8]) -> bool {
+    let is_letter = |byte: &u8| byte.is_ascii_alphanumeric() || b"_$".contains(byte);
+    !word.is_empty() && word.iter().all(is_letter)
 }
 
 fn capitals(word: &[u8]) -> String {
@@ -100,6 +148,12 @@ impl Aggregate {
     pub(super) fn has(&self, components: &[&str]) -> usize {
         let there = components.iter().filter(|own| self.range(own).is_some());
         there.count()
+    }
+
+    /// The first component that is none of those there can be.
+    pub(super) fn other_than(&self, components: &[&str]) -> Option<&str> {
+        let mut names = self.components.iter().map(|(name, _)| name.as_str());
+        names.find(|name| !components.contains(name))
     }
 
     /// Where a component's value stands.
@@ -139,10 +193,15 @@ impl Aggregate {
         };
         let text = String::from_utf8_lossy(value).to_ascii_uppercase();
         let quoted = text.strip_prefix('\'').and_then(|t| t.strip_suffix('\''));
+        let digits = |digits: &str, radix| {
+            // A sign has no place among bits.
+            let all = digits.chars().all(|digit| digit.is_digit(radix));
+            all.then(|| i64::from_str_radix(digits, radix).ok())?
+        };
         let number = match quoted.map(|inside| inside.split_at_checked(1)) {
             None => text.parse().ok(),
-            Some(Some(("B", digits))) => i64::from_str_radix(digits, 2).ok(),
-            Some(Some(("H", digits))) => i64::from_str_radix(digits, 16).ok(),
+            Some(Some(("B", bits))) => digits(bits, 2),
+            Some(Some(("H", own))) => digits(own, 16),
             Some(_) => None,
         };
         let wrong = || KrlProblem::NoWhole {

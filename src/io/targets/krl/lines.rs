@@ -70,10 +70,25 @@ pub(super) fn trimmed(text: &[u8], range: Range<usize>) -> Range<usize> {
     start..start + inside.trim_ascii().len()
 }
 
-/// Where the list's own statements begin, and its lines: those after DEFDAT and before ENDDAT.
-pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<(usize, &'l [Line]), InLine> {
+/// A list's own lines, and where it is written to.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Inside<'l> {
+    /// After the line of DEFDAT.
+    pub(super) head: usize,
+    /// Those between DEFDAT and ENDDAT.
+    pub(super) lines: &'l [Line],
+    /// Where the line of ENDDAT begins.
+    pub(super) end: usize,
+}
+
+/// The lines between DEFDAT and ENDDAT. Before them stand lines that begin with `&`, and besides them comments alone.
+pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, InLine> {
     let at = |line: &Line, problem: KrlProblem| InLine {
         line: line.number,
+        problem: problem.into(),
+    };
+    let at_end = |problem: KrlProblem| InLine {
+        line: lines.len() as u64,
         problem: problem.into(),
     };
     if let Some(line) = lines.iter().find(|line| is_ours(text, line)) {
@@ -81,27 +96,58 @@ pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<(usize, &'l 
         let comment = comment.trim().to_owned();
         return Err(at(line, KrlProblem::Corrected { comment }));
     }
-    let begins = |line: &Line, word: &str| {
-        let code = &text[line.code.clone()];
-        let words = code.get(..word.len());
-        let after = code.get(word.len());
-        words.is_some_and(|own| own.eq_ignore_ascii_case(word.as_bytes()))
-            && after.is_none_or(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_')
-    };
-    let Some(first) = lines.iter().position(|line| begins(line, "DEFDAT")) else {
-        return Err(InLine {
-            line: lines.len() as u64,
-            problem: KrlProblem::NoList.into(),
-        });
-    };
-    let head = &lines[first];
-    let name = text[head.code.clone()]["DEFDAT".len()..].trim_ascii_start();
-    if name.starts_with(b"$") {
-        return Err(at(head, KrlProblem::System));
+    let code = |line: &Line| &text[line.code.clone()];
+    let first = lines.iter().position(|line| begins(code(line), "DEFDAT"));
+    let first = first.ok_or_else(|| at_end(KrlProblem::NoList))?;
+    let is_header = |line: &Line| code(line).is_empty() || code(line).starts_with(b"&");
+    if let Some(line) = lines[..first].iter().find(|line| !is_header(line)) {
+        return Err(at(line, KrlProblem::Outside));
     }
+    let head = &lines[first];
+    check_head(&code(head)["DEFDAT".len()..]).map_err(|problem| at(head, problem))?;
     let inside = &lines[first + 1..];
-    let end = inside.iter().position(|line| begins(line, "ENDDAT"));
-    Ok((head.next, &inside[..end.unwrap_or(inside.len())]))
+    let length = inside.iter().position(|line| begins(code(line), "ENDDAT"));
+    let length = length.ok_or_else(|| at_end(KrlProblem::NoEnd))?;
+    let end = &inside[length];
+    if code(end).len() > "ENDDAT".len() {
+        return Err(at(end, KrlProblem::Outside));
+    }
+    if let Some(line) = inside[length + 1..].iter().find(|line| !code(line).is_empty()) {
+        return Err(at(line, KrlProblem::Outside));
+    }
+    if let Some(line) = inside[..length].iter().find(|line| begins(code(line), "DEFDAT")) {
+        return Err(at(line, KrlProblem::SecondList));
+    }
+    Ok(Inside {
+        head: head.next,
+        lines: &inside[..length],
+        end: end.whole.start,
+    })
+}
+
+/// Whether a statement begins with a word.
+pub(super) fn begins(code: &[u8], word: &str) -> bool {
+    let own = code.get(..word.len());
+    let after = code.get(word.len());
+    own.is_some_and(|own| own.eq_ignore_ascii_case(word.as_bytes()))
+        && after.is_none_or(|byte| !byte.is_ascii_alphanumeric() && !b"_$".contains(byte))
+}
+
+/// What stands behind DEFDAT: a name, and PUBLIC or nothing.
+fn check_head(behind: &[u8]) -> Result<(), KrlProblem> {
+    let words: Vec<&[u8]> = behind
+        .split(u8::is_ascii_whitespace)
+        .filter(|word| !word.is_empty())
+        .collect();
+    let of_name = |byte: &u8| byte.is_ascii_alphanumeric() || b"_$".contains(byte);
+    match words[..] {
+        [name, ..] if name.starts_with(b"$") => Err(KrlProblem::System),
+        [name] if name.iter().all(of_name) => Ok(()),
+        [name, public] if name.iter().all(of_name) && public.eq_ignore_ascii_case(b"PUBLIC") => {
+            Ok(())
+        }
+        _ => Err(KrlProblem::Head),
+    }
 }
 
 /// Whether a line is a comment that corrected lists have.

@@ -27,6 +27,42 @@ pub enum KrlProblem {
     /// No DEFDAT.
     #[error("no line DEFDAT up to here; a data list of KUKA begins with DEFDAT and its name")]
     NoList,
+    /// No ENDDAT.
+    #[error("no line ENDDAT up to here; the list is cut, or its end is missing")]
+    NoEnd,
+    /// A second DEFDAT.
+    #[error("a second DEFDAT before ENDDAT; give each list in a file of its own")]
+    SecondList,
+    /// A DEFDAT without a name, or with more than one.
+    #[error("DEFDAT has a name behind it, and PUBLIC or nothing behind that")]
+    Head,
+    /// A statement outside of the list.
+    #[error(
+        "a statement outside of the list; before DEFDAT stand lines that begin with &, and behind ENDDAT comments alone"
+    )]
+    Outside,
+    /// A text without an end.
+    #[error("a text begins with \" and does not end in its line")]
+    OpenText,
+    /// A type again for the same name.
+    #[error("{name} is declared in line {first_line} already")]
+    DeclaredTwice {
+        /// The name.
+        name: String,
+        /// Where it is declared first.
+        first_line: u64,
+    },
+    /// The mark of a corrected list.
+    #[error(
+        "corrected already, by table {table:?}, as {name} says; correct the list that it was made from, a second correction \
+         would move the tool by the error once more"
+    )]
+    Marked {
+        /// The variable.
+        name: String,
+        /// The table, where the list tells.
+        table: String,
+    },
     /// Data of the controller itself.
     #[error(
         "this list belongs to the system, and its frames are tools and bases, not targets; give the .dat of a program"
@@ -85,9 +121,61 @@ pub enum KrlProblem {
         "what stands before = is no name, or a type and a name; write each value in a line of its own"
     )]
     NoStatement,
+    /// A line that is no statement.
+    #[error(
+        "this is neither a declaration (a type and names) nor a value (a name, =, and one value); is an = or a comma missing?"
+    )]
+    NoDeclaration,
+    /// A value for a part of a position.
+    #[error(
+        "a value for a component of {name}; write the whole position in braces, {{X …,Y …,Z …}}"
+    )]
+    Component {
+        /// The variable.
+        name: String,
+    },
+    /// An element whose number is none.
+    #[error("{name} is a position, but its index is no whole number")]
+    NoIndex {
+        /// The name with its index.
+        name: String,
+    },
+    /// A value with something behind it.
+    #[error("{text:?} is not one value; write each value in a line of its own")]
+    NoValue {
+        /// What stands there.
+        text: String,
+    },
+    /// A component that is not a name and one value.
+    #[error(
+        "{text:?} stands between the commas of the braces where a component, a name and its value, should; a number has a \
+         decimal point, and components have one comma between them"
+    )]
+    NoComponent {
+        /// What stands there.
+        text: String,
+    },
+    /// A component that positions do not have.
+    #[error("component {component}: a value of type {kind} has none of this name")]
+    OtherComponent {
+        /// The component.
+        component: String,
+        /// The type.
+        kind: String,
+    },
+    /// A type before the colon that is not the one declared.
+    #[error("the value is of type {own}, but {name} is declared as {kind}")]
+    OtherKind {
+        /// The name.
+        name: String,
+        /// The type declared.
+        kind: String,
+        /// The type of the value.
+        own: String,
+    },
     /// Braces without an end.
     #[error(
-        "the braces of the value do not close at the end of the line; write each value in a line of its own"
+        "the braces of the value do not close at the end of the line, or lie too deep; write each value in a line of its own"
     )]
     Open,
     /// The same component twice.

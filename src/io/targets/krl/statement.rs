@@ -1,10 +1,14 @@
 //! One line of code → what it declares or gives a value.
+//!
+//! A line of a data list declares names of a type, gives a name a value, or does both; or it is one of the declarations
+//! that hold no value ([`WITHOUT_VALUES`]). What is none of these is an error: a controller refuses it, and a line that is
+//! skipped may be a position.
 
 use std::ops::Range;
 
 use super::super::RowProblem;
 use super::KrlProblem;
-use super::lines::trimmed;
+use super::lines::{begins, trimmed};
 
 /// A statement that matters here; names and types in capitals, as KRL does not tell them apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,56 +38,129 @@ pub(super) struct Declaration {
 pub(super) struct Name {
     /// The variable, in capitals.
     pub(super) variable: String,
-    /// With the index of an element, without blanks, in capitals.
+    /// With the index of an element, without blanks, in capitals; numbers without a sign and leading zeros.
     pub(super) shown: String,
+    /// Whether the index, if there is one, is whole numbers.
+    pub(super) is_counted: bool,
+    /// Whether it is a component of the variable.
+    pub(super) is_part: bool,
+}
+
+impl Name {
+    /// A variable as a whole, by its name in capitals.
+    pub(super) fn of(variable: &str) -> Self {
+        Self {
+            variable: variable.to_owned(),
+            shown: variable.to_owned(),
+            is_counted: true,
+            is_part: false,
+        }
+    }
 }
 
 /// Words before a type.
 const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 
+/// Declarations of other things than variables: they hold no values.
+const WITHOUT_VALUES: [&str; 8] = [
+    "EXT", "EXTP", "EXTFCT", "EXTFCTP", "IMPORT", "STRUC", "ENUM", "SIGNAL",
+];
+
 /// The statement of a line; `None` where there is nothing to declare.
 pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement>, RowProblem> {
     let line = &text[code.clone()];
+    if line.is_empty() || is_without_values(line) {
+        return Ok(None);
+    }
+    if line.iter().filter(|&&byte| byte == b'"').count() % 2 == 1 {
+        return Err(KrlProblem::OpenText.into());
+    }
     let Some(equals) = line.iter().position(|&byte| byte == b'=') else {
-        return Ok(declared(line).map(Statement::Declared));
+        let declared = declared(line).ok_or(KrlProblem::NoDeclaration)?;
+        return Ok(Some(Statement::Declared(declared)));
     };
     let value = trimmed(text, code.start + equals + 1..code.end);
-    let Some(Left { kind, name }) = Left::of(&line[..equals]) else {
-        // Not a statement of this language; only where it would hold a position is that a matter.
-        return match text[value].first() {
-            Some(b'{') => Err(KrlProblem::NoStatement.into()),
-            _ => Ok(None),
-        };
-    };
+    let (kind, name) = left(&line[..equals]).ok_or(KrlProblem::NoStatement)?;
+    let own = &text[value.clone()];
+    if !own.starts_with(b"{") && !is_plain_value(own) {
+        return Err(KrlProblem::NoValue {
+            text: String::from_utf8_lossy(own).into_owned(),
+        }
+        .into());
+    }
     Ok(Some(Statement::Valued { kind, name, value }))
 }
 
-/// The left side of a value.
-struct Left {
-    kind: Option<String>,
-    name: Name,
+/// Whether a line declares something that is no variable.
+fn is_without_values(line: &[u8]) -> bool {
+    let mut rest = line;
+    while let Some(word) = BEFORE_TYPE.iter().find(|word| begins(rest, word)) {
+        rest = rest[word.len()..].trim_ascii_start();
+    }
+    WITHOUT_VALUES.iter().any(|word| begins(rest, word))
 }
 
-impl Left {
-    fn of(left: &[u8]) -> Option<Self> {
-        let left = std::str::from_utf8(left).ok()?.trim().to_ascii_uppercase();
-        // Blanks may stand before an index and in it.
-        let (words, index) = match left.split_once('[') {
-            Some((words, index)) => (words, format!("[{index}")),
-            None => (left.as_str(), String::new()),
+/// Whether a value that is no aggregate is one: a text, or a word without blanks, commas and braces.
+fn is_plain_value(value: &[u8]) -> bool {
+    if let Some(text) = value.strip_prefix(b"\"") {
+        return text.iter().position(|&byte| byte == b'"') == text.len().checked_sub(1);
+    }
+    let part = |byte: &u8| byte.is_ascii_whitespace() || b",{}\"=".contains(byte);
+    !value.is_empty() && !value.iter().any(part)
+}
+
+/// Type and name of the left side of a value.
+fn left(left: &[u8]) -> Option<(Option<String>, Name)> {
+    let left = std::str::from_utf8(left).ok()?.trim().to_ascii_uppercase();
+    // Blanks may stand before an index and in it.
+    let (words, rest) = match left.find(['[', '.']) {
+        Some(place) => left.split_at(place),
+        None => (left.as_str(), ""),
+    };
+    let rest: String = rest.split_ascii_whitespace().collect();
+    let (index, part) = rest.split_once('.').unwrap_or((&rest, ""));
+    let mut words = typed(words);
+    let variable = words.pop().filter(|name| is_name(name))?;
+    let kind = words.pop().map(str::to_owned);
+    let index = Index::of(index)?;
+    words.is_empty().then(|| {
+        let name = Name {
+            variable: variable.to_owned(),
+            shown: format!("{variable}{}", index.shown),
+            is_counted: index.is_counted,
+            is_part: !part.is_empty(),
         };
-        let index: String = index.split_ascii_whitespace().collect();
-        let is_index =
-            index.is_empty() || (index.ends_with(']') && index.matches('[').count() == 1);
-        let mut words = typed(words);
-        let variable = words.pop().filter(|name| is_index && is_name(name))?;
-        let kind = words.pop().map(str::to_owned);
-        words.is_empty().then(|| Self {
-            kind,
-            name: Name {
-                variable: variable.to_owned(),
-                shown: format!("{variable}{index}"),
-            },
+        (kind, name)
+    })
+}
+
+/// What stands in square brackets behind a name.
+struct Index {
+    shown: String,
+    is_counted: bool,
+}
+
+impl Index {
+    /// Of a text without blanks: `[2]`, `[1,4]`, `[]`, `[1,]`, or none at all.
+    fn of(text: &str) -> Option<Self> {
+        if text.is_empty() {
+            return Some(Self {
+                shown: String::new(),
+                is_counted: true,
+            });
+        }
+        let inside = text.strip_prefix('[')?.strip_suffix(']')?;
+        if inside.contains(['[', ']']) {
+            return None;
+        }
+        let numbers: Vec<Option<u32>> = inside.split(',').map(|own| own.parse().ok()).collect();
+        let shown = inside.split(',').zip(&numbers);
+        let shown: Vec<String> = shown
+            .map(|(own, number)| number.map_or_else(|| own.to_owned(), |n| n.to_string()))
+            .collect();
+        Some(Self {
+            shown: format!("[{}]", shown.join(",")),
+            is_counted: numbers.iter().all(Option::is_some),
         })
     }
 }
@@ -97,25 +174,47 @@ fn typed(words: &str) -> Vec<&str> {
 }
 
 fn is_name(word: &str) -> bool {
-    word.bytes()
-        .all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'$')
+    !word.starts_with(|first: char| first.is_ascii_digit())
+        && !word.is_empty()
+        && word
+            .bytes()
+            .all(|byte| byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'$')
 }
 
-/// Type and names of a declaration without a value: `DECL E6POS P[5], Q`.
+/// Type and names of a declaration without a value: `DECL E6POS P[5], Q[2,3]`.
 fn declared(line: &[u8]) -> Option<Declaration> {
     let line = std::str::from_utf8(line).ok()?.to_ascii_uppercase();
-    let mut parts = line.split(',');
-    let first = typed(parts.next()?);
-    let [kind, name, ..] = first[..] else {
-        return None;
+    let mut rest = line.as_str();
+    let (kind, names) = loop {
+        let (word, behind) = rest.split_once(|letter: char| letter.is_ascii_whitespace())?;
+        rest = behind.trim_start();
+        if !BEFORE_TYPE.contains(&word) {
+            break (word, rest);
+        }
     };
-    let own = |name: &str| {
-        let name = name.split('[').next().unwrap_or_default().trim();
-        (!name.is_empty() && is_name(name)).then(|| name.to_owned())
-    };
-    let names = own(name).into_iter().chain(parts.filter_map(own));
-    Some(Declaration {
+    let names: Option<Vec<String>> = outside_brackets(names).into_iter().map(own_name).collect();
+    is_name(kind).then_some(Declaration {
         kind: kind.to_owned(),
-        names: names.collect(),
+        names: names?,
     })
+}
+
+/// A declared name without what stands in its brackets.
+fn own_name(name: &str) -> Option<String> {
+    let name = name.trim();
+    let (own, index) = match name.split_once('[') {
+        Some((own, index)) => (own.trim_end(), index.strip_suffix(']')?),
+        None => (name, ""),
+    };
+    (is_name(own) && !index.contains(['[', ']'])).then(|| own.to_owned())
+}
+
+/// Parts of a text apart by commas that stand in no brackets.
+fn outside_brackets(text: &str) -> Vec<&str> {
+    let mut depth = 0_i32;
+    text.split(|letter| {
+        depth += i32::from(letter == '[') - i32::from(letter == ']');
+        letter == ',' && depth == 0
+    })
+    .collect()
 }

@@ -126,6 +126,10 @@ fn only_the_numbers_of_x_y_and_z_change() {
             "PUBLIC\r\n; corrected by posegrid table t-1: 4 positions corrected, 0 refused\r\n",
         )
         .replace(
+            "\r\nENDDAT",
+            "\r\nDECL CHAR POSEGRID_CORRECTED[3]=\"t-1\"\r\nENDDAT",
+        )
+        .replace(
             "X 1650.0,Y -120.5,Z 980.25,A 90",
             "X 1650.001000,Y -120.502000,Z 980.750000,A 90",
         )
@@ -173,16 +177,53 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
     );
     assert_eq!(
         written.split(|&byte| byte == b'\n').count(),
-        LIST.split(|&byte| byte == b'\n').count() + 2
+        LIST.split(|&byte| byte == b'\n').count() + 3
     );
     // Without the head a list with refusals is still known.
     let headless = text.replace("; corrected by posegrid", "; once by posegrid");
     assert!(problem(headless.as_bytes()).contains("corrected already: \"; refused by posegrid"));
 }
 
+/// What KRL forbids, and what is told of it.
+const FORBIDDEN: [(&str, &str); 32] = [
+    // A decimal comma: the reader of a controller ends there as well.
+    ("DECL E6POS P={X 1575,7,Y 2,Z 3}", "line 2: \"7\" stands between the commas"),
+    ("DECL E6POS P={X 1575 7,Y 2,Z 3}", "\"X 1575 7\" stands between the commas"),
+    ("DECL E6POS P={X 1 Y 2,Z 3}", "\"X 1 Y 2\" stands between the commas"),
+    ("DECL E6POS P={X 1,,Y 2,Z 3}", "\"\" stands between the commas"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,}", "\"\" stands between the commas"),
+    ("DECL E6POS P={,X 1,Y 2,Z 3}", "\"\" stands between the commas"),
+    ("DECL E6POS P={}", "\"\" stands between the commas"),
+    ("DECL E6POS P={X1,Y 2,Z 3}", "\"X1\" stands between the commas"),
+    ("DECL E6POS P={X=1,Y 2,Z 3}", "\"X=1\" stands between the commas"),
+    ("DECL E6POS P={X: 1,Y 2,Z 3}", "\"1\" stands between the commas"),
+    ("DECL E6POS P={X1 1,X 1,Y 2,Z 3}", "component X1: a value of type E6POS has none"),
+    ("DECL POS P={X 1,Y 2,Z 3,E1 0}", "component E1: a value of type POS has none"),
+    ("DECL FRAME P={X 1,Y 2,Z 3,S 2}", "component S: a value of type FRAME has none"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,T a}", "component T holds \"A\", which is no whole number"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,S 'B-1'}", "component S holds \"'B-1'\""),
+    ("DECL E6POS P={X {Y 2},Y 2,Z 3}", "component X holds \"{Y 2}\""),
+    ("DECL E6POS P={X 1,Y 2,Z 3]", "the braces of the value do not close"),
+    ("DECL E6POS P={X 1,Y 2,Z 3} 4", "the braces of the value do not close"),
+    ("DECL LOAD L={CM {X 0,X 1}}", "component X stands twice"),
+    ("DECL LOAD L={M 1 CM {X 0}}", "\"M 1 CM {X 0}\" stands between the commas"),
+    ("DECL E6POS P {X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
+    ("X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
+    ("DECL E6POS", "this is neither a declaration"),
+    ("P[1]", "this is neither a declaration"),
+    ("DECL E6POS P={X 1,Y 2,Z 3}\nP.X=5", "line 3: a value for a component of P"),
+    ("P.X=5", "line 2: a value for a component of P"),
+    ("P[A]={POS: X 1,Y 2,Z 3}", "P[A] is a position, but its index"),
+    ("DECL INT N=1,5", "\"1,5\" is not one value"),
+    ("DECL CHAR C[3]=\"ab", "line 2: a text begins with"),
+    ("DECL E6POS P\nDECL INT p", "line 3: P is declared in line 2 already"),
+    ("DECL E6POS P={AXIS: X 1,Y 2,Z 3}", "the value is of type AXIS, but P is declared as E6POS"),
+    ("P={X 1}", "P has X, Y and Z, but neither this list"),
+];
+
 #[test]
 fn what_is_wrong_is_told_by_its_line() {
-    let cases: [(&str, &str); 20] = [
+    let cases = [
         (
             "DECL E6POS P={X 1,Y 2}",
             "line 2: a position is three numbers",
@@ -196,7 +237,7 @@ fn what_is_wrong_is_told_by_its_line() {
             "DECL E6POS P={X 1,Y 2,Z 1e999}",
             "component Z holds \"1e999\"",
         ),
-        ("DECL E6POS P={X 1,Y 2,Z }", "component Z holds \"\""),
+        ("DECL E6POS P={X 1,Y 2,Z }", "\"Z\" stands between the commas"),
         ("DECL E6POS P={X 1,Y 2,Z 3,X 4}", "component X stands twice"),
         (
             "DECL E6POS P={X 1,Y 2,Z 3,A 4}",
@@ -225,8 +266,8 @@ fn what_is_wrong_is_told_by_its_line() {
         ),
         ("a b c d={X 1}", "what stands before = is no name"),
         (
-            "DECL POS P={X 1,Y 2,Z 3}\ndecl pos p={X 1,Y 2,Z 3}",
-            "line 3: target \"P\" stands in line 2 already",
+            "P[1]={POS: X 1,Y 2,Z 3}\np[ 01 ]={POS: X 1,Y 2,Z 3}",
+            "line 3: target \"P[1]\" stands in line 2 already",
         ),
         (
             "DECL FDAT F1={TOOL_NO 1,BASE_NO 2}\nDECL FDAT F2={TOOL_NO 1,BASE_NO 3}",
@@ -246,7 +287,7 @@ fn what_is_wrong_is_told_by_its_line() {
         ),
         (";refused by POSEGRID table", "line 2: corrected already"),
     ];
-    for (lines, expected) in cases {
+    for (lines, expected) in cases.into_iter().chain(FORBIDDEN) {
         let text = format!("DEFDAT L\n{lines}\nENDDAT\n");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("l.dat");
@@ -254,8 +295,40 @@ fn what_is_wrong_is_told_by_its_line() {
         let error = read_file(&path).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
+    let whole = |text: &str| problem(text.as_bytes());
+    assert!(whole("DEFDAT L\nDECL POS P={X 1,Y 2,Z 3}\n").contains("line 2: no line ENDDAT"));
+    assert!(whole("DEFDAT L\nDEFDAT M\nENDDAT").contains("line 2: a second DEFDAT"));
+    assert!(whole("DEFDAT\nENDDAT").contains("line 1: DEFDAT has a name"));
+    assert!(whole("DEFDAT L P Q\nENDDAT").contains("line 1: DEFDAT has a name"));
+    let outside = "a statement outside of the list";
+    let place = "DECL POS P={X 1,Y 2,Z 3}";
+    assert!(whole(&format!("{place}\nDEFDAT L\nENDDAT")).contains(&format!("line 1: {outside}")));
+    assert!(whole(&format!("DEFDAT L\nENDDAT\n{place}")).contains(&format!("line 3: {outside}")));
+    assert!(whole("DEFDAT L\nENDDAT L\n").contains(&format!("line 2: {outside}")));
     assert!(problem(b"DECL POS P={X 1,Y 2,Z 3}\n").contains("no line DEFDAT up to here"));
     assert!(problem(b"defdat $config public\n").contains("this list belongs to the system"));
+}
+
+#[test]
+fn what_is_corrected_stays_known_without_its_comments() {
+    let (targets, own) = list(LIST);
+    let outcomes: Vec<_> = targets.iter().map(|t| Ok(moved(t, [0.1; 3]))).collect();
+    let written = own.write(&outcomes, "0a\"1b");
+    let text = String::from_utf8_lossy(&written);
+    let line = "\r\nDECL CHAR POSEGRID_CORRECTED[5]=\"0a?1b\"\r\nENDDAT\r\n";
+    assert!(text.ends_with(line), "{text}");
+    assert!(MARK.len() <= 24, "a name of KRL");
+    let uncommented: Vec<&str> = text
+        .lines()
+        .map(|line| line.split_once(';').map_or(line, |(code, _)| code))
+        .filter(|line| !line.contains("POINT2") && !line.contains("NOTE"))
+        .collect();
+    let told = problem(uncommented.join("\n").to_lowercase().as_bytes());
+    assert!(told.contains("corrected already, by table \"0a?1b\""), "{told}");
+    for mark in ["DECL CHAR POSEGRID_CORRECTED[9]", "posegrid_corrected[]=\"t\""] {
+        let told = problem(format!("DEFDAT L\n{mark}\nENDDAT").as_bytes());
+        assert!(told.contains("line 2: corrected already"), "{told}");
+    }
 }
 
 #[test]
@@ -284,20 +357,19 @@ fn a_controller_reads_a_micrometre_back() {
 fn piece() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
         (
-            any::<u16>(),
             -5000.0..5000.0_f64,
             -5.0e3..5.0e3_f64,
             any::<i32>()
         )
-            .prop_map(|(n, x, y, z)| {
-                format!("DECL E6POS XP{n}={{X {x},Y {y:e} , Z {z},A 1,B 2,C 3,S 2,T 2}} ; note")
+            .prop_map(|(x, y, z)| {
+                format!("DECL E6POS XP@={{X {x},Y {y:e} , Z {z},A 1,B 2,C 3,S 2,T 2}} ; note")
                     .into_bytes()
             }),
         (any::<u16>(), -5.0..5.0_f64)
             .prop_map(|(n, x)| format!("q[{n}] = {{frame: z 1, y 2,x {x}}}").into_bytes()),
         Just(b";FOLD {X 1,Y 2,Z 3}".to_vec()),
-        Just(b"DECL FDAT F={TOOL_NO 1,BASE_NO 2,POINT2[] \" ;\"}".to_vec()),
-        Just(b"DECL LOAD L={M 1,CM {X 0,Y 0,Z 0}}".to_vec()),
+        Just(b"DECL FDAT F@={TOOL_NO 1,BASE_NO 2,POINT2[] \" ;\"}".to_vec()),
+        Just(b"DECL LOAD L@={M 1,CM {X 0,Y 0,Z 0}}".to_vec()),
         Just(b"".to_vec()),
         proptest::collection::vec(any::<u8>(), 0..40).prop_map(|bytes| {
             let inside = bytes.into_iter().filter(|byte| !b"\r\n".contains(byte));
@@ -314,6 +386,7 @@ fn without_ours(text: &[u8]) -> Vec<Vec<u8>> {
         let ours = [
             b"; corrected by posegrid".as_slice(),
             b"; refused by posegrid",
+            b"DECL CHAR POSEGRID_CORRECTED",
         ];
         if ours.iter().any(|ours| line.starts_with(ours)) {
             was_refused = line.starts_with(ours[1]);
@@ -371,8 +444,10 @@ proptest! {
     ) {
         let end: &[u8] = if crlf { b"\r\n" } else { b"\n" };
         let mut text = [b"&ACCESS RVP".as_slice(), end, b"DEFDAT L", end].concat();
-        for piece in &pieces {
-            text.extend(piece);
+        for (number, piece) in pieces.iter().enumerate() {
+            // Names are declared once.
+            let parts = piece.split(|&byte| byte == b'@' && !piece.starts_with(b";"));
+            text.extend(parts.collect::<Vec<_>>().join(number.to_string().as_bytes()));
             text.extend(end);
         }
         text.extend(b"ENDDAT");

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::super::spread::length;
 use super::lines::{CORRECTED, REFUSED};
-use super::{DataList, Point};
+use super::{DataList, MARK, Point};
 use crate::compensation::{Corrected, Exception, Refused};
 
 impl DataList {
@@ -30,6 +30,8 @@ impl DataList {
                 Err(refused) => written.refused(point, refused, table_id),
             }
         }
+        written.copy_until(self.end);
+        written.mark(table_id);
         written.copy_until(self.text.len());
         written.bytes
     }
@@ -60,6 +62,19 @@ impl Written<'_> {
     fn comment(&mut self, words: &str) {
         self.bytes.extend(b"; ");
         self.bytes.extend(plain(words));
+        self.bytes.extend(self.end);
+    }
+
+    /// The line that says so to whoever strips comments.
+    fn mark(&mut self, table_id: &str) {
+        // A text has one letter at least and no quotation mark in it.
+        let table = plain(table_id).into_iter();
+        let table: Vec<u8> = table.map(|byte| if byte == b'"' { b'?' } else { byte }).collect();
+        let table = if table.is_empty() { b"?".to_vec() } else { table };
+        let head = format!("DECL CHAR {MARK}[{}]=\"", table.len());
+        self.bytes.extend(head.bytes());
+        self.bytes.extend(table);
+        self.bytes.push(b'"');
         self.bytes.extend(self.end);
     }
 

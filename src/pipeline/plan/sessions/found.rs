@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use super::growing::growing;
 use super::{LeftOut, POOLED, Tree, Why, logs};
+use crate::io::lake;
 use crate::io::log::{Limits, SessionLogs, session_record};
 use crate::pipeline::file::{InputSection, LogNames, SESSION_PLACE, SessionsBy};
 use logs::Lack;
@@ -229,6 +230,8 @@ impl<'a> Found<'a> {
                 let reason =
                     format!("{POOLED:?} is what pooled fits are named; rename the session");
                 session.logs = Err(Why::Bad(reason));
+            } else if let Err(error) = lake::check_name("session", &session.name) {
+                session.logs = Err(Why::Bad(error.to_string()));
             } else if counts[&session.name] > 1 {
                 let reason = "two folders have this name, as far as it is text; rename one";
                 session.logs = Err(Why::Bad(reason.to_owned()));

@@ -1,0 +1,273 @@
+//! The lake's record of what was corrected: no file that it knows is corrected again.
+//!
+//! Marks can be stripped of a file, with its comments or by a script that writes it anew. So where the table stands in its
+//! lake, every file written is recorded there, and targets are held against all records of the lake, of whatever robot and
+//! run: the file as a whole by its digest, and its targets by what they are: a target that stands where a command does
+//! is that command.
+
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use chrono::DateTime;
+
+use super::source::Source;
+use super::{CompensateArgs, CompensateCommandError};
+use crate::compensation::{Corrected, Refused, Target};
+use crate::io::input::{self, Bound};
+use crate::io::lake::{Correction, Lake};
+use crate::io::targets::{CorrectedBy, Form};
+use crate::manifest::{self, VERSION};
+
+/// A target as near as this to a command, on each axis, is the command, mm: files have a micrometre at least, and
+/// controllers keep 32-bit numbers, which at 4 m are 0.24 µm apart.
+const SAME_MM: f64 = 0.001_5;
+/// The same of each joint angle, rad: 2 µm at 2 m.
+const SAME_RAD: f64 = 1e-6;
+
+/// Records of the lake that a table stands in.
+pub(super) struct Recorded {
+    lake: Option<Lake>,
+    /// With the place of each, and when it was written.
+    records: Vec<(PathBuf, Option<SystemTime>, Correction)>,
+}
+
+/// What became of the record of this correction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recording {
+    /// The lake has it.
+    Done,
+    /// The table stands in no lake.
+    NoLake,
+    /// The lake takes none, and the caller knows.
+    Refused,
+}
+
+impl Recording {
+    /// What a person should know of it.
+    pub(super) const fn words(self) -> Option<&'static str> {
+        match self {
+            Self::Done => None,
+            Self::NoLake => Some(
+                "not recorded: the table stands in no lake, so what is written is known as corrected by its marks alone",
+            ),
+            Self::Refused => Some(
+                "not recorded: the lake takes no record, so what is written is known as corrected by its marks alone",
+            ),
+        }
+    }
+}
+
+impl Recorded {
+    /// The records of the lake around the file of a table.
+    pub(super) fn around(table: &Path, source: &Source) -> Result<Self, CompensateCommandError> {
+        let by = source.by(&[]);
+        let lake = Lake::around(table, by.table, by.key);
+        let mut records = Vec::new();
+        let found = lake.as_ref().map_or(Ok(Vec::new()), Lake::corrections)?;
+        for (place, written, record) in found {
+            let place = place.named();
+            match record {
+                Ok(record) => records.push((place, written, record)),
+                Err(problem) => {
+                    return Err(CompensateCommandError::Unreadable { place, problem });
+                }
+            }
+        }
+        Ok(Self { lake, records })
+    }
+
+    /// That a file is none that was written as corrected.
+    pub(super) fn check_file(&self, targets: &Path) -> Result<(), CompensateCommandError> {
+        if self.records.is_empty() {
+            return Ok(());
+        }
+        let digest = digest(targets)?;
+        let known = self.records.iter().find(|(_, _, own)| own.file_digest == digest);
+        known.map_or(Ok(()), |known| Err(told(targets, "the file".to_owned(), known)))
+    }
+
+    /// That no target is a command that was written.
+    pub(super) fn check_targets(
+        &self,
+        path: &Path,
+        targets: &[Target],
+    ) -> Result<(), CompensateCommandError> {
+        for known in &self.records {
+            let commands = Commands::of(&known.2);
+            let same: Vec<&Target> = targets.iter().filter(|own| commands.has(own)).collect();
+            if let Some(first) = same.first() {
+                let what = format!(
+                    "{} of its {} targets, {:?} first,",
+                    same.len(),
+                    targets.len(),
+                    first.name
+                );
+                return Err(told(path, what, known));
+            }
+        }
+        Ok(())
+    }
+
+    /// Records what will be written. The record is there before the file: where a file stands, its record does.
+    pub(super) fn add(
+        &self,
+        args: &CompensateArgs,
+        form: Form,
+        bytes: &[u8],
+        outcomes: &[Result<Corrected, Refused>],
+        by: CorrectedBy<'_>,
+    ) -> Result<Recording, CompensateCommandError> {
+        let Some(lake) = &self.lake else {
+            return Ok(Recording::NoLake);
+        };
+        let done = || outcomes.iter().filter_map(|outcome| outcome.as_ref().ok());
+        if done().next().is_none() {
+            // There is no command that anybody could take for a target.
+            return Ok(Recording::Done);
+        }
+        // A command that hardly differs from its target is no other.
+        let moved: Vec<&Corrected> = done().filter(|done| is_moved(done)).collect();
+        let joints = moved.iter().map(|done| Some(done.joints.as_ref()?.command.clone()));
+        let correction = Correction {
+            key: by.key.clone(),
+            corrected_by: by.table.to_owned(),
+            form: form.name().to_owned(),
+            version: VERSION.to_owned(),
+            targets_digest: digest(&args.targets)?,
+            file_digest: blake3::hash(bytes).to_hex().to_string(),
+            targets: count(outcomes.len()),
+            corrected: count(done().count()),
+            positions: moved.iter().map(|done| done.command.coords().into()).collect(),
+            joints: joints.collect::<Option<_>>().unwrap_or_default(),
+        };
+        match lake.record(&correction) {
+            Ok(_) => Ok(Recording::Done),
+            Err(_) if args.no_record => Ok(Recording::Refused),
+            Err(source) => Err(CompensateCommandError::NotRecorded {
+                lake: lake.root().named(),
+                source,
+            }),
+        }
+    }
+}
+
+fn count(number: usize) -> i64 {
+    i64::try_from(number).expect("no more rows than a file holds")
+}
+
+fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
+    let wrong = |source| CompensateCommandError::Digest {
+        path: targets.to_owned(),
+        source,
+    };
+    let bound = Bound {
+        bytes: Bound::TABLE.bytes,
+        ..Bound::TARGETS
+    };
+    let file = input::open(targets, bound).map_err(wrong)?;
+    Ok(manifest::digest(file).map_err(wrong)?.0)
+}
+
+/// Whether a command is further from its target than two that are the same can be.
+fn is_moved(done: &Corrected) -> bool {
+    done.correction.amax() > 2.0 * SAME_MM
+}
+
+fn told(
+    targets: &Path,
+    what: String,
+    (place, written, record): &(PathBuf, Option<SystemTime>, Correction),
+) -> CompensateCommandError {
+    CompensateCommandError::Again {
+        path: targets.to_owned(),
+        what,
+        when: written.map_or_else(|| "earlier".to_owned(), day),
+        run: record.key.run.clone(),
+        robot: record.key.robot.clone(),
+        session: record.key.session.clone(),
+        record: place.clone(),
+    }
+}
+
+/// A time of the file system as a person reads it, to the minute.
+fn day(time: SystemTime) -> String {
+    let since = time.duration_since(SystemTime::UNIX_EPOCH);
+    let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
+    let day = seconds.and_then(|seconds| DateTime::from_timestamp(seconds, 0));
+    day.map_or_else(
+        || "earlier".to_owned(),
+        |day| format!("on {} UTC", &day.naive_utc().to_string()[..16]),
+    )
+}
+
+/// The commands of a record, to be found by their place.
+struct Commands<'r> {
+    positions: Near<'r>,
+    joints: Near<'r>,
+}
+
+impl<'r> Commands<'r> {
+    fn of(record: &'r Correction) -> Self {
+        let positions = record.positions.iter().map(<[f64; 3]>::as_slice);
+        let joints = record.joints.iter().map(Vec::as_slice);
+        Self {
+            positions: Near::of(positions, SAME_MM),
+            joints: Near::of(joints, SAME_RAD),
+        }
+    }
+
+    fn has(&self, target: &Target) -> bool {
+        match (&target.position, &target.joints) {
+            (Some(position), _) => self.positions.has(position.point().coords.as_slice()),
+            (None, Some(joints)) => self.joints.has(&joints.angles),
+            (None, None) => false,
+        }
+    }
+}
+
+/// Lists of numbers, sorted by their first: those near to another are found without a look at all.
+struct Near<'r> {
+    sorted: Vec<&'r [f64]>,
+    /// How far two numbers of the same place may be apart.
+    apart: f64,
+}
+
+impl<'r> Near<'r> {
+    fn of(lists: impl Iterator<Item = &'r [f64]>, apart: f64) -> Self {
+        let mut sorted: Vec<&[f64]> = lists.filter(|list| !list.is_empty()).collect();
+        sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        Self { sorted, apart }
+    }
+
+    fn has(&self, wanted: &[f64]) -> bool {
+        let Some(first) = wanted.first() else {
+            return false;
+        };
+        let from = self.sorted.partition_point(|list| list[0] < first - self.apart);
+        let near = self.sorted[from..].iter();
+        near.take_while(|list| list[0] <= first + self.apart)
+            .any(|list| {
+                let mut pairs = list.iter().zip(wanted);
+                list.len() == wanted.len() && pairs.all(|(a, b)| (a - b).abs() <= self.apart)
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_is_found_by_what_is_near_it_in_every_number() {
+        let lists = [[1.0, 2.0, 3.0], [1.0, -2.0, 3.0], [0.5, 0.0, 0.0]];
+        let near = Near::of(lists.iter().map(<[f64; 3]>::as_slice), SAME_MM);
+        assert!(near.has(&[1.001, -2.001, 2.999]));
+        assert!(!near.has(&[1.002, 2.0, 3.0]) && !near.has(&[1.0, 2.0]) && !near.has(&[]));
+    }
+
+    #[test]
+    fn a_day_is_told_to_the_minute() {
+        let noon = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_795_348_859);
+        assert_eq!(day(noon), "on 2026-11-22 12:00 UTC");
+    }
+}

@@ -1,0 +1,299 @@
+//! What `posegrid compensate` wrote with the tables of a lake: a file `corrections/ROBOT/SESSION/CORRECTION.parquet` each.
+//!
+//! A record is no part of a run: it comes later, as often as somebody corrects a file, and says of itself whether it is
+//! as it was written ([`Correction::of`]). It is created as a run's row is: whole or not at all, and once, whoever else
+//! writes the same. Names follow from what they name, so the same correction is the same file with the same bytes.
+
+use std::path::Path;
+use std::time::SystemTime;
+
+use super::{Lake, LakeError, encoded, file_key};
+use crate::io::schema;
+use crate::io::store::Place;
+use crate::io::table::{self, Columns, Table, TableError};
+use crate::manifest::RunKey;
+
+/// The table, and its folder.
+pub const CORRECTIONS: &str = "corrections";
+
+/// Letters of a digest that name a file.
+const NAME: usize = 32;
+
+/// Whether a key of a lake's store is that of a record of corrections.
+pub fn is_correction(key: &str) -> bool {
+    let parts: Vec<&str> = key.split('/').collect();
+    let [CORRECTIONS, _robot, _session, file] = parts[..] else {
+        return false;
+    };
+    let name = file.strip_suffix(".parquet").unwrap_or_default();
+    name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_hexdigit())
+}
+
+/// One file that was written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Correction {
+    /// The run whose table corrected.
+    pub key: RunKey,
+    /// The table: `compensation` or `calibrations`.
+    pub corrected_by: String,
+    /// Form of the file: `csv`, `parquet`, `json` or `krl`.
+    pub form: String,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// BLAKE3 of the file of targets, hexadecimal.
+    pub targets_digest: String,
+    /// BLAKE3 of the file written, hexadecimal.
+    pub file_digest: String,
+    /// Targets read.
+    pub targets: i64,
+    /// Targets that have a command.
+    pub corrected: i64,
+    /// Positions commanded, mm, in the frame of commands.
+    pub positions: Vec<[f64; 3]>,
+    /// Joint angles of the same commands, rad; empty where none were commanded.
+    pub joints: Vec<Vec<f64>>,
+}
+
+/// A record, and when its file was written, as far as the file system tells.
+pub type Recorded = (Place, Option<SystemTime>, Result<Correction, String>);
+
+impl Correction {
+    /// The record's own row.
+    pub fn table(&self) -> Result<Table, TableError> {
+        let schema = schema::find(CORRECTIONS).expect("it is one of the program's own schemas");
+        let axis = |axis: usize| -> Vec<f64> { self.positions.iter().map(|p| p[axis]).collect() };
+        let digest = self.digest();
+        Columns::new(schema, 1)
+            .key(&self.key)
+            .same("correction", &digest[..NAME])
+            .same("corrected_by", self.corrected_by.as_str())
+            .same("form", self.form.as_str())
+            .same("version", self.version.as_str())
+            .same("targets_digest", self.targets_digest.as_str())
+            .same("file_digest", self.file_digest.as_str())
+            .same("targets", self.targets)
+            .same("corrected", self.corrected)
+            .same("refused", self.targets - self.corrected)
+            .same("x_mm", axis(0))
+            .same("y_mm", axis(1))
+            .same("z_mm", axis(2))
+            .same("joints", self.joints.first().map_or(0, Vec::len))
+            .same("joints_rad", self.joints.concat())
+            .same("digest", digest.as_str())
+            .finish()
+    }
+
+    /// The record that a table holds; or what is wrong with it.
+    pub fn of(table: &Table) -> Result<Self, String> {
+        if table.rows() != 1 {
+            return Err(format!("it has {} rows, and a record has one", table.rows()));
+        }
+        let text = |column: &str| table.text(column).value(0).to_owned();
+        let whole = |column: &str| table.i64(column).value(0);
+        let numbers = |column: &str| -> Vec<f64> {
+            let own = table.list(column).value(0);
+            let own = arrow::array::AsArray::as_primitive::<arrow::datatypes::Float64Type>(&own);
+            own.values().to_vec()
+        };
+        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(numbers);
+        let joints = usize::try_from(whole("joints")).unwrap_or(0);
+        let angles = numbers("joints_rad");
+        let record = Self {
+            key: RunKey::new(text("robot"), text("session"), text("run")),
+            corrected_by: text("corrected_by"),
+            form: text("form"),
+            version: text("version"),
+            targets_digest: text("targets_digest"),
+            file_digest: text("file_digest"),
+            targets: whole("targets"),
+            corrected: whole("corrected"),
+            positions: x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| [x, y, z]).collect(),
+            joints: match joints {
+                0 => Vec::new(),
+                joints => angles.chunks(joints).map(<[f64]>::to_vec).collect(),
+            },
+        };
+        // Edited lists of other lengths come out otherwise as well.
+        let lengths = [x.len(), y.len(), z.len()];
+        let is_whole = lengths == [record.positions.len(); 3]
+            && record.joints.concat().len() == angles.len()
+            && whole("refused") == record.targets.saturating_sub(record.corrected);
+        let digest = record.digest();
+        if is_whole && text("digest") == digest && text("correction") == digest[..NAME] {
+            Ok(record)
+        } else {
+            Err("its row is not the one that was written: its digest is another".to_owned())
+        }
+    }
+
+    /// Where it stands in its lake.
+    fn file_key(&self) -> Result<String, LakeError> {
+        let (robot, session) = (
+            encoded("robot", &self.key.robot)?,
+            encoded("session", &self.key.session)?,
+        );
+        let name = &self.digest()[..NAME];
+        Ok(format!("{CORRECTIONS}/{robot}/{session}/{name}.parquet"))
+    }
+
+    fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        // Each text goes in with its length: ("ab", "c") and ("a", "bc") are different records.
+        let mut add = |bytes: &[u8]| {
+            hasher.update(&(bytes.len() as u64).to_le_bytes());
+            hasher.update(bytes);
+        };
+        let RunKey { robot, session, run } = &self.key;
+        let texts = [
+            robot,
+            session,
+            run,
+            &self.corrected_by,
+            &self.form,
+            &self.version,
+            &self.targets_digest,
+            &self.file_digest,
+        ];
+        texts.iter().for_each(|text| add(text.as_bytes()));
+        add(&self.targets.to_le_bytes());
+        add(&self.corrected.to_le_bytes());
+        add(&(self.positions.len() as u64).to_le_bytes());
+        let bytes = |numbers: &[f64]| numbers.iter().flat_map(|n| n.to_le_bytes()).collect();
+        let mut list = |numbers: &[f64]| {
+            let bytes: Vec<u8> = bytes(numbers);
+            add(&bytes);
+        };
+        self.positions.iter().for_each(|position| list(position));
+        self.joints.iter().for_each(|joints| list(joints));
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+impl Lake {
+    /// The lake that a file of a run's table stands in, in a folder: `TABLE/ROBOT/SESSION/RUN.parquet` beside `runs`.
+    /// `None` where the file stands elsewhere, or under another name than its run's.
+    pub fn around(file: &Path, table: &str, key: &RunKey) -> Option<Self> {
+        let real = file.canonicalize().ok()?;
+        let root = real.ancestors().nth(4)?;
+        let own = file_key(table, key).ok()?;
+        (root.join("runs").is_dir() && root.join(own) == real).then(|| Self::new(root))
+    }
+
+    /// Every record of corrections, in the order of robot, session and name; one that cannot be read stops no other.
+    pub fn corrections(&self) -> Result<Vec<Recorded>, LakeError> {
+        let listed = self.store.list(CORRECTIONS, 2..=2)?.into_iter();
+        let keys = listed.map(|listed| listed.key);
+        let records = keys.filter(|key| is_correction(key)).map(|key| {
+            let place = self.store.place(&key);
+            let modified = |path: &Path| path.metadata().and_then(|own| own.modified()).ok();
+            let written = place.as_path().and_then(modified);
+            let record = self.correction(&key);
+            (place, written, record)
+        });
+        Ok(records.collect())
+    }
+
+    /// The record of a key; or why it is none that was written, there.
+    pub fn correction(&self, key: &str) -> Result<Correction, String> {
+        let told = |error: LakeError| error.to_string();
+        let schema = schema::find(CORRECTIONS).map_err(|error| error.to_string())?;
+        let file = self.store.open(key).map_err(|error| told(error.into()))?;
+        let table = table::read_open(file, &self.store.place(key).named(), schema);
+        let record = Correction::of(&table.map_err(|error| error.to_string())?)?;
+        let own = record.file_key().map_err(told)?;
+        if own == key {
+            Ok(record)
+        } else {
+            Err(format!("it says of itself that it is {own}"))
+        }
+    }
+
+    /// Records what was written; whether it was not recorded yet.
+    pub fn record(&self, correction: &Correction) -> Result<bool, LakeError> {
+        let table = correction
+            .table()
+            .map_err(|source| LakeError::Record { source })?;
+        let key = correction.file_key()?;
+        if self.store.exists(&key)? {
+            return Ok(false);
+        }
+        let (temporary, _) = self.write(&table, &key)?;
+        Ok(self.store.create(&key, temporary)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Correction {
+        Correction {
+            key: RunKey::new("kr 210", "mon", "00ff"),
+            corrected_by: "calibrations".to_owned(),
+            form: "krl".to_owned(),
+            version: "0.1.0".to_owned(),
+            targets_digest: "aa".to_owned(),
+            file_digest: "bb".to_owned(),
+            targets: 3,
+            corrected: 2,
+            positions: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]],
+            joints: vec![vec![0.1; 6], vec![0.2; 6]],
+        }
+    }
+
+    #[test]
+    fn a_record_is_created_once_and_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let lake = Lake::new(folder.path());
+        assert!(lake.corrections().unwrap().is_empty());
+        let no_joints = Correction {
+            joints: Vec::new(),
+            ..sample()
+        };
+        assert!(lake.record(&sample()).unwrap());
+        assert!(!lake.record(&sample()).unwrap(), "the same once more");
+        assert!(lake.record(&no_joints).unwrap());
+        let mut records: Vec<_> = lake.corrections().unwrap();
+        records.sort_by_key(|(_, _, record)| record.as_ref().unwrap().joints.len());
+        let found: Vec<_> = records.iter().map(|(_, _, record)| record.clone()).collect();
+        assert_eq!(found, [Ok(no_joints), Ok(sample())]);
+        let (place, written, _) = &records[0];
+        assert!(written.is_some());
+        let key = place.as_path().unwrap().strip_prefix(folder.path()).unwrap();
+        assert!(is_correction(&key.to_string_lossy()), "{key:?}");
+        assert!(key.starts_with("corrections/kr%20210/mon"), "{key:?}");
+    }
+
+    #[test]
+    fn a_row_that_was_edited_is_told() {
+        let table = sample().table().unwrap();
+        assert_eq!(Correction::of(&table), Ok(sample()));
+        let edited = [
+            Columns::like(&table).same("x_mm", vec![1.0, 4.1]),
+            Columns::like(&table).same("x_mm", vec![1.0]),
+            Columns::like(&table).same("file_digest", "bc"),
+            Columns::like(&table).same("refused", 0_i64),
+            Columns::like(&table).same("joints", 5_i64),
+            Columns::like(&table).same("correction", "00"),
+        ];
+        for edited in edited {
+            let told = Correction::of(&edited.finish().unwrap()).unwrap_err();
+            assert!(told.contains("its digest is another"), "{told}");
+        }
+    }
+
+    #[test]
+    fn keys_of_records_are_known_and_no_others() {
+        let name = "0123456789abcdef0123456789abcdef";
+        assert!(is_correction(&format!("corrections/r/s/{name}.parquet")));
+        for other in [
+            format!("corrections/r/{name}.parquet"),
+            format!("corrections/r/s/t/{name}.parquet"),
+            format!("compensation/r/s/{name}.parquet"),
+            format!("corrections/r/s/{name}.csv"),
+            "corrections/r/s/zz.parquet".to_owned(),
+        ] {
+            assert!(!is_correction(&other), "{other}");
+        }
+    }
+}
