@@ -220,7 +220,7 @@ fn trained(
 fn observed(arm: &Arm, session: &JoinedSession, place: usize) -> Vec<Observation> {
     let stations = &session.joined.stations;
     let mut observations = fit::observations(place, stations, arm, &common::NOISE);
-    fit::add_shortfalls(&mut observations, stations, &session.commanded);
+    fit::add_commands(&mut observations, stations, &session.commanded);
     observations
 }
 
@@ -304,7 +304,7 @@ fn named(sessions: u64) -> [[usize; 2]; 2] {
     let arms = [("kr210-r2700-extra", HOME_DEG), ("ur10", UR10_HOME_DEG)];
     arms.map(|(name, home_deg)| {
         let arm = common::arm(name);
-        let found = [0.0, 1e-3].map(|scale| {
+        [0.0, 1e-3].map(|scale| {
             let all: Vec<FreeScale> = (0..sessions)
                 .into_par_iter()
                 .map(|seed| free(&arm, home_deg, 100 + seed, 80, scale))
@@ -315,8 +315,7 @@ fn named(sessions: u64) -> [[usize; 2]; 2] {
             let named = all.iter().filter(|f| f.is_named()).count();
             println!("{name}, scale {scale}: named {named} of {sessions}, rms {:.0} ppm, stated {sd:.0} ppm", (squares / n).sqrt());
             named
-        });
-        found
+        })
     })
 }
 

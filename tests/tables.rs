@@ -552,7 +552,10 @@ fn two_columns_of_one_name_or_in_letters_of_another_size_are_told() {
         assert!(error.contains(told), "{error}");
     }
     let error = foreign_targets(x.clone(), vec![("Table_ID", texts.clone())]).unwrap_err();
-    assert!(error.contains("column \"Table_ID\" beside \"table_id\""), "{error}");
+    assert!(
+        error.contains("column \"Table_ID\" beside \"table_id\""),
+        "{error}"
+    );
     let found = foreign_targets(x, vec![("note", texts)]).unwrap();
     assert_eq!(found.rows(), 2, "a column of the caller's own");
 }

@@ -22,7 +22,7 @@ use crate::compensation::validity::Held;
 use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
 use crate::io::targets::{self, Targets};
-pub use error::{CompensateCommandError, WriteCause};
+pub use error::{CompensateCommandError, CorrectedAlready, WriteCause};
 use record::{Recorded, Recording};
 use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
@@ -132,15 +132,17 @@ pub fn run(
         outcomes: &outcomes,
         table_id: by.table_id,
     };
-    let bytes = written.bytes(form).map_err(|source| args.not_written(source))?;
+    let bytes = written
+        .bytes(form)
+        .map_err(|source| args.not_written(source))?;
     let recording = recorded.add(args, form, &bytes, &outcomes, by)?;
     args.write(&written, &bytes, form, stdout)?;
     Ok(Compensated {
-        recording,
         source,
         held,
         targets,
         outcomes,
+        recording,
     })
 }
 

@@ -192,11 +192,11 @@ impl ScaleEvidence {
     /// precisions; `None` where rounding made the covariance indefinite.
     pub fn of(
         lengths: usize,
-        covariance: DMatrix<f64>,
+        covariance: &DMatrix<f64>,
         mean: &DVector<f64>,
         precisions: &DVector<f64>,
     ) -> Option<Self> {
-        let mut information = inverse(&covariance)?;
+        let mut information = inverse(covariance)?;
         let moment = &information * mean;
         for (place, precision) in precisions.iter().enumerate() {
             information[(place, place)] -= precision;
@@ -318,7 +318,7 @@ mod tests {
         let with_prior = &stations.information + DMatrix::from_diagonal(&precisions);
         let covariance = with_prior.try_inverse().expect("positive definite");
         let mean = &covariance * &stations.moment;
-        let found = ScaleEvidence::of(4, covariance, &mean, &precisions).expect("positive");
+        let found = ScaleEvidence::of(4, &covariance, &mean, &precisions).expect("positive");
         let (a, b) = (found.free_scales(0.3), stations.free_scales(0.3));
         let (a, b) = (a.expect("positive")[0], b.expect("positive")[0]);
         assert!(

@@ -99,7 +99,9 @@ pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
 pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open(path, bound)?;
-    let read = file.take(bound.bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    let read = file
+        .take(bound.bytes.saturating_add(1))
+        .read_to_end(&mut bytes)?;
     if read as u64 > bound.bytes {
         return Err(refused(Refused::GoesOn {
             limit: bound.bytes,
@@ -173,7 +175,12 @@ mod tests {
         let told = bytes(&path, SMALL).unwrap_err().to_string();
         assert_eq!(told, "it has 11 bytes, more than the limit of 10; split it");
         std::fs::write(&path, b"ab\xff").unwrap();
-        assert!(text(&path, SMALL).unwrap_err().to_string().contains("byte 2 is not UTF-8"));
+        assert!(
+            text(&path, SMALL)
+                .unwrap_err()
+                .to_string()
+                .contains("byte 2 is not UTF-8")
+        );
     }
 
     #[test]
@@ -182,7 +189,10 @@ mod tests {
         let path = folder.path().join("corrected.csv");
         File::create(&path).unwrap().set_len(6 << 30).unwrap();
         let told = bytes(&path, Bound::TARGETS).unwrap_err().to_string();
-        assert!(told.contains("6442450944 bytes, more than the limit of 67108864"), "{told}");
+        assert!(
+            told.contains("6442450944 bytes, more than the limit of 67108864"),
+            "{told}"
+        );
     }
 
     #[cfg(target_os = "linux")]
@@ -197,7 +207,12 @@ mod tests {
         assert!(made.unwrap().success());
         assert!(told(&pipe).contains("a pipe (FIFO)"));
         // A file that says it is empty and is not.
-        let told = bytes(Path::new("/proc/self/mountinfo"), SMALL).unwrap_err().to_string();
-        assert!(told.contains("goes on behind the limit of 10 bytes"), "{told}");
+        let told = bytes(Path::new("/proc/self/mountinfo"), SMALL)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            told.contains("goes on behind the limit of 10 bytes"),
+            "{told}"
+        );
     }
 }

@@ -136,7 +136,7 @@ pub enum SchemaError {
 }
 
 /// The schema files, in the order of the stages that write them.
-const FILES: [&str; 20] = [
+const FILES: [&str; 21] = [
     include_str!("../../schemas/stations.toml"),
     include_str!("../../schemas/rejects.toml"),
     include_str!("../../schemas/clocks.toml"),

@@ -200,7 +200,9 @@ mod tests {
         }
         assert_eq!(alikeness(&bins, &models), Alikeness::Rising);
         // The same errors everywhere, at one place alone or not.
-        bins.iter_mut().for_each(|bin| bin.gamma = 0.0);
+        for bin in &mut bins {
+            bin.gamma = 0.0;
+        }
         let models = fit_all(&bins);
         assert!(models.iter().all(|model| model.misfit == 0.0), "{models:?}");
         assert_eq!(alikeness(&bins, &models), Alikeness::Flat);

@@ -199,7 +199,10 @@ impl Truth {
         let mut csv = String::from("station,start_ns,end_ns,measured");
         for kind in ["commanded", "reported"] {
             for name in joint_names {
-                push(&mut csv, format_args!(",{}", quoted(&format!("{kind}_{name}"))));
+                push(
+                    &mut csv,
+                    format_args!(",{}", quoted(&format!("{kind}_{name}"))),
+                );
             }
         }
         for frame in ["command", "base", "tracker"] {

@@ -128,16 +128,23 @@ pub fn change_text(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance)
 /// What stands between the signs of a table, a list or a document, changed into what may not stand there.
 pub fn change_words(bytes: &mut Vec<u8>, others: &[Vec<u8>], chance: &mut Chance) {
     const WORDS: [&str; 30] = [
-        "", "0", "-1", "1575,7", "1e999", "-1e-308", "nan", "0x1F", "'B101'", "\"", "'", "{", "}", "[", "]", ",", ";", ":",
-        "=", "\n", "\r", "DEFDAT L", "ENDDAT", "E6POS", "X 1", "X", "table_id", "Table_ID", "=1+1", "\u{feff}",
+        "", "0", "-1", "1575,7", "1e999", "-1e-308", "nan", "0x1F", "'B101'", "\"", "'", "{", "}",
+        "[", "]", ",", ";", ":", "=", "\n", "\r", "DEFDAT L", "ENDDAT", "E6POS", "X 1", "X",
+        "table_id", "Table_ID", "=1+1", "\u{feff}",
     ];
     let is_sign = |byte: &u8| b",;:={}[]\" \n\r\t".contains(byte);
     if bytes.is_empty() || chance.below(4) == 0 {
         return change(bytes, others, chance);
     }
     let at = chance.below(bytes.len());
-    let start = bytes[..at].iter().rposition(is_sign).map_or(0, |place| place + 1);
-    let end = bytes[at..].iter().position(is_sign).map_or(bytes.len(), |place| at + place);
+    let start = bytes[..at]
+        .iter()
+        .rposition(is_sign)
+        .map_or(0, |place| place + 1);
+    let end = bytes[at..]
+        .iter()
+        .position(is_sign)
+        .map_or(bytes.len(), |place| at + place);
     let word = chance.of(&WORDS).as_bytes().to_vec();
     if chance.below(3) == 0 {
         // The sign itself.

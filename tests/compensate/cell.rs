@@ -265,9 +265,7 @@ impl Cell {
         })
     }
 
-    fn run(
-        args: &CompensateArgs,
-    ) -> Result<(Compensated, String), Box<CompensateCommandError>> {
+    fn run(args: &CompensateArgs) -> Result<(Compensated, String), Box<CompensateCommandError>> {
         let mut stdout = Vec::new();
         let compensated = compensate::run(args, &mut stdout)?;
         Ok((compensated, String::from_utf8(stdout).unwrap()))

@@ -55,10 +55,12 @@ impl Place {
     }
 }
 
-fn moved(target: &Target) -> Result<Corrected, Refused> {
-    let place = target.position.unwrap_or_else(|| Position::claim([0.0; 3].into()));
+fn moved(target: &Target) -> Corrected {
+    let place = target
+        .position
+        .unwrap_or_else(|| Position::claim([0.0; 3].into()));
     let by = Vector3::new(0.125, -0.25, 0.5);
-    Ok(Corrected {
+    Corrected {
         target: place,
         command: Position::claim(place.point() + by),
         orientation: target.orientation,
@@ -67,7 +69,7 @@ fn moved(target: &Target) -> Result<Corrected, Refused> {
         covariance: Matrix3::identity(),
         iterations: 1,
         allowed: None,
-    })
+    }
 }
 
 /// What holds of every file that is read as targets.
@@ -75,7 +77,10 @@ fn check(found: &Targets) {
     let names: BTreeSet<&str> = found.targets.iter().map(|own| own.name.as_str()).collect();
     assert_eq!(names.len(), found.targets.len());
     for target in &found.targets {
-        let place = target.position.iter().flat_map(|own| own.point().coords.iter());
+        let place = target
+            .position
+            .iter()
+            .flat_map(|own| own.point().coords.iter());
         let angles = target.joints.iter().flat_map(|own| &own.angles);
         assert!(place.chain(angles).all(|number| number.is_finite()));
         assert!(target.position.is_some() || target.joints.is_some());
@@ -84,7 +89,8 @@ fn check(found: &Targets) {
 
 /// Writes commands for the targets in all forms: each is read as what drove a session, and refused as targets.
 fn check_corrected(found: &Targets) {
-    let outcomes: Vec<_> = found.targets.iter().map(moved).collect();
+    let outcomes: Vec<Result<_, Refused>> =
+        found.targets.iter().map(|own| Ok(moved(own))).collect();
     let key = RunKey::new("=robot", "mon", "00ff");
     let by = CorrectedBy {
         key: &key,
@@ -102,10 +108,15 @@ fn check_corrected(found: &Targets) {
     for (name, bytes) in [("c.csv", csv), ("c.json", json), ("c.parquet", parquet)] {
         let path = Place::new(name);
         let path = path.with(&bytes);
-        let told = targets::read(&path).expect_err("corrected already").to_string();
+        let told = targets::read(&path)
+            .expect_err("corrected already")
+            .to_string();
         assert!(told.contains("corrected already"), "{name}: {told}");
         let drove = driving::read(&path, Bound::TARGETS).expect(name);
-        assert_eq!((drove.key.robot.as_str(), drove.targets.len()), ("=robot", outcomes.len()));
+        assert_eq!(
+            (drove.key.robot.as_str(), drove.targets.len()),
+            ("=robot", outcomes.len())
+        );
         for (was, is) in found.targets.iter().zip(&drove.targets) {
             // Readers of CSV take blanks off both ends of a cell.
             assert_eq!(was.name.trim(), is.name.trim(), "{name}");
@@ -162,10 +173,13 @@ fn without_comments(text: &[u8]) -> Vec<u8> {
 
 /// What is written of a data list is known as corrected with and without its comments.
 fn check_list(place: &Place, found: &Targets, list: &DataList) {
-    let outcomes: Vec<_> = found.targets.iter().map(moved).collect();
+    let outcomes: Vec<Result<_, Refused>> =
+        found.targets.iter().map(|own| Ok(moved(own))).collect();
     let written = list.write(&outcomes, "00ff");
     for text in [without_comments(&written), written] {
-        let told = targets::read(&place.with(&text)).expect_err("corrected already").to_string();
+        let told = targets::read(&place.with(&text))
+            .expect_err("corrected already")
+            .to_string();
         assert!(told.contains("corrected already"), "{told}");
     }
 }
@@ -173,8 +187,11 @@ fn check_list(place: &Place, found: &Targets, list: &DataList) {
 #[test]
 fn targets_krl() {
     let place = Place::new("targets.dat");
-    fuzz("targets_krl", vec![LIST.into()], change_words, |bytes| {
-        match targets::read(&place.with(bytes)) {
+    fuzz(
+        "targets_krl",
+        vec![LIST.into()],
+        change_words,
+        |bytes| match targets::read(&place.with(bytes)) {
             Err(error) => told(&error),
             Ok(found) => {
                 check(&found);
@@ -182,8 +199,8 @@ fn targets_krl() {
                 check_list(&place, &found, list);
                 list.notes().join(" ")
             }
-        }
-    });
+        },
+    );
 }
 
 /// Targets as Parquet, of other writers' types too.
@@ -196,14 +213,32 @@ fn parquet_targets() -> Vec<Vec<u8>> {
         .column("target", found.targets.iter().map(|own| &own.name))
         .group(
             ["x_mm", "y_mm", "z_mm"],
-            found.targets.iter().map(|own| own.position.map(|p| p.coords().into())),
+            found
+                .targets
+                .iter()
+                .map(|own| own.position.map(|p| p.coords().into())),
         )
         .group::<4, Option<[f64; 4]>>(
             ["qx", "qy", "qz", "qw"],
-            found.targets.iter().map(|own| own.orientation.map(|q| q.coords.into())),
+            found
+                .targets
+                .iter()
+                .map(|own| own.orientation.map(|q| q.coords.into())),
         )
-        .absent(["configuration", "joint_names", "tool", "table_id", "corrected_by"])
-        .column("joints_rad", found.targets.iter().map(|own| Some(own.joints.as_ref()?.angles.clone())));
+        .absent([
+            "configuration",
+            "joint_names",
+            "tool",
+            "table_id",
+            "corrected_by",
+        ])
+        .column(
+            "joints_rad",
+            found
+                .targets
+                .iter()
+                .map(|own| Some(own.joints.as_ref()?.angles.clone())),
+        );
     let whole = columns.finish().expect("a table");
     vec![table::write(&whole, Vec::new()).expect("Parquet")]
 }
@@ -219,12 +254,18 @@ fn targets_parquet() {
 /// Corrected targets in each form, as `compensate` writes them: the form's letter, then the file.
 fn corrected_seeds() -> Vec<Vec<u8>> {
     let cell = Cell::new(&SAMPLE);
-    fs::write(cell.path("t.csv"), "target,x_mm,y_mm,z_mm\n=A,751,20,450\nfar,950.5,20,450\n").expect("writable");
+    fs::write(
+        cell.path("t.csv"),
+        "target,x_mm,y_mm,z_mm\n=A,751,20,450\nfar,950.5,20,450\n",
+    )
+    .expect("writable");
     let seed = |(letter, name): (u8, &str)| {
         cell.compensate("t.csv", Some(name)).expect("corrected");
         [vec![letter], fs::read(cell.path(name)).expect("there")].concat()
     };
-    [(b'c', "o.csv"), (b'j', "o.json"), (b'p', "o.parquet")].map(seed).into()
+    [(b'c', "o.csv"), (b'j', "o.json"), (b'p', "o.parquet")]
+        .map(seed)
+        .into()
 }
 
 #[test]
@@ -245,7 +286,10 @@ fn corrected_targets() {
         match driving::read(&place.with(bytes), Bound::TARGETS) {
             Err(error) => told(&error),
             Ok(found) => {
-                let numbers = found.targets.iter().flat_map(|own| own.command.coords.iter());
+                let numbers = found
+                    .targets
+                    .iter()
+                    .flat_map(|own| own.command.coords.iter());
                 assert!(numbers.clone().all(|number| number.is_finite()));
                 format!("read {} {}", found.table, found.targets.is_empty())
             }
@@ -259,11 +303,17 @@ fn tables() -> Vec<Vec<u8>> {
     let mut seeds = vec![sample(&SAMPLE)];
     let folder = tempfile::tempdir().expect("a folder");
     let mut run = assert_cmd::Command::cargo_bin("posegrid").expect("the program");
-    let run = run.args(["run", "pipelines/quickstart.toml", "--lake"]).arg(folder.path());
+    let run = run
+        .args(["run", "pipelines/quickstart.toml", "--lake"])
+        .arg(folder.path());
     run.assert().success();
     for table in ["calibrations", "joint_errors", "residuals", "compensation"] {
         let session = folder.path().join(table).join("kr210-demo/quickstart");
-        let file = fs::read_dir(session).expect("there").next().expect("one").expect("listed");
+        let file = fs::read_dir(session)
+            .expect("there")
+            .next()
+            .expect("one")
+            .expect("listed");
         let bytes = fs::read(file.path()).expect("there");
         // Longer inputs only take longer; what is cut off a Parquet file is its description.
         if bytes.len() <= harness::LONGEST {
@@ -278,7 +328,11 @@ fn tables() -> Vec<Vec<u8>> {
 fn tables_given_by_hand() {
     let place = Place::new("table.parquet");
     let targets = place.folder.path().join("targets.csv");
-    fs::write(&targets, "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,1575,33,961\n").expect("writable");
+    fs::write(
+        &targets,
+        "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,1575,33,961\n",
+    )
+    .expect("writable");
     let formats = [
         ExportFormat::Csv,
         ExportFormat::Json,

@@ -34,7 +34,8 @@ fn record_files(cell: &Cell) -> Vec<PathBuf> {
     found.map(|entry| entry.unwrap().path()).collect()
 }
 
-const TARGETS: &str = "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,652.5,-20.25,555.125\nfar,1951,20,450\n";
+const TARGETS: &str =
+    "target,x_mm,y_mm,z_mm\nA,751,20,450\nB,652.5,-20.25,555.125\nfar,1951,20,450\n";
 const LIST: &str = "DEFDAT WING\r\nDECL POS A={X 751,Y 20,Z 450}\r\nDECL POS B={X 652.5,Y -20.25,Z 555.125}\r\nENDDAT\r\n";
 
 fn refused(cell: &Cell, targets: &str) -> String {
@@ -54,14 +55,30 @@ fn what_was_written_is_recorded_once_and_its_targets_may_be_corrected_again() {
         panic!("one file was written");
     };
     assert_eq!((record.targets, record.corrected), (3, 2));
-    assert_eq!((record.form.as_str(), record.corrected_by.as_str()), ("csv", "compensation"));
-    assert_eq!((record.key.robot.as_str(), record.key.run.as_str()), ("ur10", "00ff"));
-    assert_eq!(record.targets_digest, blake3::hash(TARGETS.as_bytes()).to_hex().as_str());
-    assert_eq!(record.file_digest, blake3::hash(first.as_bytes()).to_hex().as_str());
+    assert_eq!(
+        (record.form.as_str(), record.corrected_by.as_str()),
+        ("csv", "compensation")
+    );
+    assert_eq!(
+        (record.key.robot.as_str(), record.key.run.as_str()),
+        ("ur10", "00ff")
+    );
+    assert_eq!(
+        record.targets_digest,
+        blake3::hash(TARGETS.as_bytes()).to_hex().as_str()
+    );
+    assert_eq!(
+        record.file_digest,
+        blake3::hash(first.as_bytes()).to_hex().as_str()
+    );
     // c + 1 + 0.002 (c − 600) = 751 has c = 600 + 150 / 1.002 mm.
     assert!((record.positions[0][0] - (600.0 + 150.0 / 1.002)).abs() < 1e-6);
     let (_, second) = cell.csv(TARGETS).unwrap();
-    assert_eq!((first, records(&lake).len()), (second, 1), "the same once more");
+    assert_eq!(
+        (first, records(&lake).len()),
+        (second, 1),
+        "the same once more"
+    );
     cell.compensate("targets.csv", Some("out.json")).unwrap();
     assert_eq!(records(&lake).len(), 2, "another file is another row");
     for file in record_files(&cell) {
@@ -80,13 +97,21 @@ fn a_list_without_comments_and_mark_is_known_by_its_positions() {
     let bare = |with_mark: bool| -> String {
         let lines = written.lines().filter(|line| !line.starts_with(';'));
         let lines = lines.filter(|line| with_mark || !line.contains("POSEGRID_CORRECTED"));
-        lines.map(|line| format!("{}\n", line.to_lowercase())).collect()
+        let lines: Vec<String> = lines.map(str::to_lowercase).collect();
+        format!("{}\n", lines.join("\n"))
     };
     fs::write(cell.path("bare.dat"), bare(true)).unwrap();
     assert!(refused(&cell, "bare.dat").contains("by table \"t-1\""));
     fs::write(cell.path("bare.dat"), bare(false)).unwrap();
     let told = refused(&cell, "bare.dat");
-    for part in ["2 of its 2 targets, \"A\" first,", "posegrid wrote on 20", "UTC", "table 00ff", "session \"monday\"", "corrections/ur10/monday"] {
+    for part in [
+        "2 of its 2 targets, \"A\" first,",
+        "posegrid wrote on 20",
+        "UTC",
+        "table 00ff",
+        "session \"monday\"",
+        "corrections/ur10/monday",
+    ] {
         assert!(told.contains(part), "{part}: {told}");
     }
 }
@@ -97,7 +122,9 @@ fn one_command_among_targets_is_found_in_any_form_and_rounded_to_a_micrometre() 
     let (_, csv) = cell.csv(TARGETS).unwrap();
     let number = |column: &str| field(&csv, "A", column).parse::<f64>().unwrap();
     let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(number);
-    let text = format!("[{{\"target\": \"new\", \"x_mm\": 700, \"y_mm\": 0, \"z_mm\": 450}},\n{{\"target\": \"Q\", \"x_mm\": {x:.3}, \"y_mm\": {y:.3}, \"z_mm\": {z:.3}}}]");
+    let text = format!(
+        "[{{\"target\": \"new\", \"x_mm\": 700, \"y_mm\": 0, \"z_mm\": 450}},\n{{\"target\": \"Q\", \"x_mm\": {x:.3}, \"y_mm\": {y:.3}, \"z_mm\": {z:.3}}}]"
+    );
     fs::write(cell.path("mixed.json"), text).unwrap();
     assert!(refused(&cell, "mixed.json").contains("1 of its 2 targets, \"Q\" first,"));
     // A hundredth of a millimetre beside it is another place.
@@ -124,13 +151,22 @@ fn a_lake_that_takes_no_record_is_a_choice_of_the_caller() {
     fs::write(cell.path("lake/corrections"), "").unwrap();
     fs::write(cell.path("targets.csv"), TARGETS).unwrap();
     let error = cell.compensate("targets.csv", Some("out.csv")).unwrap_err();
-    assert!(matches!(*error, CompensateCommandError::NotRecorded { .. }), "{error}");
+    assert!(
+        matches!(*error, CompensateCommandError::NotRecorded { .. }),
+        "{error}"
+    );
     assert_eq!(error.exit_code(), 1);
     assert!(error.to_string().contains("give --no-record"), "{error}");
     assert!(!cell.path("out.csv").exists(), "nothing was written");
     let args = UsedWithArgs::default();
-    let (done, _) = cell.without_record("targets.csv", "out.csv", &args).unwrap();
-    assert!(done.to_string().contains("not recorded: the lake takes no record"), "{done}");
+    let (done, _) = cell
+        .without_record("targets.csv", "out.csv", &args)
+        .unwrap();
+    assert!(
+        done.to_string()
+            .contains("not recorded: the lake takes no record"),
+        "{done}"
+    );
     assert!(cell.path("out.csv").exists());
     assert!(lake.corrections().unwrap().is_empty());
 }
@@ -150,12 +186,18 @@ fn a_record_that_cannot_be_believed_stops_the_work_and_names_itself() {
         .same("digest", "00")
         .finish()
         .unwrap();
-    for bytes in [table::write(&edited, Vec::new()).unwrap(), whole[..whole.len() / 2].to_vec()] {
+    for bytes in [
+        table::write(&edited, Vec::new()).unwrap(),
+        whole[..whole.len() / 2].to_vec(),
+    ] {
         fs::write(file, bytes).unwrap();
         let error = cell.compensate("targets.csv", None).unwrap_err();
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("cannot be believed"), "{error}");
-        assert!(error.to_string().contains(&file.display().to_string()), "{error}");
+        assert!(
+            error.to_string().contains(&file.display().to_string()),
+            "{error}"
+        );
     }
 }
 
@@ -163,7 +205,11 @@ fn a_record_that_cannot_be_believed_stops_the_work_and_names_itself() {
 fn a_table_outside_of_a_lake_corrects_and_says_that_nothing_is_recorded() {
     let cell = Cell::new(&SAMPLE);
     let (done, _) = cell.csv(TARGETS).unwrap();
-    assert!(done.to_string().contains("not recorded: the table stands in no lake"), "{done}");
+    assert!(
+        done.to_string()
+            .contains("not recorded: the table stands in no lake"),
+        "{done}"
+    );
     // Under the name of another run it is not the lake's.
     let (mut cell, lake) = in_lake(&SAMPLE);
     let other = cell.table.with_file_name("00fe.parquet");

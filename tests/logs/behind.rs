@@ -197,10 +197,10 @@ fn an_end_before_the_last_records_is_told_and_they_are_read() {
         };
         for before in [2, contents / 2, contents] {
             let (one, two) = data.split_at(cut(before));
-            let moved = [one, &[end.clone()], two].concat();
+            let moved = [one, std::slice::from_ref(&end), two].concat();
             let before_end = [mcap::MAGIC, &bytes(&moved)].concat();
             let twice = log_of(&moved, &summary);
-            let summary_first = [one, &[end.clone()], &summary, two].concat();
+            let summary_first = [one, std::slice::from_ref(&end), &summary, two].concat();
             let cases = [
                 ("moved", closed(&before_end, &summary)),
                 ("twice", twice),
@@ -500,7 +500,7 @@ fn a_pipe_or_a_device_is_told_at_once() {
             .expect("started");
         let begun = Instant::now();
         while child.try_wait().expect("a child").is_none() {
-            if begun.elapsed() > Duration::from_secs(60) {
+            if begun.elapsed() > Duration::from_mins(1) {
                 child.kill().expect("a child");
                 panic!("{}: no end", path.display());
             }

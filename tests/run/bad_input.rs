@@ -169,7 +169,11 @@ fn a_name_that_no_lake_takes_is_told_by_check_and_by_run_alike() {
     // 61 letters of two bytes, three characters a byte: 366 of 180.
     let name = "ü".repeat(61);
     let cell = small().with("name = \"kr210-demo\"", &format!("name = \"{name}\""));
-    let texts = ["[robot] name", "takes 366 bytes as a folder's name", "shorter robot name"];
+    let texts = [
+        "[robot] name",
+        "takes 366 bytes as a folder's name",
+        "shorter robot name",
+    ];
     bad_usage(&cell, &texts);
     checked(&cell).expect(2, &texts);
     let cell = small();
@@ -184,28 +188,45 @@ fn a_name_that_no_lake_takes_is_told_by_check_and_by_run_alike() {
 fn files_that_are_none_and_files_without_an_end_are_told_at_once() {
     let cell = small();
     let robot = fs::read_to_string(cell.pipeline()).expect("readable");
-    let robot = robot.lines().find_map(|line| line.strip_prefix("file = ")).expect("a robot file");
+    let robot = robot
+        .lines()
+        .find_map(|line| line.strip_prefix("file = "))
+        .expect("a robot file");
     let robot = robot.trim_matches('"').to_owned();
     let pipe = cell.path("pipe.toml");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status();
     assert!(made.expect("mkfifo").success());
     for (file, told) in [
         ("/dev/zero", "it is a device, and only files are read"),
-        (&*pipe.to_string_lossy(), "it is a pipe (FIFO), and only files are read"),
+        (
+            &*pipe.to_string_lossy(),
+            "it is a pipe (FIFO), and only files are read",
+        ),
         (&*cell.path("").to_string_lossy(), "it is a folder"),
     ] {
-        ended(posegrid().arg("check").arg(file)).expect(2, &["cannot read the pipeline file", told]);
+        ended(posegrid().arg("check").arg(file))
+            .expect(2, &["cannot read the pipeline file", told]);
         let other = small().with(&robot, file);
         checked(&other).expect(2, &["cannot read the robot file", told]);
     }
     let large = cell.path("large.toml");
     let sparse = fs::File::create(&large).expect("writable");
     sparse.set_len(6 << 30).expect("no room is taken");
-    let told = ["large.toml", "6442450944 bytes, more than the limit of 1048576"];
+    let told = [
+        "large.toml",
+        "6442450944 bytes, more than the limit of 1048576",
+    ];
     ended(posegrid().arg("check").arg(&large)).expect(2, &told);
     // What drove a session is bounded by the pipeline file.
     let drove = cell.session("mon").join("corrected.csv");
     let sparse = fs::File::create(&drove).expect("writable");
     sparse.set_len(6 << 30).expect("no room is taken");
-    no_result(&cell, &["corrected.csv", "more than the limit of 67108864", "file_bytes in [limits]"]);
+    no_result(
+        &cell,
+        &[
+            "corrected.csv",
+            "more than the limit of 67108864",
+            "file_bytes in [limits]",
+        ],
+    );
 }

@@ -13,6 +13,31 @@ use crate::io::lake::LakeError;
 use crate::io::table::{FileError, TableError};
 use crate::io::targets::TargetsError;
 
+/// A file of targets that posegrid wrote as corrected, or that has commands of one.
+#[derive(Debug, Error)]
+#[error(
+    "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
+     correct the targets themselves, a second correction would move the tool by the error once more",
+    path.display(),
+    record.display()
+)]
+pub struct CorrectedAlready {
+    /// The file of targets.
+    pub path: PathBuf,
+    /// The file, or which of its targets.
+    pub what: String,
+    /// When it was written, in words.
+    pub when: String,
+    /// The run whose table corrected them.
+    pub run: String,
+    /// Its robot.
+    pub robot: String,
+    /// Its session.
+    pub session: String,
+    /// The record.
+    pub record: PathBuf,
+}
+
 /// Why no target was corrected.
 #[derive(Debug, Error)]
 pub enum CompensateCommandError {
@@ -40,28 +65,8 @@ pub enum CompensateCommandError {
     #[error(transparent)]
     Targets(#[from] TargetsError),
     /// The file, or some of its targets, are commands that this lake knows.
-    #[error(
-        "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
-         correct the targets themselves, a second correction would move the tool by the error once more",
-        path.display(),
-        record.display()
-    )]
-    Again {
-        /// The file of targets.
-        path: PathBuf,
-        /// The file, or which of its targets.
-        what: String,
-        /// When it was written, in words.
-        when: String,
-        /// The run whose table corrected them.
-        run: String,
-        /// Its robot.
-        robot: String,
-        /// Its session.
-        session: String,
-        /// The record.
-        record: PathBuf,
-    },
+    #[error(transparent)]
+    Again(Box<CorrectedAlready>),
     /// A record of corrections that says nothing.
     #[error(
         "{}: this record of corrections cannot be believed: {problem}; what was written then could be corrected again unseen: \
@@ -87,7 +92,7 @@ pub enum CompensateCommandError {
         /// The lake.
         lake: PathBuf,
         /// Why.
-        source: LakeError,
+        source: Box<LakeError>,
     },
     /// The file of targets cannot be digested.
     #[error("cannot read {}: {source}", path.display())]
@@ -164,7 +169,7 @@ impl CompensateCommandError {
             | Self::Arm(_)
             | Self::Targets(_)
             | Self::Outside(_)
-            | Self::Again { .. }
+            | Self::Again(_)
             | Self::Unreadable { .. }
             | Self::Records(_)
             | Self::Digest { .. }

@@ -10,6 +10,7 @@ use std::time::SystemTime;
 
 use chrono::DateTime;
 
+use super::error::CorrectedAlready;
 use super::source::Source;
 use super::{CompensateArgs, CompensateCommandError};
 use crate::compensation::{Corrected, Refused, Target};
@@ -82,8 +83,13 @@ impl Recorded {
             return Ok(());
         }
         let digest = digest(targets)?;
-        let known = self.records.iter().find(|(_, _, own)| own.file_digest == digest);
-        known.map_or(Ok(()), |known| Err(told(targets, "the file".to_owned(), known)))
+        let known = self
+            .records
+            .iter()
+            .find(|(_, _, own)| own.file_digest == digest);
+        known.map_or(Ok(()), |known| {
+            Err(told(targets, "the file".to_owned(), known))
+        })
     }
 
     /// That no target is a command that was written.
@@ -127,7 +133,9 @@ impl Recorded {
         }
         // A command that hardly differs from its target is no other.
         let moved: Vec<&Corrected> = done().filter(|done| is_moved(done)).collect();
-        let joints = moved.iter().map(|done| Some(done.joints.as_ref()?.command.clone()));
+        let joints = moved
+            .iter()
+            .map(|done| Some(done.joints.as_ref()?.command.clone()));
         let correction = Correction {
             key: by.key.clone(),
             corrected_by: by.table.to_owned(),
@@ -137,7 +145,10 @@ impl Recorded {
             file_digest: blake3::hash(bytes).to_hex().to_string(),
             targets: count(outcomes.len()),
             corrected: count(done().count()),
-            positions: moved.iter().map(|done| done.command.coords().into()).collect(),
+            positions: moved
+                .iter()
+                .map(|done| done.command.coords().into())
+                .collect(),
             joints: joints.collect::<Option<_>>().unwrap_or_default(),
         };
         match lake.record(&correction) {
@@ -145,7 +156,7 @@ impl Recorded {
             Err(_) if args.no_record => Ok(Recording::Refused),
             Err(source) => Err(CompensateCommandError::NotRecorded {
                 lake: lake.root().named(),
-                source,
+                source: Box::new(source),
             }),
         }
     }
@@ -178,7 +189,7 @@ fn told(
     what: String,
     (place, written, record): &(PathBuf, Option<SystemTime>, Correction),
 ) -> CompensateCommandError {
-    CompensateCommandError::Again {
+    CompensateCommandError::Again(Box::new(CorrectedAlready {
         path: targets.to_owned(),
         what,
         when: written.map_or_else(|| "earlier".to_owned(), day),
@@ -186,7 +197,7 @@ fn told(
         robot: record.key.robot.clone(),
         session: record.key.session.clone(),
         record: place.clone(),
-    }
+    }))
 }
 
 /// A time of the file system as a person reads it, to the minute.
@@ -243,7 +254,9 @@ impl<'r> Near<'r> {
         let Some(first) = wanted.first() else {
             return false;
         };
-        let from = self.sorted.partition_point(|list| list[0] < first - self.apart);
+        let from = self
+            .sorted
+            .partition_point(|list| list[0] < first - self.apart);
         let near = self.sorted[from..].iter();
         near.take_while(|list| list[0] <= first + self.apart)
             .any(|list| {

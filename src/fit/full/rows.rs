@@ -109,7 +109,9 @@ pub(super) fn sums(
     let mut sums = Sums::zero(state.layout.size());
     let mut covariances = Vec::with_capacity(rows.len());
     let batches = problem.observations().chunks(SUMMED_AT_ONCE);
-    let others = rows.chunks(SUMMED_AT_ONCE).zip(state.weights.chunks(SUMMED_AT_ONCE));
+    let others = rows
+        .chunks(SUMMED_AT_ONCE)
+        .zip(state.weights.chunks(SUMMED_AT_ONCE));
     for (observations, (rows, weights)) in batches.zip(others) {
         let observations = observations.par_iter().zip(rows).zip(weights);
         let parts: Vec<_> = observations.with_min_len(CHUNK).map(whiten).collect();
@@ -118,12 +120,11 @@ pub(super) fn sums(
     (sums, covariances)
 }
 
+/// Whitened rows of one station, their whitened values, the logarithm of the covariance's determinant, and the covariance.
+type Whitened = (DMatrix<f64>, DVector<f64>, f64, DMatrix<f64>);
+
 /// The sums of whitened rows; their covariances go to the others.
-fn stacked(
-    parts: Vec<(DMatrix<f64>, DVector<f64>, f64, DMatrix<f64>)>,
-    columns: usize,
-    covariances: &mut Vec<DMatrix<f64>>,
-) -> Sums {
+fn stacked(parts: Vec<Whitened>, columns: usize, covariances: &mut Vec<DMatrix<f64>>) -> Sums {
     let count: usize = parts.iter().map(|part| part.1.len()).sum();
     let mut stacked = DMatrix::zeros(count, columns);
     let mut values = DVector::zeros(count);

@@ -35,6 +35,6 @@ impl Settled {
             variances.get(place).map_or_else(held, |v| v.recip())
         });
         let covariance = self.posterior.covariance_of(&places);
-        ScaleEvidence::of(lengths.len(), covariance, &whole, &precisions)
+        ScaleEvidence::of(lengths.len(), &covariance, &whole, &precisions)
     }
 }

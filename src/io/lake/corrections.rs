@@ -86,7 +86,10 @@ impl Correction {
     /// The record that a table holds; or what is wrong with it.
     pub fn of(table: &Table) -> Result<Self, String> {
         if table.rows() != 1 {
-            return Err(format!("it has {} rows, and a record has one", table.rows()));
+            return Err(format!(
+                "it has {} rows, and a record has one",
+                table.rows()
+            ));
         }
         let text = |column: &str| table.text(column).value(0).to_owned();
         let whole = |column: &str| table.i64(column).value(0);
@@ -107,7 +110,12 @@ impl Correction {
             file_digest: text("file_digest"),
             targets: whole("targets"),
             corrected: whole("corrected"),
-            positions: x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| [x, y, z]).collect(),
+            positions: x
+                .iter()
+                .zip(&y)
+                .zip(&z)
+                .map(|((&x, &y), &z)| [x, y, z])
+                .collect(),
             joints: match joints {
                 0 => Vec::new(),
                 joints => angles.chunks(joints).map(<[f64]>::to_vec).collect(),
@@ -143,7 +151,11 @@ impl Correction {
             hasher.update(&(bytes.len() as u64).to_le_bytes());
             hasher.update(bytes);
         };
-        let RunKey { robot, session, run } = &self.key;
+        let RunKey {
+            robot,
+            session,
+            run,
+        } = &self.key;
         let texts = [
             robot,
             session,
@@ -154,7 +166,9 @@ impl Correction {
             &self.targets_digest,
             &self.file_digest,
         ];
-        texts.iter().for_each(|text| add(text.as_bytes()));
+        for text in texts {
+            add(text.as_bytes());
+        }
         add(&self.targets.to_le_bytes());
         add(&self.corrected.to_le_bytes());
         add(&(self.positions.len() as u64).to_le_bytes());
@@ -255,11 +269,18 @@ mod tests {
         assert!(lake.record(&no_joints).unwrap());
         let mut records: Vec<_> = lake.corrections().unwrap();
         records.sort_by_key(|(_, _, record)| record.as_ref().unwrap().joints.len());
-        let found: Vec<_> = records.iter().map(|(_, _, record)| record.clone()).collect();
+        let found: Vec<_> = records
+            .iter()
+            .map(|(_, _, record)| record.clone())
+            .collect();
         assert_eq!(found, [Ok(no_joints), Ok(sample())]);
         let (place, written, _) = &records[0];
         assert!(written.is_some());
-        let key = place.as_path().unwrap().strip_prefix(folder.path()).unwrap();
+        let key = place
+            .as_path()
+            .unwrap()
+            .strip_prefix(folder.path())
+            .unwrap();
         assert!(is_correction(&key.to_string_lossy()), "{key:?}");
         assert!(key.starts_with("corrections/kr%20210/mon"), "{key:?}");
     }

@@ -118,14 +118,13 @@ impl<D> Registry<D> {
             encoding: record.encoding.to_owned(),
             definition: record.definition.to_owned(),
         };
-        let schema = match self.known.get(&schema) {
-            Some(known) => Arc::clone(known),
-            None => {
-                self.grow(schema.definition.len() + schema.name.len() + schema.encoding.len())?;
-                let schema = Arc::new(schema);
-                self.known.insert(Arc::clone(&schema));
-                schema
-            }
+        let schema = if let Some(known) = self.known.get(&schema) {
+            Arc::clone(known)
+        } else {
+            self.grow(schema.definition.len() + schema.name.len() + schema.encoding.len())?;
+            let schema = Arc::new(schema);
+            self.known.insert(Arc::clone(&schema));
+            schema
         };
         self.schemas.insert(record.id, schema);
         Ok(())

@@ -54,6 +54,9 @@ pub struct Wanted {
     pub time: TimeSource,
 }
 
+/// How messages of a schema are read, beside that schema.
+type SharedReader = (Option<Arc<Schema>>, Arc<Reader>);
+
 /// The wanted streams of one file, being filled.
 pub struct Streams<'m> {
     file: String,
@@ -62,7 +65,7 @@ pub struct Streams<'m> {
     mapping: &'m Mapping,
     met: BTreeSet<Stream>,
     /// How messages are read, by stream, schema and encoding: channels that share them share the reader.
-    readers: BTreeMap<(Stream, u16, String), (Option<Arc<Schema>>, Arc<Reader>)>,
+    readers: BTreeMap<(Stream, u16, String), SharedReader>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
     /// Where joint states and readings go instead of into columns, if anywhere.

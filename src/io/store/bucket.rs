@@ -343,7 +343,7 @@ impl Store for Bucket {
         let payload = payload(&written)?;
         let attempt = attempt(&written);
         match self.put_if_none(&object, &payload, &attempt) {
-            Ok(_) => Ok(true),
+            Ok(()) => Ok(true),
             Err(error @ Error::AlreadyExists { .. }) => match self.attempt_of(&object) {
                 // It may be ours, put before an answer was lost.
                 Ok(by) => Ok(by.as_ref() == Some(&attempt)),

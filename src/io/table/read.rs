@@ -304,7 +304,10 @@ fn columns(
 ) -> Result<Vec<Option<ArrayRef>>, TableError> {
     let accepted = schema.role == Role::Accepted;
     let fields = batch.schema();
-    names_are_clear(fields.fields().iter().map(|field| field.name().as_str()), schema)?;
+    names_are_clear(
+        fields.fields().iter().map(|field| field.name().as_str()),
+        schema,
+    )?;
     let extra = fields.fields().iter().find(|field| {
         let known = schema.column(field.name());
         known.is_none_or(|(_, column)| !column.is_in(version))

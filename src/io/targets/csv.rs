@@ -299,10 +299,7 @@ mod tests {
                 "target;x_mm;y_mm;z_mm\nA;1;2;3\n",
                 "missing columns target, x_mm, y_mm, z_mm; its first line names [\"target;x_mm",
             ),
-            (
-                "target,x_mm,x_mm,y_mm,z_mm\n",
-                "\"x_mm\" stands twice",
-            ),
+            ("target,x_mm,x_mm,y_mm,z_mm\n", "\"x_mm\" stands twice"),
             ("target,x_mm,y_mm,z_mm\n", "holds no target"),
             ("", "missing columns target"),
         ];
@@ -329,13 +326,19 @@ mod tests {
         for head in ["Table_ID", "TABLE_ID ", "corrected_by", "Corrected_By"] {
             let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,t-1\n");
             let error = targets(&text).unwrap_err();
-            assert!(error.contains("line 2: target \"A\" is corrected already"), "{error}");
+            assert!(
+                error.contains("line 2: target \"A\" is corrected already"),
+                "{error}"
+            );
             let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,\n");
             assert_eq!(targets(&text).unwrap().unused.len(), 0);
         }
         for (head, expected) in [
             ("target,X_mm,y_mm,z_mm", "\"x_mm\" is; write it so"),
-            ("target,x_mm,y_mm,z_mm,X_MM", "\"X_MM\" is no name that is known here"),
+            (
+                "target,x_mm,y_mm,z_mm,X_MM",
+                "\"X_MM\" is no name that is known here",
+            ),
             ("target,x_mm,y_mm,z_mm,id,ID", "\"id\" and \"ID\" differ"),
         ] {
             let error = targets(&format!("{head}\n")).unwrap_err();
@@ -347,7 +350,10 @@ mod tests {
     fn a_name_that_a_spreadsheet_would_run_comes_back_as_it_was() {
         let found = targets("target,x_mm,y_mm,z_mm,tool\n'=1+1,-1.5,+2,3,'-drill\n'A',1,2,3,\n");
         let found = found.unwrap().targets;
-        assert_eq!((found[0].name.as_str(), found[1].name.as_str()), ("=1+1", "'A'"));
+        assert_eq!(
+            (found[0].name.as_str(), found[1].name.as_str()),
+            ("=1+1", "'A'")
+        );
         assert_eq!(found[0].tool.as_deref(), Some("-drill"));
         assert_eq!(found[0].position.unwrap().coords().x.to_string(), "-1.5");
     }

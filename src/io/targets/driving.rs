@@ -329,7 +329,12 @@ mod tests {
             sparse.set_len(6 << 30).expect("no room is taken");
             let limits = crate::io::log::Limits::default();
             let told = read(&path, Bound::of(limits)).unwrap_err().to_string();
-            for part in [name, "6442450944 bytes", "limit of 67108864", "file_bytes in [limits]"] {
+            for part in [
+                name,
+                "6442450944 bytes",
+                "limit of 67108864",
+                "file_bytes in [limits]",
+            ] {
                 assert!(told.contains(part), "{told}");
             }
         }

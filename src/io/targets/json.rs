@@ -133,7 +133,9 @@ impl Keys {
         let mut found = None;
         for (key, cell) in &self.0 {
             match cell {
-                Cell::Other { mark: Some(mark), .. } => {
+                Cell::Other {
+                    mark: Some(mark), ..
+                } => {
                     return Err(RowProblem::Marked {
                         key: mark.key.clone(),
                         value: mark.value.clone(),

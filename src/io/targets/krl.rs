@@ -34,8 +34,8 @@ use self::aggregate::Aggregate;
 use self::lines::Line;
 use self::statement::{Declaration, Statement};
 use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
-use crate::io::input::Bound;
 use crate::ingest::AngleUnit;
+use crate::io::input::Bound;
 
 /// A data list, with where its targets stand.
 #[derive(Debug, Clone, PartialEq)]

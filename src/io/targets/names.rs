@@ -23,7 +23,9 @@ pub enum NamesProblem {
         name: String,
     },
     /// The same but for the size of letters.
-    #[error("{first:?} and {second:?} differ in the size of letters alone; which is meant is not clear")]
+    #[error(
+        "{first:?} and {second:?} differ in the size of letters alone; which is meant is not clear"
+    )]
     Alike {
         /// One.
         first: String,

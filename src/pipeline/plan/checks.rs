@@ -69,7 +69,13 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
         not_negative("[robot.valid_for] payload_kg", kg)?;
     }
     if let Some(name) = &file.robot.name {
-        let refused = |error| wrong("[robot] name", format!("{name:?}"), format!("another: {error}"));
+        let refused = |error| {
+            wrong(
+                "[robot] name",
+                format!("{name:?}"),
+                format!("another: {error}"),
+            )
+        };
         lake::check_name("robot", name).map_err(refused)?;
     }
     mapping(file, joints)?;

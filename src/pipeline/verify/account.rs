@@ -11,11 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::VerifyError;
 use super::selection::Selected;
-<<<<<<< HEAD
-use crate::io::lake::{Lake, LakeFile, PAGES, Stands};
-=======
-use crate::io::lake::{Lake, LakeError, LakeFile, PAGES, Stands, is_correction};
->>>>>>> f42d892 (wip 3)
+use crate::io::lake::{Lake, LakeFile, PAGES, Stands, is_correction};
 use crate::io::store::Place;
 use crate::io::table::{self, Head};
 use known::{Judged, Known, Scope, rows_now};

@@ -103,10 +103,19 @@ fn texts_that_hold_no_targets_are_told_so() {
     let cases = [
         ("[]", "holds no target"),
         ("{}", "no key \"targets\""),
-        ("{\"targets\": [], \"targets\": []}", "\"targets\" stands twice"),
-        ("{\"targets\": {\"targets\": []}}", "expected an array of targets"),
+        (
+            "{\"targets\": [], \"targets\": []}",
+            "\"targets\" stands twice",
+        ),
+        (
+            "{\"targets\": {\"targets\": []}}",
+            "expected an array of targets",
+        ),
         ("{\"Targets\": []}", "\"targets\" is; write it so"),
-        ("{\"part\": 1, \"Part\": 2, \"targets\": []}", "\"part\" and \"Part\" differ"),
+        (
+            "{\"part\": 1, \"Part\": 2, \"targets\": []}",
+            "\"part\" and \"Part\" differ",
+        ),
         ("3", "expected an array of targets"),
         ("[] x", "trailing characters"),
         (deep.as_str(), "a target: an object"),
@@ -129,7 +138,10 @@ fn a_mark_is_known_in_any_letters_and_anywhere() {
         format!("[{}]", row(r#", "made": {"by": [{"Table_Id": "t-1"}]}"#)),
         format!(r#"{{"table_id": "t-1", "targets": [{}]}}"#, row("")),
         format!(r#"{{"targets": [{}], "Table_ID": true}}"#, row("")),
-        format!(r#"{{"head": {{"table_id": "t-1"}}, "targets": [{}]}}"#, row("")),
+        format!(
+            r#"{{"head": {{"table_id": "t-1"}}, "targets": [{}]}}"#,
+            row("")
+        ),
     ];
     for text in &marked {
         let error = targets(text).unwrap_err();
@@ -145,9 +157,18 @@ fn a_mark_is_known_in_any_letters_and_anywhere() {
 #[test]
 fn keys_in_letters_of_another_size_are_told_by_name() {
     let cases = [
-        (r#"[{"target": "A", "X_mm": 1}]"#, "row 0: \"X_mm\" is no name that is known here"),
-        (r#"[{"target": "A", "Q1_deg": 1}]"#, "\"q1_deg\" is; write it so"),
-        (r#"[{"target": "A", "x": 1, "X": 2}]"#, "\"x\" and \"X\" differ"),
+        (
+            r#"[{"target": "A", "X_mm": 1}]"#,
+            "row 0: \"X_mm\" is no name that is known here",
+        ),
+        (
+            r#"[{"target": "A", "Q1_deg": 1}]"#,
+            "\"q1_deg\" is; write it so",
+        ),
+        (
+            r#"[{"target": "A", "x": 1, "X": 2}]"#,
+            "\"x\" and \"X\" differ",
+        ),
         (
             r#"[{"target": "A", "table_id": null, "Table_ID": "t"}]"#,
             "\"table_id\" and \"Table_ID\" differ",

@@ -5,8 +5,8 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
-use super::super::names::{self, NamesProblem};
 use super::super::RowProblem;
+use super::super::names::{self, NamesProblem};
 use super::Found;
 
 const TARGETS: &str = "targets";
@@ -137,7 +137,9 @@ fn problem_of(keys: &[String]) -> Option<NamesProblem> {
             known: folded,
         });
     }
-    let first = before.iter().find(|key| key.trim().to_lowercase() == folded)?;
+    let first = before
+        .iter()
+        .find(|key| key.trim().to_lowercase() == folded)?;
     Some(if first == last {
         NamesProblem::Twice { name: last.clone() }
     } else {

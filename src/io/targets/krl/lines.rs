@@ -112,10 +112,16 @@ pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, 
     if code(end).len() > "ENDDAT".len() {
         return Err(at(end, KrlProblem::Outside));
     }
-    if let Some(line) = inside[length + 1..].iter().find(|line| !code(line).is_empty()) {
+    if let Some(line) = inside[length + 1..]
+        .iter()
+        .find(|line| !code(line).is_empty())
+    {
         return Err(at(line, KrlProblem::Outside));
     }
-    if let Some(line) = inside[..length].iter().find(|line| begins(code(line), "DEFDAT")) {
+    if let Some(line) = inside[..length]
+        .iter()
+        .find(|line| begins(code(line), "DEFDAT"))
+    {
         return Err(at(line, KrlProblem::SecondList));
     }
     Ok(Inside {

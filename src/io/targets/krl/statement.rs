@@ -72,7 +72,7 @@ pub(super) fn parse(text: &[u8], code: &Range<usize>) -> Result<Option<Statement
     if line.is_empty() || is_without_values(line) {
         return Ok(None);
     }
-    if line.iter().filter(|&&byte| byte == b'"').count() % 2 == 1 {
+    if line.split(|&byte| byte == b'"').count() % 2 == 0 {
         return Err(KrlProblem::OpenText.into());
     }
     let Some(equals) = line.iter().position(|&byte| byte == b'=') else {

@@ -187,37 +187,106 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
 /// What KRL forbids, and what is told of it.
 const FORBIDDEN: [(&str, &str); 32] = [
     // A decimal comma: the reader of a controller ends there as well.
-    ("DECL E6POS P={X 1575,7,Y 2,Z 3}", "line 2: \"7\" stands between the commas"),
-    ("DECL E6POS P={X 1575 7,Y 2,Z 3}", "\"X 1575 7\" stands between the commas"),
-    ("DECL E6POS P={X 1 Y 2,Z 3}", "\"X 1 Y 2\" stands between the commas"),
-    ("DECL E6POS P={X 1,,Y 2,Z 3}", "\"\" stands between the commas"),
-    ("DECL E6POS P={X 1,Y 2,Z 3,}", "\"\" stands between the commas"),
-    ("DECL E6POS P={,X 1,Y 2,Z 3}", "\"\" stands between the commas"),
+    (
+        "DECL E6POS P={X 1575,7,Y 2,Z 3}",
+        "line 2: \"7\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X 1575 7,Y 2,Z 3}",
+        "\"X 1575 7\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X 1 Y 2,Z 3}",
+        "\"X 1 Y 2\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X 1,,Y 2,Z 3}",
+        "\"\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3,}",
+        "\"\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={,X 1,Y 2,Z 3}",
+        "\"\" stands between the commas",
+    ),
     ("DECL E6POS P={}", "\"\" stands between the commas"),
-    ("DECL E6POS P={X1,Y 2,Z 3}", "\"X1\" stands between the commas"),
-    ("DECL E6POS P={X=1,Y 2,Z 3}", "\"X=1\" stands between the commas"),
-    ("DECL E6POS P={X: 1,Y 2,Z 3}", "\"1\" stands between the commas"),
-    ("DECL E6POS P={X1 1,X 1,Y 2,Z 3}", "component X1: a value of type E6POS has none"),
-    ("DECL POS P={X 1,Y 2,Z 3,E1 0}", "component E1: a value of type POS has none"),
-    ("DECL FRAME P={X 1,Y 2,Z 3,S 2}", "component S: a value of type FRAME has none"),
-    ("DECL E6POS P={X 1,Y 2,Z 3,T a}", "component T holds \"A\", which is no whole number"),
-    ("DECL E6POS P={X 1,Y 2,Z 3,S 'B-1'}", "component S holds \"'B-1'\""),
-    ("DECL E6POS P={X {Y 2},Y 2,Z 3}", "component X holds \"{Y 2}\""),
-    ("DECL E6POS P={X 1,Y 2,Z 3]", "the braces of the value do not close"),
-    ("DECL E6POS P={X 1,Y 2,Z 3} 4", "the braces of the value do not close"),
+    (
+        "DECL E6POS P={X1,Y 2,Z 3}",
+        "\"X1\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X=1,Y 2,Z 3}",
+        "\"X=1\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X: 1,Y 2,Z 3}",
+        "\"1\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P={X1 1,X 1,Y 2,Z 3}",
+        "component X1: a value of type E6POS has none",
+    ),
+    (
+        "DECL POS P={X 1,Y 2,Z 3,E1 0}",
+        "component E1: a value of type POS has none",
+    ),
+    (
+        "DECL FRAME P={X 1,Y 2,Z 3,S 2}",
+        "component S: a value of type FRAME has none",
+    ),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3,T a}",
+        "component T holds \"A\", which is no whole number",
+    ),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3,S 'B-1'}",
+        "component S holds \"'B-1'\"",
+    ),
+    (
+        "DECL E6POS P={X {Y 2},Y 2,Z 3}",
+        "component X holds \"{Y 2}\"",
+    ),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3]",
+        "the braces of the value do not close",
+    ),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3} 4",
+        "the braces of the value do not close",
+    ),
     ("DECL LOAD L={CM {X 0,X 1}}", "component X stands twice"),
-    ("DECL LOAD L={M 1 CM {X 0}}", "\"M 1 CM {X 0}\" stands between the commas"),
-    ("DECL E6POS P {X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
+    (
+        "DECL LOAD L={M 1 CM {X 0}}",
+        "\"M 1 CM {X 0}\" stands between the commas",
+    ),
+    (
+        "DECL E6POS P {X 1,Y 2,Z 3}",
+        "line 2: this is neither a declaration",
+    ),
     ("X 1,Y 2,Z 3}", "line 2: this is neither a declaration"),
     ("DECL E6POS", "this is neither a declaration"),
     ("P[1]", "this is neither a declaration"),
-    ("DECL E6POS P={X 1,Y 2,Z 3}\nP.X=5", "line 3: a value for a component of P"),
+    (
+        "DECL E6POS P={X 1,Y 2,Z 3}\nP.X=5",
+        "line 3: a value for a component of P",
+    ),
     ("P.X=5", "line 2: a value for a component of P"),
-    ("P[A]={POS: X 1,Y 2,Z 3}", "P[A] is a position, but its index"),
+    (
+        "P[A]={POS: X 1,Y 2,Z 3}",
+        "P[A] is a position, but its index",
+    ),
     ("DECL INT N=1,5", "\"1,5\" is not one value"),
     ("DECL CHAR C[3]=\"ab", "line 2: a text begins with"),
-    ("DECL E6POS P\nDECL INT p", "line 3: P is declared in line 2 already"),
-    ("DECL E6POS P={AXIS: X 1,Y 2,Z 3}", "the value is of type AXIS, but P is declared as E6POS"),
+    (
+        "DECL E6POS P\nDECL INT p",
+        "line 3: P is declared in line 2 already",
+    ),
+    (
+        "DECL E6POS P={AXIS: X 1,Y 2,Z 3}",
+        "the value is of type AXIS, but P is declared as E6POS",
+    ),
     ("P={X 1}", "P has X, Y and Z, but neither this list"),
 ];
 
@@ -237,7 +306,10 @@ fn what_is_wrong_is_told_by_its_line() {
             "DECL E6POS P={X 1,Y 2,Z 1e999}",
             "component Z holds \"1e999\"",
         ),
-        ("DECL E6POS P={X 1,Y 2,Z }", "\"Z\" stands between the commas"),
+        (
+            "DECL E6POS P={X 1,Y 2,Z }",
+            "\"Z\" stands between the commas",
+        ),
         ("DECL E6POS P={X 1,Y 2,Z 3,X 4}", "component X stands twice"),
         (
             "DECL E6POS P={X 1,Y 2,Z 3,A 4}",
@@ -324,8 +396,14 @@ fn what_is_corrected_stays_known_without_its_comments() {
         .filter(|line| !line.contains("POINT2") && !line.contains("NOTE"))
         .collect();
     let told = problem(uncommented.join("\n").to_lowercase().as_bytes());
-    assert!(told.contains("corrected already, by table \"0a?1b\""), "{told}");
-    for mark in ["DECL CHAR POSEGRID_CORRECTED[9]", "posegrid_corrected[]=\"t\""] {
+    assert!(
+        told.contains("corrected already, by table \"0a?1b\""),
+        "{told}"
+    );
+    for mark in [
+        "DECL CHAR POSEGRID_CORRECTED[9]",
+        "posegrid_corrected[]=\"t\"",
+    ] {
         let told = problem(format!("DEFDAT L\n{mark}\nENDDAT").as_bytes());
         assert!(told.contains("line 2: corrected already"), "{told}");
     }
@@ -356,15 +434,10 @@ fn a_controller_reads_a_micrometre_back() {
 /// Pieces of data lists, sound and broken.
 fn piece() -> impl Strategy<Value = Vec<u8>> {
     prop_oneof![
-        (
-            -5000.0..5000.0_f64,
-            -5.0e3..5.0e3_f64,
-            any::<i32>()
-        )
-            .prop_map(|(x, y, z)| {
-                format!("DECL E6POS XP@={{X {x},Y {y:e} , Z {z},A 1,B 2,C 3,S 2,T 2}} ; note")
-                    .into_bytes()
-            }),
+        (-5000.0..5000.0_f64, -5.0e3..5.0e3_f64, any::<i32>()).prop_map(|(x, y, z)| {
+            format!("DECL E6POS XP@={{X {x},Y {y:e} , Z {z},A 1,B 2,C 3,S 2,T 2}} ; note")
+                .into_bytes()
+        }),
         (any::<u16>(), -5.0..5.0_f64)
             .prop_map(|(n, x)| format!("q[{n}] = {{frame: z 1, y 2,x {x}}}").into_bytes()),
         Just(b";FOLD {X 1,Y 2,Z 3}".to_vec()),

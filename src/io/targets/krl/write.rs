@@ -69,8 +69,14 @@ impl Written<'_> {
     fn mark(&mut self, table_id: &str) {
         // A text has one letter at least and no quotation mark in it.
         let table = plain(table_id).into_iter();
-        let table: Vec<u8> = table.map(|byte| if byte == b'"' { b'?' } else { byte }).collect();
-        let table = if table.is_empty() { b"?".to_vec() } else { table };
+        let table: Vec<u8> = table
+            .map(|byte| if byte == b'"' { b'?' } else { byte })
+            .collect();
+        let table = if table.is_empty() {
+            b"?".to_vec()
+        } else {
+            table
+        };
         let head = format!("DECL CHAR {MARK}[{}]=\"", table.len());
         self.bytes.extend(head.bytes());
         self.bytes.extend(table);
