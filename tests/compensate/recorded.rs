@@ -147,8 +147,9 @@ fn commands_that_are_their_targets_say_nothing() {
 #[test]
 fn a_lake_that_takes_no_record_is_a_choice_of_the_caller() {
     let (cell, lake) = in_lake(&SAMPLE);
-    // A file in the folder's place: nothing can be made in it, by whomever.
-    fs::write(cell.path("lake/corrections"), "").unwrap();
+    // A file in the robot's folder's place: nothing can be made in it, by whomever.
+    fs::create_dir(cell.path("lake/corrections")).unwrap();
+    fs::write(cell.path("lake/corrections/ur10"), "").unwrap();
     fs::write(cell.path("targets.csv"), TARGETS).unwrap();
     let error = cell.compensate("targets.csv", Some("out.csv")).unwrap_err();
     assert!(

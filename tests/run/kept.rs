@@ -210,7 +210,7 @@ fn a_driven_session_is_verified_with_the_run_that_drove_it() {
         &[
             "what it cites is missing",
             &told,
-            "11 files computed again, byte for byte the same",
+            "12 files computed again, byte for byte the same",
             "report/tue: the page says something else",
         ],
     );
