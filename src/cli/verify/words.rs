@@ -65,7 +65,10 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
         .map(|(word, count)| format!("{count} {word}"))
         .collect();
     let runs = if verdicts.len() == 1 { "run" } else { "runs" };
-    let mut text = format!("\n{} {runs}: {}", verdicts.len(), counts.join(", "));
+    let mut text = format!("\n{} {runs}", verdicts.len());
+    if !counts.is_empty() {
+        write!(text, ": {}", counts.join(", ")).expect("a string");
+    }
     if selected.not_drawn > 0 {
         write!(text, "; {} not drawn", selected.not_drawn).expect("a string");
     }
