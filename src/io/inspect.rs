@@ -183,7 +183,8 @@ pub fn inspect(
     let mut survey = Survey::default();
     let name = path.display().to_string();
     let account = scan(path, &name, limits, &mut survey, progress)?;
-    let mut channels = survey.channels;
+    let channels = survey.channels.into_iter();
+    let mut channels: Vec<_> = channels.map(ChannelSummary::from).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
     Ok(Inspection { account, channels })
 }
@@ -235,12 +236,32 @@ struct Part {
     traffic: BTreeMap<usize, Box<Traffic>>,
 }
 
+/// A channel, and what was found of it so far.
+struct Surveyed {
+    topic: String,
+    encoding: String,
+    kind: Arc<Kind>,
+    suggestion: Option<Suggestion>,
+    /// `None` as long as it has no messages.
+    traffic: Option<Box<Traffic>>,
+}
+
+impl From<Surveyed> for ChannelSummary {
+    fn from(channel: Surveyed) -> Self {
+        Self {
+            topic: channel.topic,
+            encoding: channel.encoding,
+            schema: channel.kind.schema.clone(),
+            suggestion: channel.suggestion,
+            traffic: channel.traffic.unwrap_or_default(),
+        }
+    }
+}
+
 #[derive(Default)]
 struct Survey {
-    channels: Vec<ChannelSummary>,
+    channels: Vec<Surveyed>,
     kinds: BTreeMap<(u16, String), Arc<Kind>>,
-    /// Of each channel.
-    kind_of: Vec<Arc<Kind>>,
     /// Bytes of joint names and guessed fields.
     guesses: usize,
 }
@@ -287,14 +308,13 @@ impl Visitor for Survey {
         let kind = self.kind(channel, schema);
         let suggestion = kind.suggestible.suggestion(None);
         let suggestion = self.suggested(suggestion);
-        self.channels.push(ChannelSummary {
+        self.channels.push(Surveyed {
             topic: channel.topic.clone(),
             encoding: channel.encoding.clone(),
-            schema: schema.cloned(),
+            kind: Arc::clone(&kind),
             suggestion,
-            traffic: Box::default(),
+            traffic: None,
         });
-        self.kind_of.push(Arc::clone(&kind));
         Ok(Take { place, kind })
     }
 
@@ -316,26 +336,26 @@ impl Visitor for Survey {
 
     fn merge(&mut self, _: &Extent, part: &mut Part, _: &mut Vec<LogReject>) {
         for (place, mut later) in std::mem::take(&mut part.traffic) {
-            let first = self.channels[place].traffic.messages == 0;
-            if let Some(sample) = later.sample.take().filter(|_| first) {
-                let suggestion = self.kind_of[place].suggestible.suggestion(Some(&sample));
+            let before = self.channels[place].traffic.take();
+            if let Some(sample) = later.sample.take().filter(|_| before.is_none()) {
+                let kind = Arc::clone(&self.channels[place].kind);
+                let suggestion = kind.suggestible.suggestion(Some(&sample));
                 self.channels[place].suggestion = self.suggested(suggestion);
             }
-            let names = later
-                .joints
-                .iter()
-                .map(|name| name.len() + size_of::<String>());
-            let names = names.sum();
-            let known = !self.channels[place].traffic.joints.is_empty();
-            if known || !self.has_room(names) {
+            let known = before
+                .as_ref()
+                .is_some_and(|before| !before.joints.is_empty());
+            let bytes = |name: &String| name.len() + size_of::<String>();
+            if known || !self.has_room(later.joints.iter().map(bytes).sum()) {
                 later.joints = Vec::new();
             }
-            let traffic = &mut self.channels[place].traffic;
-            if first {
-                *traffic = later;
-            } else {
-                traffic.append(*later);
-            }
+            self.channels[place].traffic = Some(match before {
+                None => later,
+                Some(mut before) => {
+                    before.append(*later);
+                    before
+                }
+            });
         }
     }
 }

@@ -93,16 +93,12 @@ impl<D> Registry<D> {
         self.channels.get(&id).map(|(channel, _)| channel)
     }
 
-    /// All channels, by id.
-    pub fn channels(&self) -> impl Iterator<Item = &Channel> {
-        self.channels.values().map(|(channel, _)| channel)
-    }
-
-    /// Another log begins in the same file: its ids are its own.
-    pub fn begin_again(&mut self) {
+    /// The log ends: gives its channels away, by id. The ids of another one in the same file are its own.
+    pub fn end_log(&mut self) -> impl Iterator<Item = Channel> {
         self.before += self.channels.len();
         self.schemas.clear();
-        self.channels.clear();
+        let channels = std::mem::take(&mut self.channels);
+        channels.into_values().map(|(channel, _)| channel)
     }
 
     /// Takes a schema in.

@@ -254,7 +254,6 @@ where
         let at = read_header(self.frames.source(), start, &mut self.account);
         let at = at.map_err(|source| self.io(source))?;
         self.frames.begin(start, at);
-        self.registry.begin_again();
         self.summary = None;
         self.read.clear();
         self.lost.clear();

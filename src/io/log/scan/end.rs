@@ -39,9 +39,7 @@ where
         if self.account.logs == 1 || self.account.ending != Ending::Cut {
             self.account.ending = ending;
         }
-        self.account
-            .channels
-            .extend(self.registry.channels().cloned());
+        self.account.channels.extend(self.registry.end_log());
         Ok(())
     }
 
