@@ -42,7 +42,8 @@ pub const NO_RESULT: u8 = 1;
 pub const BAD_USAGE: u8 = 2;
 /// There is a result, but a tolerance is not met or not shown to be.
 pub const NOT_MET: u8 = 3;
-/// Whoever read the results has gone away: that of a process which SIGPIPE (13) ended, by the shells' custom.
+/// Whoever read what `verify` found has gone away before all was verified: that of a process which SIGPIPE (13) ended, by the
+/// shells' custom.
 pub const READER_GONE: u8 = 128 + 13;
 
 /// From a robot controller's log and a laser tracker's log to identified errors, error-similarity grids and a
@@ -62,8 +63,9 @@ Exit codes: 0 done and within tolerance; 1 some session has no result, or
             results cannot be written to stdout; 2 bad usage or bad pipeline
             file; 3 all have results, but a tolerance is not met or not shown,
             or more was rejected than the pipeline file allows. 1 outranks 3.
-            A run that a signal ended: 130 (SIGINT) or 143 (SIGTERM); any
-            command but `run` whose reader has gone away (`| head -1`): 141.
+            A run that a signal ended: 130 (SIGINT) or 143 (SIGTERM).
+            A reader that has gone away (`| head -1`) is no error, but
+            `verify` then stops unfinished: 141.
             Messages that cannot be written change nothing.
 
 Example:

@@ -531,7 +531,7 @@ fn cleaning_a_lake_leaves_its_tables() {
     let folder = tempfile::tempdir().unwrap();
     let lake = write_sample_lake(folder.path());
     assert_eq!(lake.clean().unwrap(), Vec::<PathBuf>::new());
-    assert_eq!(contents(folder.path()).len(), published().count() + 1);
+    assert_eq!(contents(folder.path()).len(), published().count() + 2);
     assert_eq!(
         Lake::new(folder.path().join("none")).clean().unwrap(),
         Vec::<PathBuf>::new()

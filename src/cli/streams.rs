@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::os::fd::AsFd as _;
 
-use super::{NO_RESULT, READER_GONE};
+use super::{DONE, NO_RESULT};
 
 /// A stream of this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,10 +43,10 @@ impl Stream {
 }
 
 impl Undelivered {
-    /// The exit code of a command that ends because of it.
+    /// The exit code of a command that ends because of it: a reader who left has what it wanted.
     pub const fn exit_code(self) -> u8 {
         match self {
-            Self::ReaderGone => READER_GONE,
+            Self::ReaderGone => DONE,
             Self::Refused => NO_RESULT,
         }
     }

@@ -16,7 +16,7 @@ use clap::Args;
 use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
-use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
+use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET, READER_GONE};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::pipeline::verify::{
@@ -82,6 +82,8 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
             tracing::error!("{}", Printable(&error.to_string()));
             BAD_USAGE
         }
+        // Not everything was verified.
+        Err(Ended::Undelivered(Undelivered::ReaderGone)) => READER_GONE,
         Err(Ended::Undelivered(undelivered)) => undelivered.exit_code(),
     }
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output};
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 use std::thread::{self, JoinHandle, sleep};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -199,6 +199,19 @@ pub fn undisturbed() -> &'static Cell {
         cell.run(&[]).expect(0, &["2 of 2 within 0.5 mm"]);
         cell
     })
+}
+
+/// A copy of a table of Monday's undisturbed run outside its lake: what is corrected with it is recorded nowhere.
+pub fn alone(table: &str) -> PathBuf {
+    static COPIES: Mutex<BTreeMap<String, PathBuf>> = Mutex::new(BTreeMap::new());
+    let cell = undisturbed();
+    let mut copies = COPIES.lock().expect("no test panics here");
+    let copy = copies.entry(table.to_owned()).or_insert_with(|| {
+        let copy = cell.path(&format!("{table}-alone.parquet"));
+        fs::copy(cell.table_file(table, "mon"), &copy).expect("writable");
+        copy
+    });
+    copy.clone()
 }
 
 /// The command, not started yet.

@@ -12,7 +12,7 @@ use posegrid::geometry::isometry_from_rpy;
 use posegrid::io::table::Table;
 use posegrid::kinematics::{Arm, InverseSettings, RobotFile, inverse};
 
-use super::cell::{Ended, ended, posegrid, undisturbed};
+use super::cell::{Ended, alone, ended, posegrid, undisturbed};
 
 const NEAR_MM: f64 = 0.001;
 
@@ -133,7 +133,7 @@ impl Run {
 }
 
 fn arm_file() -> PathBuf {
-    undisturbed().table_file("calibrations", "mon")
+    alone("calibrations")
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn a_node_is_corrected_by_its_joint_angles_as_by_the_table() {
     );
     let by_table = Run::of(
         "node-table",
-        &undisturbed().table_file("compensation", "mon"),
+        &alone("compensation"),
         &format!(
             "target,{POSITION},qx,qy,qz,qw,configuration\n{}",
             poses.concat()
@@ -284,7 +284,7 @@ fn targets_that_say_too_little_or_two_things_are_refused() {
     {
         assert_eq!(run.text(row, "refused"), *word, "{:?}", run.rows[row]);
     }
-    let table = undisturbed().table_file("compensation", "mon");
+    let table = alone("compensation");
     let rows = format!("target,{RADIANS}\nA,{joints}\n");
     let by_table = Run::of("joints-on-table", &table, &rows, &[]);
     by_table

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use arrow::array::Array as _;
 use posegrid::io::table::Table;
 
-use super::cell::{ended, posegrid, undisturbed};
+use super::cell::{alone, ended, posegrid, undisturbed};
 
 /// A fixed point is found within 1 µm, and files of targets have a nanometre's digits.
 const NEAR_MM: f64 = 0.0012;
@@ -120,7 +120,7 @@ fn compensated(name: &str, rows: &str) -> (super::cell::Ended, Vec<Option<[f64; 
     let cell = undisturbed();
     let targets: PathBuf = cell.path(&format!("{name}.csv"));
     fs::write(&targets, rows).expect("writable");
-    let table = cell.table_file("compensation", "mon");
+    let table = alone("compensation");
     let run = ended(posegrid().arg("compensate").arg(table).arg(targets));
     let mut reader = csv::Reader::from_reader(run.results.as_bytes());
     let headers = reader.headers().expect("a first line").clone();
