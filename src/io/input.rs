@@ -114,7 +114,7 @@ pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
 /// The text of such a file.
 ///
 /// # Errors
-/// As [`bytes`], and where it is not UTF-8.
+/// As [`bytes()`], and where it is not UTF-8.
 pub fn text(path: &Path, bound: Bound) -> io::Result<String> {
     let bytes = bytes(path, bound)?;
     String::from_utf8(bytes).map_err(|error| {
