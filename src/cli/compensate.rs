@@ -18,6 +18,7 @@ use clap::Args;
 
 use super::messages::{self, Printable};
 use super::progress::Bars;
+use super::streams::Undelivered;
 use crate::compensation::validity::Held;
 use crate::compensation::{Corrected, Exception, Refused};
 use crate::io::compensation_table::TableVerdict;
@@ -100,8 +101,9 @@ pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
 }
 
 fn told(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
-    if let Err(undelivered) = messages::deliver(for_stdout, bars) {
-        return undelivered.exit_code();
+    // A reader who left is told no less of what was refused.
+    if let Err(refused @ Undelivered::Refused) = messages::deliver(for_stdout, bars) {
+        return refused.exit_code();
     }
     for line in compensated.to_string().lines() {
         tracing::info!("{}", Printable(line));
