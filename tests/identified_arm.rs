@@ -46,7 +46,11 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
     fit::add_commands(&mut observations, &stations, &commanded);
     let settings = TrainingSettings {
         fit: &FitSettings::default(),
-        full: &FullSettings::default(),
+        full: &FullSettings {
+            // These days have one scale: no covariance is to say otherwise.
+            session_scale_ppm: 0.0,
+            ..FullSettings::default()
+        },
         up: Some(Vector3::z_axis()),
     };
     let models = fit::models::train(arm, &observations, 1, &settings).expect("a fit");
