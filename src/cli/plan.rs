@@ -110,7 +110,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     let planned = planning.make(&bars.of("plan")).map_err(Box::new)?;
     if let Some(path) = &args.csv {
         let table = Lake::at(&planning.lake)?.read("sampling_plan", &planned.key)?;
-        let write = |sink: &mut io::BufWriter<std::fs::File>| -> Result<(), CsvCause> {
+        let write = |sink: &mut io::BufWriter<&std::fs::File>| -> Result<(), CsvCause> {
             Ok(write_csv(&table, AngleUnit::Deg, sink)?)
         };
         write_whole(path, write).map_err(|source| PlanCommandError::Write {

@@ -1,63 +1,71 @@
-//! Files that appear whole or not at all: written under a temporary name beside their own, synced, renamed.
+//! Files that appear whole or not at all: written under a temporary name beside their own, synced, given their name.
 
-use std::fs::{self, File};
+use std::ffi::OsString;
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+
+use tempfile::{Builder, NamedTempFile};
 
 /// Writes `path` by `write`. When that fails, nothing stands under `path`, and no temporary is left.
 ///
 /// # Errors
-/// Of `write`, or of the folder; `AlreadyExists` when something stands under `path` already.
+/// Of `write`, or of the folder; `AlreadyExists` when something stands under `path` already, or came there meanwhile.
 pub fn write_whole<E: From<io::Error>>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let Some(name) = path.file_name() else {
-        return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
-    };
+    // Said before the work, where it can be.
     if path.try_exists()? {
         return Err(io::Error::from(io::ErrorKind::AlreadyExists).into());
     }
-    let mut temporary = std::ffi::OsString::from(".");
-    temporary.push(name);
-    temporary.push(format!(".tmp-{}", std::process::id()));
-    let temporary = path.with_file_name(temporary);
-    let written = write_synced(&temporary, write).and_then(|()| Ok(fs::rename(&temporary, path)?));
-    if written.is_err() {
-        // The first error is the one to tell; a temporary that stays behind has a name that says what it is.
-        let _ = fs::remove_file(&temporary);
-    }
-    written
+    let temporary = written_beside(path, write)?;
+    temporary.persist_noclobber(path).map_err(|e| e.error)?;
+    Ok(())
 }
 
 /// Puts `bytes` in the place of what stands under `path`, if anything does, whole or not at all.
 pub fn replace_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?;
-    let mut temporary = std::ffi::OsString::from(".");
-    temporary.push(name);
-    temporary.push(format!(".tmp-{}", std::process::id()));
-    let temporary = path.with_file_name(temporary);
-    let written = write_synced(&temporary, |sink| sink.write_all(bytes))
-        .and_then(|()| fs::rename(&temporary, path));
-    if written.is_err() {
-        // As above.
-        let _ = fs::remove_file(&temporary);
-    }
-    written
+    let temporary = written_beside(path, |sink| sink.write_all(bytes))?;
+    temporary.persist(path).map_err(|e| e.error)?;
+    Ok(())
 }
 
-fn write_synced<E: From<io::Error>>(
+/// A temporary file in the folder of `path`, written by `write` and synced; it is removed when it is dropped.
+fn written_beside<E: From<io::Error>>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
-) -> Result<(), E> {
-    let mut sink = BufWriter::new(File::create(path)?);
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<NamedTempFile, E> {
+    let temporary = beside(path)?;
+    let mut sink = BufWriter::new(temporary.as_file());
     write(&mut sink)?;
     sink.flush()?;
-    Ok(sink.get_ref().sync_all()?)
+    drop(sink);
+    temporary.as_file().sync_all()?;
+    Ok(temporary)
+}
+
+/// An empty temporary file in the folder of `path`, by its name with a dot before it, and with the permissions that any new
+/// file would have.
+fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?;
+    let mut prefix = OsString::from(".");
+    prefix.push(name);
+    prefix.push(".tmp-");
+    let mut builder = Builder::new();
+    builder.prefix(&prefix);
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => builder.tempfile_in(folder),
+        _ => builder.tempfile_in("."),
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

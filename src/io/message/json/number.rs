@@ -10,15 +10,11 @@ use crate::io::message::cell::Cell;
 pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
     let (end, whole) = end(text, start)?;
     let written = &text[start..end];
-    if take_short_number(written, whole, cell) {
-        return Ok(end);
-    }
-    let written = str::from_utf8(written).map_err(|_| MessageFault::Json)?;
-    if whole && let Ok(integer) = written.parse() {
-        *cell = Cell::Integer(integer);
+    *cell = if whole && let Ok(integer) = lexical_core::parse(written) {
+        Cell::Integer(integer)
     } else {
-        *cell = Cell::Number(written.parse().map_err(|_| MessageFault::Json)?);
-    }
+        Cell::Number(lexical_core::parse(written).map_err(|_| MessageFault::Json)?)
+    };
     Ok(end)
 }
 
@@ -55,92 +51,56 @@ fn digits(text: &[u8], start: usize) -> Result<usize, MessageFault> {
     }
 }
 
-/// Digits that a number between 0 and 2^53 has at most, whatever they are.
-const EXACT_DIGITS: usize = 15;
-/// Powers of ten up to the last one that is a number without rounding.
-const POWERS: [f64; EXACT_DIGITS + 1] = [
-    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
-];
-
-/// A number of few digits and without an exponent: digits and power of ten are exact, so their quotient is rounded once,
-/// as it has to be (W. D. Clinger, "How to read floating point numbers accurately"). False: not so short.
-#[inline]
-fn take_short_number(written: &[u8], whole: bool, cell: &mut Cell) -> bool {
-    let (negative, unsigned) = match written {
-        [b'-', rest @ ..] => (true, rest),
-        rest => (false, rest),
-    };
-    if unsigned.len() > EXACT_DIGITS + 1 {
-        return false;
-    }
-    let (mut digits, mut behind_point, mut fraction) = (0_u32, 0, 0_i64);
-    let mut pointed = false;
-    for &byte in unsigned {
-        match byte {
-            b'0'..=b'9' => {
-                fraction = fraction * 10 + i64::from(byte - b'0');
-                digits += 1;
-                behind_point += usize::from(pointed);
-            }
-            b'.' => pointed = true,
-            _ => return false,
-        }
-    }
-    if digits as usize > EXACT_DIGITS {
-        return false;
-    }
-    *cell = if whole {
-        Cell::Integer(if negative { -fraction } else { fraction })
-    } else {
-        let number = fraction as f64 / POWERS[behind_point];
-        Cell::Number(if negative { -number } else { number })
-    };
-    true
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn short_number(written: &[u8], whole: bool) -> Option<Cell> {
+    fn number(written: &str) -> Cell {
         let mut cell = Cell::Absent;
-        take_short_number(written, whole, &mut cell).then_some(cell)
+        let end = take(written.as_bytes(), 0, &mut cell).expect("a number");
+        assert_eq!(end, written.len(), "{written}");
+        cell
+    }
+
+    /// `-` or nothing, up to 20 digits, a point among them or none, an exponent or none.
+    fn written(seed: u64) -> String {
+        let digits = format!("{:020}", seed.wrapping_mul(6_364_136_223_846_793_005));
+        let count = 1 + usize::try_from(seed % 20).expect("small");
+        let point = usize::try_from(seed / 20 % 12).expect("small");
+        let (whole, behind) = digits[..count].split_at(point.min(count - 1).max(1).min(count));
+        let whole = whole.trim_start_matches('0');
+        let sign = if seed.is_multiple_of(3) { "-" } else { "" };
+        let whole = if whole.is_empty() { "0" } else { whole };
+        let behind = if behind.is_empty() { String::new() } else { format!(".{behind}") };
+        let exponent = match seed % 7 {
+            0 => format!("e{}", seed % 330),
+            1 => format!("E-{}", seed % 330),
+            _ => String::new(),
+        };
+        format!("{sign}{whole}{behind}{exponent}")
     }
 
     #[test]
-    fn short_numbers_are_what_rust_reads() {
-        let mut seed = 1_u64;
-        for _ in 0..200_000 {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            let (digits, point) = (seed >> 40, (seed >> 30) % 14);
-            let whole = digits.to_string();
-            let point = usize::try_from(point).expect("small").min(whole.len() - 1);
-            let sign = if seed & (1 << 29) == 0 { "-" } else { "" };
-            let text = match point {
-                0 => format!("{sign}{whole}"),
-                _ => format!("{sign}{}.{}", &whole[..point], &whole[point..]),
-            };
+    fn numbers_are_what_rust_reads() {
+        for seed in 0..200_000 {
+            let text = written(seed);
             let wanted: f64 = text.parse().expect("a number");
-            match short_number(text.as_bytes(), point == 0) {
-                Some(Cell::Number(number)) => {
-                    assert_eq!(number.to_bits(), wanted.to_bits(), "{text}");
-                }
-                Some(Cell::Integer(integer)) => assert_eq!(Ok(integer), text.parse(), "{text}"),
+            match number(&text) {
+                Cell::Number(number) => assert_eq!(number.to_bits(), wanted.to_bits(), "{text}"),
+                Cell::Integer(integer) => assert_eq!(Ok(integer), text.parse(), "{text}"),
                 other => panic!("{text}: {other:?}"),
             }
         }
     }
 
     #[test]
-    fn zeros_keep_their_sign_and_long_numbers_are_left_to_others() {
-        let bits = |text: &str| match short_number(text.as_bytes(), false) {
-            Some(Cell::Number(number)) => Some(number.to_bits()),
-            _ => None,
+    fn whole_numbers_that_fit_are_integers_and_zeros_keep_their_sign() {
+        assert_eq!(number("-0"), Cell::Integer(0));
+        assert_eq!(number("9223372036854775807"), Cell::Integer(i64::MAX));
+        assert_eq!(number("9223372036854775808"), Cell::Number(9_223_372_036_854_775_808.0));
+        let Cell::Number(zero) = number("-0.0") else {
+            panic!("no number");
         };
-        assert_eq!(bits("-0.0"), Some((-0.0_f64).to_bits()));
-        assert_eq!(bits("0.000000000000001"), None); // 16 digits
-        assert_eq!(bits("0.00000000000001"), Some(1e-14_f64.to_bits()));
-        assert_eq!(bits("1e3"), None);
-        assert_eq!(short_number(b"-0", true), Some(Cell::Integer(0)));
+        assert_eq!(zero.to_bits(), (-0.0_f64).to_bits());
     }
 }
