@@ -34,6 +34,8 @@ pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
         ..RetryConfig::default()
     };
     let secrets = Secrets::of(&builder);
+    // TLS by ring for the whole process; the second client finds it there already.
+    let _ = rustls::crypto::ring::default_provider().install_default();
     let client = builder
         .with_bucket_name(bucket)
         .with_conditional_put(S3ConditionalPut::ETagMatch)
