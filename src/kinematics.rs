@@ -19,13 +19,17 @@ pub mod chain;
 pub mod configuration;
 pub mod held;
 pub mod inverse;
+mod motion;
 pub mod parameter;
 mod sin_cos;
+mod twist;
 
 pub use arm::{Arm, ArmError, Joint, RobotFile};
 pub use batch::{BatchChain, BatchColumns, Poses};
-pub use chain::{Axis, Chain, Differential, Element, Motion, Twist};
+pub use chain::{Chain, Differential, Element};
 pub use configuration::{Configuration, Side, SingularityFactors};
 pub use held::{ChainView, HeldChain};
 pub use inverse::{InverseError, InverseSettings, inverse};
+pub use motion::{Axis, Motion};
 pub use parameter::{LinkQuantity, Parameter};
+pub use twist::Twist;

@@ -9,9 +9,7 @@ use thiserror::Error;
 
 use super::{Calibration, Frames, Unknown};
 use crate::geometry::Transform;
-use crate::kinematics::{
-    Arm, ArmError, Axis, Chain, Element, Joint, LinkQuantity, Motion, Parameter,
-};
+use crate::kinematics::{Arm, ArmError, Chain, Element, Joint, LinkQuantity, Motion, Parameter};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 3;
@@ -247,7 +245,7 @@ impl SavedElement {
                 joint,
                 sign,
             } => Self::Joint {
-                motion: motion_name(*motion).to_owned(),
+                motion: motion.name().to_owned(),
                 joint: *joint,
                 sign: *sign,
             },
@@ -256,7 +254,7 @@ impl SavedElement {
                 nominal,
                 parameter,
             } => Self::Free {
-                motion: motion_name(*motion).to_owned(),
+                motion: motion.name().to_owned(),
                 nominal: *nominal,
                 parameter: parameter.to_string(),
             },
@@ -432,26 +430,8 @@ pub(super) const fn same_length(
     }
 }
 
-fn motions() -> impl Iterator<Item = Motion> {
-    Axis::ALL
-        .into_iter()
-        .flat_map(|axis| [Motion::Translation(axis), Motion::Rotation(axis)])
-}
-
-const fn motion_name(motion: Motion) -> &'static str {
-    match motion {
-        Motion::Translation(Axis::X) => "x",
-        Motion::Translation(Axis::Y) => "y",
-        Motion::Translation(Axis::Z) => "z",
-        Motion::Rotation(Axis::X) => "rx",
-        Motion::Rotation(Axis::Y) => "ry",
-        Motion::Rotation(Axis::Z) => "rz",
-    }
-}
-
 fn motion_of(name: &str) -> Result<Motion, SavedError> {
-    let found = motions().find(|motion| motion_name(*motion) == name);
-    found.ok_or_else(|| SavedError::Unknown {
+    Motion::of_name(name).ok_or_else(|| SavedError::Unknown {
         what: "a motion",
         name: name.to_owned(),
     })
@@ -459,17 +439,12 @@ fn motion_of(name: &str) -> Result<Motion, SavedError> {
 
 /// The parameter of a name, as its `Display` writes it.
 fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
-    const QUANTITIES: [LinkQuantity; 5] = [
-        LinkQuantity::Theta,
-        LinkQuantity::D,
-        LinkQuantity::A,
-        LinkQuantity::Alpha,
-        LinkQuantity::Beta,
-    ];
     const MOST_JOINTS: usize = 16;
-    let frames = motions().flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
+    let frames = Motion::ALL
+        .into_iter()
+        .flat_map(|motion| [Parameter::Base(motion), Parameter::Target(motion)]);
     let links = (1..=MOST_JOINTS)
-        .flat_map(|joint| QUANTITIES.map(|quantity| Parameter::Link { joint, quantity }));
+        .flat_map(|joint| LinkQuantity::ALL.map(|quantity| Parameter::Link { joint, quantity }));
     let found = frames
         .chain(links)
         .find(|parameter| parameter.to_string() == name);

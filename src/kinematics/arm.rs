@@ -7,8 +7,10 @@ use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::chain::{Axis, Chain, Element, Motion, Twist};
+use super::chain::{Chain, Element};
+use super::motion::{Axis, Motion};
 use super::parameter::{LinkQuantity, Parameter};
+use super::twist::Twist;
 use crate::geometry::{Base, Flange, Transform};
 
 /// Two axes count as parallel when the sine of the twist between them is below this: half a degree. Nominal arms are
@@ -154,9 +156,12 @@ impl RobotFile {
             }
         }
         let parallel = self.parallel_joints();
+        let link = match self.convention {
+            Convention::StandardDh => JointFile::standard_dh,
+        };
         let mut elements = Vec::new();
         for (index, joint) in self.joint.iter().enumerate() {
-            elements.extend(joint.elements(index, parallel.contains(&(index + 1))));
+            elements.extend(link(joint, index, parallel.contains(&(index + 1))));
         }
         Ok(Arm {
             model: self.model.clone(),
@@ -249,7 +254,8 @@ impl JointFile {
         }
     }
 
-    fn elements(&self, index: usize, next_is_parallel: bool) -> Vec<Element> {
+    /// The link in standard DH, with Hayati's β in the place of d where the next axis is parallel.
+    fn standard_dh(&self, index: usize, next_is_parallel: bool) -> Vec<Element> {
         let free = |motion, nominal, quantity| Element::Free {
             motion,
             nominal,

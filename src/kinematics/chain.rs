@@ -4,63 +4,11 @@
 //! element that moves by `ε` moves everything after it by `ε` times its unit twist, so a column is that twist carried
 //! to the chain's end.
 
-use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::motion::Motion;
 use super::parameter::Parameter;
-
-/// An axis of the frame an element stands in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Axis {
-    /// x.
-    X,
-    /// y.
-    Y,
-    /// z.
-    Z,
-}
-
-impl Axis {
-    /// The three axes in order.
-    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
-
-    /// The axis as a unit vector of its own frame.
-    pub fn unit(self) -> UnitVector3<f64> {
-        match self {
-            Self::X => Vector3::x_axis(),
-            Self::Y => Vector3::y_axis(),
-            Self::Z => Vector3::z_axis(),
-        }
-    }
-}
-
-/// An elementary motion: along an axis in mm, or about it in rad.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Motion {
-    /// Along the axis, mm.
-    Translation(Axis),
-    /// About the axis, rad.
-    Rotation(Axis),
-}
-
-impl Motion {
-    /// The axis it is along or about, as a unit vector of its own frame.
-    pub fn axis(self) -> Vector3<f64> {
-        match self {
-            Self::Translation(axis) | Self::Rotation(axis) => axis.unit().into_inner(),
-        }
-    }
-
-    /// The transform of this motion by `amount` (mm or rad).
-    pub fn by(self, amount: f64) -> Isometry3<f64> {
-        match self {
-            Self::Translation(axis) => Translation3::from(axis.unit().into_inner() * amount).into(),
-            Self::Rotation(axis) => Isometry3::from_parts(
-                Translation3::identity(),
-                UnitQuaternion::from_axis_angle(&axis.unit(), amount),
-            ),
-        }
-    }
-}
+use super::twist::{Twist, UnitMotion};
 
 /// One element of a chain.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,62 +33,6 @@ pub enum Element {
         /// What it is called.
         parameter: Parameter,
     },
-}
-
-/// The motion of the chain's end, in the chain's root frame, per unit of one variable.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Twist {
-    /// Velocity of the end's origin, mm per unit.
-    pub linear: Vector3<f64>,
-    /// Angular velocity, rad per unit.
-    pub angular: Vector3<f64>,
-}
-
-impl Twist {
-    /// No motion at all.
-    pub fn zero() -> Self {
-        Self {
-            linear: Vector3::zeros(),
-            angular: Vector3::zeros(),
-        }
-    }
-}
-
-/// A line or direction in the root frame, before it is carried to the end.
-#[derive(Debug, Clone, Copy)]
-enum UnitMotion {
-    Translation(Vector3<f64>),
-    Rotation {
-        axis: Vector3<f64>,
-        through: Vector3<f64>,
-    },
-}
-
-impl UnitMotion {
-    fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
-        match motion {
-            Motion::Translation(axis) => {
-                Self::Translation(frame.rotation * axis.unit().into_inner())
-            }
-            Motion::Rotation(axis) => Self::Rotation {
-                axis: frame.rotation * axis.unit().into_inner(),
-                through: frame.translation.vector,
-            },
-        }
-    }
-
-    fn carried_to(self, end: &Vector3<f64>, sign: f64) -> Twist {
-        match self {
-            Self::Translation(direction) => Twist {
-                linear: direction * sign,
-                angular: Vector3::zeros(),
-            },
-            Self::Rotation { axis, through } => Twist {
-                linear: axis.cross(&(end - through)) * sign,
-                angular: axis * sign,
-            },
-        }
-    }
 }
 
 /// Where the chain ends, and how that end moves with every joint and every free parameter.
@@ -232,41 +124,24 @@ impl Chain {
     /// # Panics
     /// When `q` or `offsets` is shorter than the chain asks for.
     pub fn forward(&self, q: &[f64], offsets: &[f64]) -> Isometry3<f64> {
-        let mut end = Isometry3::identity();
-        let mut next = offsets.iter();
-        for element in &self.elements {
-            end *= element.transform(q, &mut next);
-        }
-        end
+        self.walk(q, offsets, |_, _| {})
     }
 
     /// The end of the nominal chain: [`Self::forward`] with no offsets.
     pub fn nominal(&self, q: &[f64]) -> Isometry3<f64> {
-        let mut end = Isometry3::identity();
-        for element in &self.elements {
-            end *= element.nominal(q);
-        }
-        end
+        let transforms = self.elements.iter().map(|element| element.nominal(q));
+        transforms.fold(Isometry3::identity(), |end, transform| end * transform)
     }
 
     /// The origin and z axis of each joint in the root frame, in chain order, at `q` with `offsets`.
     pub fn joint_axes(&self, q: &[f64], offsets: &[f64]) -> Vec<(Point3<f64>, Vector3<f64>)> {
-        let mut end = Isometry3::identity();
-        let mut next = offsets.iter();
         let mut axes = Vec::with_capacity(self.joints);
-        for element in &self.elements {
-            if let Element::Joint {
-                motion: Motion::Rotation(axis) | Motion::Translation(axis),
-                ..
-            } = element
-            {
-                axes.push((
-                    Point3::from(end.translation.vector),
-                    end.rotation * axis.unit().into_inner(),
-                ));
+        self.walk(q, offsets, |element, frame| {
+            if let Element::Joint { motion, .. } = element {
+                let origin = Point3::from(frame.translation.vector);
+                axes.push((origin, frame.rotation * motion.axis()));
             }
-            end *= element.transform(q, &mut next);
-        }
+        });
         axes
     }
 
@@ -275,38 +150,44 @@ impl Chain {
     /// # Panics
     /// When `q` or `offsets` is shorter than the chain asks for.
     pub fn differential(&self, q: &[f64], offsets: &[f64]) -> Differential {
-        let mut end = Isometry3::identity();
-        let mut next = offsets.iter();
         let mut joints = Vec::with_capacity(self.joints);
         let mut parameters = Vec::with_capacity(offsets.len());
-        for element in &self.elements {
-            match element {
-                Element::Fixed(_) => {}
-                Element::Joint {
-                    motion,
-                    joint,
-                    sign,
-                } => joints.push((*joint, *sign, UnitMotion::of(*motion, &end))),
-                Element::Free { motion, .. } => parameters.push(UnitMotion::of(*motion, &end)),
-            }
-            end *= element.transform(q, &mut next);
-        }
+        let end = self.walk(q, offsets, |element, frame| match element {
+            Element::Fixed(_) => {}
+            Element::Joint {
+                motion,
+                joint,
+                sign,
+            } => joints.push((*joint, *sign, UnitMotion::of(*motion, frame))),
+            Element::Free { motion, .. } => parameters.push(UnitMotion::of(*motion, frame)),
+        });
         let tip = end.translation.vector;
         let mut joint_twists = vec![Twist::zero(); self.joints];
         for (joint, sign, unit) in joints {
-            let twist = unit.carried_to(&tip, sign);
-            joint_twists[joint].linear += twist.linear;
-            joint_twists[joint].angular += twist.angular;
+            joint_twists[joint].add(&unit.carried_to(&tip), sign);
         }
-        let parameters = parameters
-            .into_iter()
-            .map(|unit| unit.carried_to(&tip, 1.0))
-            .collect();
+        let parameters = parameters.into_iter().map(|unit| unit.carried_to(&tip));
         Differential {
             end,
             joints: joint_twists,
-            parameters,
+            parameters: parameters.collect(),
         }
+    }
+
+    /// Goes from the root to the end, shows `at` each element with the frame it stands in, and gives the end.
+    fn walk(
+        &self,
+        q: &[f64],
+        offsets: &[f64],
+        mut at: impl FnMut(&Element, &Isometry3<f64>),
+    ) -> Isometry3<f64> {
+        let mut frame = Isometry3::identity();
+        let mut next = offsets.iter();
+        for element in &self.elements {
+            at(element, &frame);
+            frame *= element.transform(q, &mut next);
+        }
+        frame
     }
 }
 

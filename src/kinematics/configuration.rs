@@ -14,7 +14,7 @@ use std::fmt;
 use nalgebra::{DMatrix, Matrix6, Vector3};
 
 use super::arm::Arm;
-use super::chain::Twist;
+use super::twist::Twist;
 
 /// The arm configuration of a six-axis arm: which side of each of its three singularities it is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -5,7 +5,9 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::chain::{Axis, Chain, Element, Motion, Twist};
+use super::chain::{Chain, Element};
+use super::motion::{Axis, Motion};
+use super::twist::{Twist, UnitMotion};
 
 /// A chain at given offsets.
 #[derive(Debug, Clone)]
@@ -23,16 +25,6 @@ struct Segment {
     origin: Vector3<f64>,
     /// The joint that ends the segment; `None` at the chain's end.
     joint: Option<(Motion, usize, f64)>,
-}
-
-/// A unit motion in the frame its segment begins in.
-#[derive(Debug, Clone, Copy)]
-enum UnitMotion {
-    Translation(Vector3<f64>),
-    Rotation {
-        axis: Vector3<f64>,
-        through: Vector3<f64>,
-    },
 }
 
 /// A point of the chain's end at one pose and how it moves, in the root frame.
@@ -135,16 +127,8 @@ impl HeldChain {
         let mut twists = vec![Twist::zero(); self.joints];
         let joints = self.segments.iter().filter_map(|segment| segment.joint);
         for ((motion, joint, sign), (origin, axis)) in joints.zip(axes) {
-            let unit = match motion {
-                Motion::Translation(_) => UnitMotion::Translation(*axis),
-                Motion::Rotation(_) => UnitMotion::Rotation {
-                    axis: *axis,
-                    through: origin.coords,
-                },
-            };
-            let twist = unit.carried_to(end);
-            twists[joint].linear += twist.linear * sign;
-            twists[joint].angular += twist.angular * sign;
+            let unit = UnitMotion::along(motion, *axis, origin.coords);
+            twists[joint].add(&unit.carried_to(end), sign);
         }
         twists
     }
@@ -161,32 +145,6 @@ impl Segment {
             rotation: *transform.rotation.to_rotation_matrix().matrix(),
             origin: transform.translation.vector,
             joint,
-        }
-    }
-}
-
-impl UnitMotion {
-    fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
-        let axis = frame.rotation * motion.axis();
-        match motion {
-            Motion::Translation(_) => Self::Translation(axis),
-            Motion::Rotation(_) => Self::Rotation {
-                axis,
-                through: frame.translation.vector,
-            },
-        }
-    }
-
-    fn carried_to(self, end: &Vector3<f64>) -> Twist {
-        match self {
-            Self::Translation(direction) => Twist {
-                linear: direction,
-                angular: Vector3::zeros(),
-            },
-            Self::Rotation { axis, through } => Twist {
-                linear: axis.cross(&(end - through)),
-                angular: axis,
-            },
         }
     }
 }
@@ -229,6 +187,7 @@ impl Frame {
         }
     }
 
+    /// A motion in this frame as one in the root.
     fn unit(&self, motion: &UnitMotion) -> UnitMotion {
         match motion {
             UnitMotion::Translation(direction) => {

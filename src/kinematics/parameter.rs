@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::chain::{Axis, Motion};
+use super::motion::Motion;
 
 /// One free parameter of the measurement chain `tracker_from_base · arm · flange_from_target`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -35,6 +35,22 @@ pub enum LinkQuantity {
     Beta,
 }
 
+impl LinkQuantity {
+    /// All quantities, in the order in which a link's elements stand.
+    pub const ALL: [Self; 5] = [Self::Theta, Self::D, Self::A, Self::Alpha, Self::Beta];
+
+    /// Its name in tables and saved models.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Theta => "theta",
+            Self::D => "d",
+            Self::A => "a",
+            Self::Alpha => "alpha",
+            Self::Beta => "beta",
+        }
+    }
+}
+
 impl Parameter {
     /// Whether the parameter is an angle (rad); otherwise it is a length (mm).
     pub const fn is_angle(self) -> bool {
@@ -53,30 +69,9 @@ impl Parameter {
 impl fmt::Display for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Base(motion) => write!(f, "base_{}", motion_name(*motion)),
-            Self::Target(motion) => write!(f, "target_{}", motion_name(*motion)),
-            Self::Link { joint, quantity } => write!(f, "{}_{joint}", quantity_name(*quantity)),
+            Self::Base(motion) => write!(f, "base_{}", motion.name()),
+            Self::Target(motion) => write!(f, "target_{}", motion.name()),
+            Self::Link { joint, quantity } => write!(f, "{}_{joint}", quantity.name()),
         }
-    }
-}
-
-const fn motion_name(motion: Motion) -> &'static str {
-    match motion {
-        Motion::Translation(Axis::X) => "x",
-        Motion::Translation(Axis::Y) => "y",
-        Motion::Translation(Axis::Z) => "z",
-        Motion::Rotation(Axis::X) => "rx",
-        Motion::Rotation(Axis::Y) => "ry",
-        Motion::Rotation(Axis::Z) => "rz",
-    }
-}
-
-const fn quantity_name(quantity: LinkQuantity) -> &'static str {
-    match quantity {
-        LinkQuantity::Theta => "theta",
-        LinkQuantity::D => "d",
-        LinkQuantity::A => "a",
-        LinkQuantity::Alpha => "alpha",
-        LinkQuantity::Beta => "beta",
     }
 }

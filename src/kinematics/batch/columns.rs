@@ -4,9 +4,9 @@
 //! does for one pose: where a parameter stands, its axis is a column of the frame there, and once the end is known that
 //! axis carried to it is the parameter's column.
 
-use super::super::chain::{Axis, Chain, Element, Motion};
 use super::super::sin_cos::{BLOCK, Block, sin_cos};
 use super::read;
+use crate::kinematics::{Axis, Chain, Element, Motion};
 
 /// A chain at given offsets whose free parameters are unknowns.
 #[derive(Debug, Clone)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
-use crate::kinematics::chain::{Axis, Chain, Element, Motion};
+use crate::kinematics::{Axis, Chain, Element, Motion};
 
 /// A joint about or along z by `sign · variable + shift`.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,6 @@
 use super::*;
-use crate::kinematics::chain::{Axis, Element, Motion};
 use crate::kinematics::parameter::{LinkQuantity, Parameter};
+use crate::kinematics::{Axis, Element, Motion};
 use crate::kinematics::{HeldChain, RobotFile};
 
 /// Poses of `axes` variables within ±3, without randomness; 150 is two whole blocks and part of a third.

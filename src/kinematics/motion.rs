@@ -1,0 +1,84 @@
+//! Elementary motions: along or about an axis.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
+
+/// An axis of the frame an element stands in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Axis {
+    /// x.
+    X,
+    /// y.
+    Y,
+    /// z.
+    Z,
+}
+
+impl Axis {
+    /// The three axes in order.
+    pub const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
+
+    /// The axis as a unit vector of its own frame.
+    pub fn unit(self) -> UnitVector3<f64> {
+        match self {
+            Self::X => Vector3::x_axis(),
+            Self::Y => Vector3::y_axis(),
+            Self::Z => Vector3::z_axis(),
+        }
+    }
+}
+
+/// An elementary motion: along an axis in mm, or about it in rad.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Motion {
+    /// Along the axis, mm.
+    Translation(Axis),
+    /// About the axis, rad.
+    Rotation(Axis),
+}
+
+impl Motion {
+    /// The six motions: along and about each axis in turn.
+    pub const ALL: [Self; 6] = [
+        Self::Translation(Axis::X),
+        Self::Rotation(Axis::X),
+        Self::Translation(Axis::Y),
+        Self::Rotation(Axis::Y),
+        Self::Translation(Axis::Z),
+        Self::Rotation(Axis::Z),
+    ];
+
+    /// Its name in tables and saved models: `x` along x, `rx` about x.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Translation(Axis::X) => "x",
+            Self::Translation(Axis::Y) => "y",
+            Self::Translation(Axis::Z) => "z",
+            Self::Rotation(Axis::X) => "rx",
+            Self::Rotation(Axis::Y) => "ry",
+            Self::Rotation(Axis::Z) => "rz",
+        }
+    }
+
+    /// The motion of a name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|motion| motion.name() == name)
+    }
+
+    /// The axis it is along or about, as a unit vector of its own frame.
+    pub fn axis(self) -> Vector3<f64> {
+        match self {
+            Self::Translation(axis) | Self::Rotation(axis) => axis.unit().into_inner(),
+        }
+    }
+
+    /// The transform of this motion by `amount` (mm or rad).
+    pub fn by(self, amount: f64) -> Isometry3<f64> {
+        match self {
+            Self::Translation(_) => Translation3::from(self.axis() * amount).into(),
+            Self::Rotation(axis) => Isometry3::from_parts(
+                Translation3::identity(),
+                UnitQuaternion::from_axis_angle(&axis.unit(), amount),
+            ),
+        }
+    }
+}
