@@ -11,7 +11,7 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, Matrix6, Vector3};
+use nalgebra::{Matrix6, Vector3};
 
 use super::arm::Arm;
 use super::twist::Twist;
@@ -143,24 +143,6 @@ impl Configuration {
     }
 }
 
-/// The smallest singular value of the Jacobian per axis, its angular rows multiplied by `lever_mm`: mm that the end moves
-/// at least per rad, in the direction where it moves least. For any arm; of as many directions as it has axes, at most six.
-///
-/// # Panics
-/// When the number of angles or offsets does not fit the arm.
-pub fn smallest_singular_value(arm: &Arm, offsets: &[f64], joints: &[f64], lever_mm: f64) -> f64 {
-    let twists = arm.chain().differential(&arm.axes(joints), offsets).joints;
-    DMatrix::from_fn(6, twists.len(), |row, column| {
-        if row < 3 {
-            twists[column].linear[row]
-        } else {
-            twists[column].angular[row - 3] * lever_mm
-        }
-    })
-    .singular_values()
-    .min()
-}
-
 fn determinant(twists: &[Twist]) -> f64 {
     Matrix6::from_fn(|row, column| {
         if row < 3 {
@@ -174,8 +156,25 @@ fn determinant(twists: &[Twist]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::DMatrix;
+
     use super::*;
     use crate::kinematics::RobotFile;
+
+    /// The smallest singular value of the Jacobian per axis, its angular rows multiplied by `lever_mm`: mm that the end moves
+    /// at least per rad, in the direction where it moves least. For any arm; of as many directions as it has axes, at most six.
+    fn smallest_singular_value(arm: &Arm, offsets: &[f64], joints: &[f64], lever_mm: f64) -> f64 {
+        let twists = arm.chain().differential(&arm.axes(joints), offsets).joints;
+        DMatrix::from_fn(6, twists.len(), |row, column| {
+            if row < 3 {
+                twists[column].linear[row]
+            } else {
+                twists[column].angular[row - 3] * lever_mm
+            }
+        })
+        .singular_values()
+        .min()
+    }
 
     fn arm(file: &str) -> Arm {
         let file: RobotFile = toml::from_str(file).expect("a robot file of this repository");

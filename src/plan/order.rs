@@ -34,15 +34,6 @@ pub enum Visit {
     },
 }
 
-impl Visit {
-    /// The pose that is visited.
-    pub const fn pose(self) -> usize {
-        match self {
-            Self::Pose(pose) | Self::Repeat { of: pose } | Self::DriftCheck { of: pose } => pose,
-        }
-    }
-}
-
 /// How often poses are visited again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Revisits {
@@ -76,14 +67,6 @@ pub fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) -> Vec<
     path.shortened(start)
 }
 
-/// Seconds from `home` through the poses in this `order`.
-///
-/// # Panics
-/// When a pose or `home` has fewer joints than `speeds`, or `order` names a pose that is not there.
-pub fn travel_seconds(joints: &[Vec<f64>], home: &[f64], speeds: &[f64], order: &[usize]) -> f64 {
-    Path::new(joints, home, speeds).seconds(order)
-}
-
 /// The visits of a session: every pose of `order` once, and some again as `revisits` says.
 pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
     let early = &order[..revisits.drift_poses.min(order.len())];
@@ -113,6 +96,11 @@ pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Seconds from `home` through the poses in this `order`.
+    fn travel_seconds(joints: &[Vec<f64>], home: &[f64], speeds: &[f64], order: &[usize]) -> f64 {
+        Path::new(joints, home, speeds).seconds(order)
+    }
 
     const SPEEDS: [f64; 2] = [2.0, 1.0];
 
@@ -237,7 +225,6 @@ mod tests {
             DriftCheck { of: 3 },
         ];
         assert_eq!(visits, expected);
-        assert_eq!(visits[2].pose(), 7);
     }
 
     #[test]

@@ -20,7 +20,7 @@ mod vectors;
 
 use maud::{Markup, html};
 
-pub use marks::{Bar, Marks};
+pub use marks::Marks;
 pub use series::Series;
 pub use vectors::{Arrow, Vectors, vectors};
 

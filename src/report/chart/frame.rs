@@ -195,7 +195,6 @@ fn sample(series: &Series, x: f64, y: f64) -> Markup {
                 Marks::Rings(_) => path class="ring" d={ "M" (px(middle[0] - 7.5)) " " (px(y)) "a7.5 7.5 0 1 0 15 0a7.5 7.5 0 1 0-15 0z" } {},
                 Marks::Whiskers(_) => path class="line whisker" d={ "M" (px(middle[0])) " " (px(y - 6.0)) "v12" } {},
                 Marks::Band(_) => path class="band" d=(area) {},
-                Marks::Bars(_) => path class="bar" d=(area) {},
             }
         }
     }

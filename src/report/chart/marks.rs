@@ -20,19 +20,6 @@ pub enum Marks {
     Band(Vec<[f64; 3]>),
     /// An interval at each x: x, low, high.
     Whiskers(Vec<[f64; 3]>),
-    /// Bars from the axis's zero.
-    Bars(Vec<Bar>),
-}
-
-/// A bar of a histogram.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bar {
-    /// Left edge.
-    pub from: f64,
-    /// Right edge.
-    pub to: f64,
-    /// How many values lie between.
-    pub count: f64,
 }
 
 /// From so many points on markers would hide each other, and dots are drawn.
@@ -48,10 +35,6 @@ impl Marks {
                 .iter()
                 .flat_map(|&[x, low, high]| [[x, low], [x, high]])
                 .collect(),
-            Self::Bars(bars) => bars
-                .iter()
-                .flat_map(|bar| [[bar.from, 0.0], [bar.to, bar.count]])
-                .collect(),
         }
     }
 
@@ -65,9 +48,6 @@ impl Marks {
             Self::Band(spans) | Self::Whiskers(spans) => {
                 spans.retain(|&[x, low, high]| fits([x, low]) && fits([x, high]));
             }
-            Self::Bars(bars) => {
-                bars.retain(|bar| fits([bar.from, bar.count]) && fits([bar.to, bar.count]));
-            }
         }
         before - self.len()
     }
@@ -79,7 +59,6 @@ impl Marks {
             | Self::Rings(points)
             | Self::Steps(points) => points.len(),
             Self::Band(spans) | Self::Whiskers(spans) => spans.len(),
-            Self::Bars(bars) => bars.len(),
         }
     }
 
@@ -119,7 +98,6 @@ impl Marks {
                 "line whisker",
                 spans.iter().map(|span| whisker(frame, *span)).collect(),
             ),
-            Self::Bars(bars) => ("bar", bars.iter().map(|own| bar(frame, own)).collect()),
         };
         html! { path class=(class) d=(path) {} }
     }
@@ -167,18 +145,4 @@ fn band(frame: &Frame, spans: &[[f64; 3]]) -> String {
 fn whisker(frame: &Frame, [x, low, high]: [f64; 3]) -> String {
     let ([x, low], [_, high]) = (frame.at([x, low]), frame.at([x, high]));
     format!("M{} {}h6m-3 0V{}m-3 0h6", px(x - 3.0), px(low), px(high))
-}
-
-fn bar(frame: &Frame, bar: &Bar) -> String {
-    let ([left, top], [right, bottom]) = (frame.at([bar.from, bar.count]), frame.at([bar.to, 0.0]));
-    // A pixel between bars tells them apart.
-    let right = (right - 1.0).max(left);
-    format!(
-        "M{} {}V{}H{}V{}z",
-        px(left),
-        px(bottom),
-        px(top),
-        px(right),
-        px(bottom)
-    )
 }

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::LOOKS;
 use super::frame::Frame;
-use super::marks::{Bar, Marks};
+use super::marks::Marks;
 
 /// Numbers that belong together, drawn in one look and named in the legend.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,37 +72,6 @@ impl Series {
         )
     }
 
-    /// How many of `values` lie in each of `count` bins of equal width.
-    pub fn histogram(name: &str, values: &[f64], count: usize) -> Self {
-        let finite = || values.iter().copied().filter(|v| v.is_finite());
-        let (low, high) = (
-            finite().fold(f64::INFINITY, f64::min),
-            finite().fold(f64::NEG_INFINITY, f64::max),
-        );
-        let width = if high > low {
-            (high - low) / count.max(1) as f64
-        } else {
-            1.0
-        };
-        let edge = |place: usize| low + width * place as f64;
-        let bar = |place: usize| {
-            // The last bin holds its upper edge too.
-            let inside =
-                |v: &f64| *v >= edge(place) && (*v < edge(place + 1) || place + 1 == count);
-            Bar {
-                from: edge(place),
-                to: edge(place + 1),
-                count: finite().filter(inside).count() as f64,
-            }
-        };
-        let bars = if low <= high {
-            (0..count).map(bar).collect()
-        } else {
-            Vec::new()
-        };
-        Self::new(name, vec![Marks::Bars(bars)])
-    }
-
     /// The same series in a look of its own, so that one thing looks alike in several charts.
     #[must_use]
     pub const fn looking(mut self, look: usize) -> Self {
@@ -159,16 +128,5 @@ mod tests {
         let corners: Vec<_> = series.corners().collect();
         // Every fifth of a thousand, with the first and the last.
         assert_eq!((corners.len(), corners[200]), (201, [999.0, 100.0]));
-    }
-
-    #[test]
-    fn a_histogram_counts_every_value_once() {
-        let series = Series::histogram("error", &[0.0, 1.0, 2.0, 3.0, 4.0], 2);
-        let Marks::Bars(bars) = &series.marks[0] else {
-            panic!("{series:?}")
-        };
-        let counts: Vec<f64> = bars.iter().map(|bar| bar.count).collect();
-        assert_eq!(counts, [2.0, 3.0]); // 0 and 1 below 2; 2, 3 and the upper edge 4
-        assert!(Series::histogram("none", &[], 3).corners().next().is_none());
     }
 }
