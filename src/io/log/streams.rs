@@ -25,7 +25,7 @@ pub use reader::Part;
 use reader::{Decoder, Reader, RowFault};
 pub use suggest::{Suggestible, Suggestion, suggest};
 
-/// A stream of the recording.
+/// A stream of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stream {
     Joints,
