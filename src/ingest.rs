@@ -1,10 +1,14 @@
-//! Ingest: decoded log messages → columns in the crate's units, with every message that is left out accounted for.
+//! Ingest: decoded log messages → samples in the crate's units and in order of time, with every message that is left out
+//! accounted for.
 //!
-//! Inputs are the two logs of a session, decoded as the pipeline file maps them; output is a [`Recording`].
+//! Input is one stream's decoded rows, block by block in the order of the file; output is its samples, in order of time and
+//! a piece at a time, and a [`StreamSummary`]. A log of a night need not fit into memory: only the latest samples are
+//! buffered.
 //!
-//! 1. Judge each row: numbers must be finite, quaternions must not be zero.
-//! 2. Order the kept rows by stamp (stable), counting duplicate and backward stamps.
-//! 3. Convert to rad and mm, normalise quaternions.
+//! 1. Judge each row: numbers must be finite, quaternions must not be zero (`rows`).
+//! 2. Convert the rows kept to rad and mm and normalise quaternions, in the [`Buffer`] of the stream.
+//! 3. Order them by stamp (stable), count duplicate and backward stamps, and emit those that no later one can come before
+//!    ([`InOrder`]).
 
 mod angles;
 mod decoded;
@@ -13,14 +17,11 @@ mod pose_samples;
 mod poses;
 mod rows;
 mod settings;
-
-use std::collections::BTreeMap;
-
-use thiserror::Error;
+mod summary;
 
 pub use angles::JointAngles;
-pub use decoded::{Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, Origin, Origins};
-pub use in_order::{HELD_BACK, Held, HeldJoints, HeldPoses, InOrder, StreamAccount};
+pub use decoded::{DecodedJoints, DecodedPoses, DecodedTemperatures};
+pub use in_order::{BUFFERED, Buffer, InOrder, JointBuffer, PoseBuffer, TemperatureBuffer};
 pub use pose_samples::{CommandSamples, PoseSamples, Poses, PosesError, TargetReadings};
 pub use settings::{
     AngleFields, AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit,
@@ -28,11 +29,11 @@ pub use settings::{
     WrongFields,
 };
 pub(crate) use settings::{CommandedFile, MissingConvention, TrackerFile};
+pub use summary::{IngestError, StreamSummary};
 
 use crate::units::{Controller, Stamp, Tracker};
-use rows::{RowFault, Rows};
 
-/// One session as columns: what the controller and the tracker said, and what was left out.
+/// All samples of a session, in memory: what a simulation makes, and what logs are written from.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
     /// Joint angles over controller time.
@@ -43,12 +44,6 @@ pub struct Recording {
     pub readings: TargetReadings,
     /// Temperatures over tracker time.
     pub temperatures: TemperatureSamples,
-    /// Messages and byte ranges left out, with reasons.
-    pub rejects: Vec<LogReject>,
-    /// Metadata records of the logs, as `record.key` → value, controller first.
-    pub metadata: BTreeMap<String, String>,
-    /// How much was read, for the manifest.
-    pub counts: BTreeMap<String, u64>,
 }
 
 /// Joint angles as the controller reported them; columns of equal length.
@@ -155,224 +150,5 @@ impl LogReject {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),
             (one, another) => one.or(another),
         };
-    }
-}
-
-/// What became of the decoded rows of one stream.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-struct StreamCounts {
-    kept: u64,
-    rejected: u64,
-    backward_stamps: u64,
-    duplicate_stamps: u64,
-}
-
-/// Why two decoded logs make no recording.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-pub enum IngestError {
-    /// Nothing of a stream is left.
-    #[error(
-        "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
-         see `posegrid inspect`"
-    )]
-    NoSamples {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-        /// Rows that were decoded.
-        decoded: u64,
-        /// Of the first reject, with a leading colon, or empty.
-        first_reason: String,
-    },
-    /// Header stamps that nobody set.
-    #[error(
-        "{file}: all {messages} messages of topic {topic:?} have the header stamp 0: the publisher does not set it; \
-         try time = \"publish\" or time = \"log\""
-    )]
-    StampsUnset {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-        /// How many messages.
-        messages: usize,
-    },
-}
-
-/// Makes the recording of a session from what was decoded of its logs.
-///
-/// Zero positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
-pub fn ingest(decoded: Decoded, mapping: &Mapping) -> Result<Recording, IngestError> {
-    ingest_beside(decoded, mapping, None)
-}
-
-/// What became of the long streams where their samples were given on in order while the logs were read.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct GivenOn {
-    /// Of the joint states.
-    pub joints: StreamAccount,
-    /// Of the commanded poses, where the pipeline file names their topic.
-    pub commands: Option<StreamAccount>,
-    /// Of the target's readings.
-    pub readings: StreamAccount,
-}
-
-/// The same where joint states, commanded poses and readings were given on while the logs were read: the recording is
-/// without them, but accounts for them as `given_on` says.
-pub fn ingest_beside(
-    mut decoded: Decoded,
-    mapping: &Mapping,
-    given_on: Option<GivenOn>,
-) -> Result<Recording, IngestError> {
-    let mut recording = Recording {
-        rejects: std::mem::take(&mut decoded.rejects),
-        metadata: std::mem::take(&mut decoded.metadata),
-        counts: std::mem::take(&mut decoded.counts),
-        ..Recording::default()
-    };
-    if let Some(given_on) = given_on {
-        recording.account_for("joints", given_on.joints);
-        if let Some(commands) = given_on.commands {
-            recording.account_for("commands", commands);
-        }
-        recording.account_for("readings", given_on.readings);
-    } else {
-        recording.joints = joints(decoded.joints, mapping, &mut recording)?;
-        recording.commands = commands(decoded.commands, mapping, &mut recording)?;
-        let held = HeldPoses::readings(&mapping.tracker);
-        recording.readings = poses(&decoded.readings, held, "readings", &mut recording)?;
-    }
-    if let Some(temperatures) = decoded.temperatures {
-        recording.temperatures = self::temperatures(temperatures, &mut recording);
-    }
-    recording
-        .rejects
-        .sort_by(|a, b| (&a.file, a.byte_start, &a.topic).cmp(&(&b.file, b.byte_start, &b.topic)));
-    Ok(recording)
-}
-
-fn joints(
-    decoded: DecodedJoints,
-    mapping: &Mapping,
-    recording: &mut Recording,
-) -> Result<JointSamples, IngestError> {
-    let clock = SpanClock::Controller;
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
-        RowFault::of_angles(&decoded.angles, row)
-    });
-    rows.require(&decoded.origins, &decoded.stamps, recording)?;
-    let mut angles = rows.of_angles(decoded.angles);
-    angles.scale_from(0, mapping.controller.unit.to_rad());
-    let samples = JointSamples {
-        angles,
-        stamps: stamps(rows.of(decoded.stamps)),
-    };
-    recording.account("joints", rows.counts, rows.rejects);
-    Ok(samples)
-}
-
-fn commands(
-    decoded: Option<DecodedPoses>,
-    mapping: &Mapping,
-    recording: &mut Recording,
-) -> Result<CommandSamples, IngestError> {
-    match (decoded, &mapping.commanded) {
-        (Some(decoded), Some(settings)) => {
-            let held = HeldPoses::commands(settings);
-            poses(&decoded, held, "commands", recording)
-        }
-        _ => Ok(CommandSamples::default()),
-    }
-}
-
-/// All poses of a stream, as `held` keeps them.
-fn poses<C>(
-    decoded: &DecodedPoses,
-    mut held: HeldPoses,
-    stream: &str,
-    recording: &mut Recording,
-) -> Result<PoseSamples<C>, IngestError> {
-    let rows = held.judge(decoded, &decoded.origins);
-    rows.require(&decoded.origins, &decoded.stamps, recording)?;
-    let alike = held.take(&rows, decoded);
-    assert!(alike, "a topic of two kinds is refused when it is decoded");
-    let account = StreamAccount {
-        counts: rows.counts,
-        further: held.further_counts(),
-        rejects: rows.rejects,
-    };
-    recording.account_for(stream, account);
-    Ok(held.into_samples())
-}
-
-fn temperatures(decoded: DecodedTemperatures, recording: &mut Recording) -> TemperatureSamples {
-    let clock = SpanClock::Tracker;
-    let rows = Rows::judge(&decoded.stamps, &decoded.origins, clock, |row| {
-        (!decoded.celsius[row].is_finite()).then_some(RowFault::Temperature)
-    });
-    let samples = TemperatureSamples {
-        stamps: stamps(rows.of(decoded.stamps)),
-        celsius: rows.of(decoded.celsius),
-    };
-    recording.account("temperatures", rows.counts, rows.rejects);
-    samples
-}
-
-fn stamps<C>(ns: Vec<i64>) -> Vec<Stamp<C>> {
-    ns.into_iter().map(Stamp::from_ns).collect()
-}
-
-impl Rows {
-    fn require(
-        &self,
-        origins: &Origins,
-        stamps: &[i64],
-        recording: &Recording,
-    ) -> Result<(), IngestError> {
-        let (file, topic) = (origins.names(), origins.topic.clone());
-        if stamps.len() > 1 && stamps.iter().all(|&stamp| stamp == 0) {
-            return Err(IngestError::StampsUnset {
-                file,
-                topic,
-                messages: stamps.len(),
-            });
-        }
-        if self.counts.kept > 0 {
-            return Ok(());
-        }
-        let earlier = recording.rejects.iter().filter(|reject| {
-            origins.files.contains(&reject.file)
-                && reject.topic.as_ref().is_none_or(|of| *of == topic)
-        });
-        let first = self.rejects.iter().chain(earlier).next();
-        Err(IngestError::NoSamples {
-            file,
-            topic,
-            decoded: stamps.len() as u64,
-            first_reason: first
-                .map(|reject| format!(": {}", reject.reason))
-                .unwrap_or_default(),
-        })
-    }
-}
-
-impl Recording {
-    fn account_for(&mut self, stream: &str, account: StreamAccount) {
-        self.account(stream, account.counts, account.rejects);
-        for (name, count) in account.further {
-            self.counts.insert(format!("{stream}.{name}"), count);
-        }
-    }
-
-    fn account(&mut self, stream: &str, counts: StreamCounts, rejects: Vec<LogReject>) {
-        let mut add = |name: &str, count: u64| {
-            *self.counts.entry(format!("{stream}.{name}")).or_default() += count;
-        };
-        add("kept", counts.kept);
-        add("rejected", counts.rejected);
-        add("duplicate_stamps", counts.duplicate_stamps);
-        add("backward_stamps", counts.backward_stamps);
-        self.rejects.extend(rejects);
     }
 }

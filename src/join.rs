@@ -1,6 +1,7 @@
 //! Join: two logs with a clock each → stations, each a dwell of the arm with what the tracker saw of it.
 //!
-//! Input is a [`Recording`] and the nominal [`Arm`]; output is [`Joined`]. The method is in [`crate::method::join`].
+//! Input is what the logs show ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`]. The method is in
+//! [`crate::method::join`].
 //!
 //! 1. [`sighting`], [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
@@ -38,7 +39,7 @@ use self::observe::Observation;
 use self::pattern::Relation;
 use self::rest::Rest;
 use self::sighting::Sightings;
-use crate::ingest::{Poses, Recording};
+use crate::ingest::{Poses, TemperatureSamples};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
@@ -207,43 +208,35 @@ pub struct JoinReject {
     pub reason: String,
 }
 
+/// What the logs of a session show, in the logs' own clocks.
+#[derive(Debug)]
+pub struct JoinInput {
+    /// Where the joints are stationary, by [`JoinSettings::arm_rule`], over controller time.
+    pub joints: Rest,
+    /// The commanded poses, in order of controller time; none where they were not logged.
+    pub commands: Box<dyn Poses<Controller>>,
+    /// The target's readings, in order of tracker time.
+    pub readings: Box<dyn Poses<Tracker>>,
+    /// Temperatures over tracker time; none where they were not logged.
+    pub temperatures: TemperatureSamples,
+}
+
 /// Joins the two logs of a session.
 ///
 /// Every dwell of the arm becomes a station with a verdict, every reading gets a fate: `counts` sums to the number of
 /// readings, and `rejects` names all that were not kept.
-pub fn join(
-    recording: &Recording,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<Joined, JoinError> {
+pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joined, JoinError> {
     settings.check()?;
-    let joints = observe::joints_at_rest(&recording.joints, arm, settings)?;
-    observe::check_poses("commands", &recording.commands)?;
-    observe::check_poses("readings", &recording.readings)?;
-    let (commands, readings) = (&recording.commands, &recording.readings);
-    join_at_rest(recording, &joints, commands, readings, arm, settings)
-}
-
-/// The same where the rest of the joints was found while the log was read, by [`JoinSettings::arm_rule`], and poses are
-/// kept elsewhere, in order of time; the recording's own joint samples, commands and readings are not looked at.
-pub fn join_at_rest(
-    recording: &Recording,
-    joints: &Rest,
-    commands: &dyn Poses<Controller>,
-    readings: &dyn Poses<Tracker>,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<Joined, JoinError> {
-    settings.check()?;
-    observe::check_temperatures(&recording.temperatures)?;
-    let sightings = Sightings::find(readings, settings)?;
-    let seen = observe::observe(&sightings, joints, arm, settings)?;
+    observe::check_joints(&input.joints, arm)?;
+    observe::check_temperatures(&input.temperatures)?;
+    let sightings = Sightings::find(&*input.readings, settings)?;
+    let seen = observe::observe(&sightings, &input.joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
-    let origin = Stamp::from_ns(joints.span_ns.0);
+    let origin = Stamp::from_ns(input.joints.span_ns.0);
     let (clock, relation) = estimate_clock(&seen, &decision, origin);
     let evidence = pair::Evidence {
         sightings: &sightings,
-        temperatures: &recording.temperatures,
+        temperatures: &input.temperatures,
         target: &seen.target,
         clock: clock.model,
         placement: decision.placement,
@@ -259,7 +252,7 @@ pub fn join_at_rest(
         settings,
     };
     let mut fates = first_fates(&sightings, &seen);
-    let stations = stations(commands, &seen.arm, &evidence, &mut fates)?;
+    let stations = stations(&*input.commands, &seen.arm, &evidence, &mut fates)?;
     for rows in sightings.missing() {
         fates.set(rows, Fate::Missing);
     }

@@ -14,8 +14,8 @@
 //!
 //! | stage | from | to |
 //! |---|---|---|
-//! | [`ingest`] | decoded messages of both logs | samples in mm, rad and ns, in order of time |
-//! | [`join`] | samples and readings | stations, the relation of the clocks, rejects |
+//! | [`ingest`] | decoded messages of both logs, block by block | samples in mm, rad and ns, in order of time |
+//! | [`join`] | dwells of the arm, commands and readings | stations, the relation of the clocks, rejects |
 //! | [`fit`] | stations | identified parameters and the full error model, with covariances |
 //! | [`similarity`] | errors and residuals | semivariograms |
 //! | [`grid`] | stations and error models | judged steps and the chosen table |
@@ -24,6 +24,9 @@
 //!
 //! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
+//!
+//! There is one road from logs to stations: [`io::log::read_session`] replays the samples of the logs into the detector of dwells
+//! ([`join::rest::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
 //!
 //! # Rings: who may use whom
 //!

@@ -156,7 +156,6 @@ pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, Sim
         commands: command_samples(settings, &timeline),
         readings,
         temperatures: view.temperatures(),
-        ..Recording::default()
     };
     let truth = Truth::of(arm, settings, &errors, &view, counts);
     Ok(Simulated { recording, truth })

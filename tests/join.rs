@@ -1,10 +1,10 @@
 //! The join on the real recordings, against the measured values that their logs were made from.
 
 mod common;
+#[path = "join/simple.rs"]
+mod simple;
 
-use posegrid::io::log::{Limits, SessionRead, read_dwells, read_session};
-use posegrid::join::{JoinSettings, Joined, Pairing, join, join_at_rest};
-use posegrid::progress::Quiet;
+use posegrid::join::{JoinSettings, Joined, Pairing, join};
 use posegrid::units::NS_PER_S;
 
 /// What recordings/README.md says of a session.
@@ -76,11 +76,11 @@ fn rows(session: &str) -> Vec<Row> {
 fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
     for truth in SESSIONS {
         let arm = common::arm("ur10");
-        let Some(recording) = common::session(truth.name, &arm) else {
+        let Some(read) = common::session(truth.name, &arm) else {
             continue;
         };
         let begun = std::time::Instant::now();
-        let joined = join(&recording, &arm, &JoinSettings::default()).expect(truth.name);
+        let joined = join(&read.input, &arm, &JoinSettings::default()).expect(truth.name);
         eprintln!(
             "{}: {:?} {:?} {:?}",
             truth.name,
@@ -96,45 +96,42 @@ fn every_station_of_the_real_recordings_is_paired_with_its_own_readings() {
             + joined.counts.moving
             + joined.counts.unpaired
             + joined.counts.missing;
-        assert_eq!(counted, recording.readings.stamps.len() as u64);
+        assert_eq!(counted, read.input.readings.count() as u64);
         let rejected: u64 = joined.rejects.iter().map(|reject| reject.readings).sum();
         assert_eq!(rejected + joined.counts.kept, counted);
     }
 }
 
 #[test]
-fn streaming_into_dwells_gives_the_same_stations_clocks_and_rejects_to_the_last_bit() {
+fn stations_clocks_and_rejects_are_those_of_a_simple_reader_to_the_last_bit() {
     for truth in SESSIONS {
         let arm = common::arm("ur10");
-        let Some(logs) = common::logs(truth.name) else {
+        let (Some(read), Some(logs)) =
+            (common::session(truth.name, &arm), common::logs(truth.name))
+        else {
             continue;
         };
+        assert_eq!(read.rejects, []);
         let settings = JoinSettings::default();
-        let (mapping, limits) = (common::mapping(&arm), Limits::default());
-        let whole = read_session(&logs, &mapping, limits, &Quiet).expect("a sound recording");
-        let rule = settings.arm_rule();
-        let SessionRead {
-            recording,
-            joints,
-            commands,
-            readings,
-        } = read_dwells(&logs, &mapping, limits, &rule, &Quiet).expect("a sound recording");
-        assert_eq!(recording.joints.stamps, [], "no sample is kept");
-        assert_eq!(recording.counts, whole.counts);
-        assert_eq!(recording.rejects, whole.rejects);
-        assert_eq!(recording.readings.stamps, [], "no reading is kept");
-        assert_eq!(recording.commands.stamps, [], "no command is kept");
-        assert_eq!(commands.count(), whole.commands.stamps.len());
-        let (commands, readings) = (&*commands, &*readings);
-        let streamed = join_at_rest(&recording, &joints, commands, readings, &arm, &settings);
-        let streamed = streamed.expect(truth.name);
-        let joined = join(&whole, &arm, &settings).expect(truth.name);
-        assert_eq!(joined.stations.len(), truth.stations);
-        assert!(streamed.stations == joined.stations, "{}", truth.name);
-        assert!(streamed.rejects == joined.rejects, "{}", truth.name);
-        assert_eq!(streamed.clock, joined.clock);
-        assert_eq!(streamed.found, joined.found);
-        assert_eq!(streamed.counts, joined.counts);
+        let simple = simple::input(&logs, &common::mapping(&arm), &settings.arm_rule());
+        assert_eq!(read.input.joints, simple.joints);
+        let kept = ["joints", "commands", "readings", "temperatures"]
+            .map(|stream| read.counts[&format!("{stream}.kept")]);
+        let counts = [
+            simple.joints.samples,
+            simple.commands.count(),
+            simple.readings.count(),
+            simple.temperatures.stamps.len(),
+        ];
+        assert_eq!(kept, counts.map(|count| count as u64));
+        let found = join(&read.input, &arm, &settings).expect(truth.name);
+        let expected = join(&simple, &arm, &settings).expect(truth.name);
+        assert_eq!(found.stations.len(), truth.stations);
+        assert!(found.stations == expected.stations, "{}", truth.name);
+        assert!(found.rejects == expected.rejects, "{}", truth.name);
+        assert_eq!(found.clock, expected.clock);
+        assert_eq!(found.found, expected.found);
+        assert_eq!(found.counts, expected.counts);
     }
 }
 

@@ -21,8 +21,8 @@ use posegrid::report::{Angles, BaseRefit, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 
 fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
-    let recording = common::session(name, arm)?;
-    let joined = join(&recording, arm, &JoinSettings::default()).expect(name);
+    let read = common::session(name, arm)?;
+    let joined = join(&read.input, arm, &JoinSettings::default()).expect(name);
     let frames = CommandFrames {
         base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
         flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
@@ -32,8 +32,8 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
         sampling_plan: None,
         driven_by: None,
         name: name.to_owned(),
-        log_rejects: recording.rejects,
-        counts: recording.counts,
+        log_rejects: read.rejects,
+        counts: read.counts,
         joined,
         commanded,
     })

@@ -8,13 +8,15 @@ use std::sync::{Arc, Barrier};
 
 use arrow::array::{Array as _, ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
 use parquet::arrow::ArrowWriter;
-use posegrid::ingest::{
-    CommandSamples, JointAngles, JointSamples, Recording, TargetReadings, TemperatureSamples,
-};
-use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake};
+use posegrid::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
+use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake, OpenRun};
+use posegrid::io::log::JointSink as _;
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
-use posegrid::io::tables::logs::{logs, parts};
+use posegrid::io::tables::PublishError;
+use posegrid::io::tables::logs::LogTable;
+use posegrid::join::JoinInput;
+use posegrid::join::rest::Rest;
 use posegrid::manifest::{Outcome, RunKey, Work, canonical};
 use posegrid::units::Stamp;
 
@@ -420,45 +422,57 @@ fn a_file_in_the_place_of_the_lake_is_told() {
     );
 }
 
-/// Samples of all sources, more joint angles than a part holds.
-fn recording() -> Recording {
-    let angle = |row: usize, joint: usize| (row * (joint + 1)) as f64 * 1e-5;
+/// More joint samples than a part holds: stamps, and angles of six joints row behind row.
+fn joint_samples() -> (Vec<i64>, Vec<f64>) {
     let samples = ROW_GROUP_ROWS + 500;
-    let mut angles = JointAngles::of(6);
-    for row in 0..samples {
-        angles.push((0..6).map(|joint| angle(row, joint)));
-    }
-    Recording {
-        joints: JointSamples {
-            stamps: (0..)
-                .step_by(10)
-                .take(samples)
-                .map(Stamp::from_ns)
-                .collect(),
-            angles,
-        },
-        commands: CommandSamples {
+    let angle = |row: usize, joint: usize| (row * (joint + 1)) as f64 * 1e-5;
+    let angles = (0..samples).flat_map(|row| (0..6).map(move |joint| angle(row, joint)));
+    let stamps_ns = (0..).step_by(10).take(samples);
+    (stamps_ns.collect(), angles.collect())
+}
+
+/// Samples of all other sources.
+fn other_samples() -> JoinInput {
+    JoinInput {
+        joints: Rest::default(),
+        commands: Box::new(CommandSamples {
             stamps: vec![Stamp::from_ns(7)],
             positions: vec![[1.0, 2.0, 3.0]],
             ..CommandSamples::default()
-        },
-        readings: TargetReadings {
+        }),
+        readings: Box::new(TargetReadings {
             stamps: vec![Stamp::from_ns(5), Stamp::from_ns(5)],
             positions: vec![[0.5; 3]; 2],
             orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]; 2]),
             covariances: Some(vec![[1e-4; 6]; 2]),
-        },
+        }),
         temperatures: TemperatureSamples {
             stamps: vec![Stamp::from_ns(6)],
             celsius: vec![20.5],
         },
-        ..Recording::default()
     }
+}
+
+/// Publishes samples as they come while logs are read.
+fn publish_samples(
+    run: &mut OpenRun<'_>,
+    stamps_ns: &[i64],
+    angles: &[f64],
+) -> Result<(), PublishError> {
+    let session = run.key().session.clone();
+    let mut table = LogTable::new(run, &session);
+    let pieces = angles.chunks(6 * ROW_GROUP_ROWS);
+    for (stamps_ns, angles) in stamps_ns.chunks(ROW_GROUP_ROWS).zip(pieces) {
+        table.take(stamps_ns, angles);
+    }
+    let table = table.finish(&other_samples())?;
+    run.keep(table.expect("samples"));
+    Ok(run.publish_kept()?)
 }
 
 #[test]
 fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
-    let recording = recording();
+    let (stamps_ns, angles) = joint_samples();
     let key = hostile_work().key();
     let digest = |threads: usize| {
         let folder = tempfile::tempdir().unwrap();
@@ -468,12 +482,8 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        let publish = || {
-            run.publish_parts(parts((&recording).into()), |part| {
-                logs((&recording).into(), part, &key)
-            })
-        };
-        pool.install(publish).unwrap();
+        pool.install(|| publish_samples(&mut run, &stamps_ns, &angles))
+            .unwrap();
         let written = run.written()[0].clone();
         let table = lake.read("logs", &key).unwrap();
         assert_eq!(
@@ -486,7 +496,7 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
             .map(|row| table.text("source").value(row).to_owned())
             .into();
         assert_eq!(sources, ["joints", "command", "target", "temperature"]);
-        let last = recording.joints.angles.row(66_035).to_vec();
+        let last = angles[6 * 66_035..].to_vec();
         let lists = table.list("joints_rad");
         assert_eq!(
             lists.value(66_035).as_ref(),
@@ -508,15 +518,13 @@ fn a_table_in_parts_has_the_same_bytes_at_any_number_of_threads() {
 
 #[test]
 fn a_part_that_breaks_the_contract_leaves_no_file() {
-    let mut recording = recording();
-    recording.joints.angles.row_mut(ROW_GROUP_ROWS + 7)[3] = f64::NAN;
+    let (stamps_ns, mut angles) = joint_samples();
+    angles[6 * (ROW_GROUP_ROWS + 7) + 3] = f64::NAN;
     let folder = tempfile::tempdir().unwrap();
     let lake = Lake::new(folder.path());
     let key = hostile_work().key();
     let mut run = lake.start(&key).unwrap().unwrap();
-    let published = run.publish_parts(parts((&recording).into()), |part| {
-        logs((&recording).into(), part, &key)
-    });
+    let published = publish_samples(&mut run, &stamps_ns, &angles);
     let error = published.unwrap_err().to_string();
     assert!(
         error.contains("\"joints_rad\", row 7: NaN is not a finite number"),

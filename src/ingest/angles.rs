@@ -116,8 +116,8 @@ impl JointAngles {
         self.values.truncate(rows * self.joints);
     }
 
-    /// Lets the first rows go.
-    pub fn let_go(&mut self, rows: usize) {
+    /// Removes the first rows.
+    pub fn evict(&mut self, rows: usize) {
         self.values.drain(..rows * self.joints);
     }
 
@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(angles.of_rows(1..3), [2.0, -2.0, 3.0, -3.0]);
         assert_eq!(angles.picked(&[2, 0]).all(), [3.0, -3.0, 1.0, -1.0]);
         angles.scale_from(2, 10.0);
-        angles.let_go(1);
+        angles.evict(1);
         assert_eq!(angles.all(), [2.0, -2.0, 30.0, -30.0]);
         angles.truncate(1);
         assert_eq!(angles.rows().count(), 1);

@@ -1,195 +1,388 @@
-//! Samples of one stream, block by block in the order of the file → in order of time, while the log is read.
+//! One stream's decoded rows, block by block in the order of the files → its samples in order of time, while the logs are
+//! read.
 //!
-//! Keeps and orders what [`Rows`] keeps and orders of a whole log, with the same account of it. Stamps that go back are
-//! put in their place as long as it is among the samples held back; where one belongs before a sample that was given on
-//! already, the log has to be read as a whole.
+//! 1. The rows of a block are judged and those kept are buffered, in the crate's units ([`Buffer`]).
+//! 2. Samples that none can come before any more are emitted, a piece at a time; the latest stay buffered, so that a stamp
+//!    that goes back finds its place among them.
+//! 3. At the end the others are emitted, and the [`StreamSummary`] says what became of every message. It also says where a
+//!    stamp belonged before a sample that had been emitted already: the logs then have to be read again with all samples
+//!    buffered. What is emitted then is the same as with any smaller buffer that is large enough.
+//!
+//! Equal stamps stay in the order of the file; of several files that with the earliest stamp comes first.
 
 mod joints;
 mod poses;
+mod temperatures;
 
 use std::ops::Range;
 
-pub use joints::HeldJoints;
-pub use poses::HeldPoses;
+pub use joints::JointBuffer;
+pub use poses::PoseBuffer;
+pub use temperatures::TemperatureBuffer;
 
-use super::decoded::{Origin, Origins};
-use super::rows::Rows;
-use super::{LogReject, StreamCounts};
+use super::LogReject;
+use super::rows::{Place, Rows};
+use super::summary::{StreamCounts, StreamSummary};
 
-/// Samples of one stream that are held back, in the units of a recording.
-pub trait Held: Sized {
+/// Samples of one stream that were not emitted yet, in the crate's units.
+pub trait Buffer {
     /// The columns that the rows of a block are decoded into.
     type Block;
     /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
     /// Which rows of a block are kept.
-    fn judge(&self, block: &Self::Block, origins: &Origins) -> Rows;
-    /// Adds the kept rows of a block; tells whether they are of one kind with those before.
+    fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
+    /// Adds the kept rows of a block; `false`, and none is added, where it has other columns than those before.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
     /// Time of each sample, ns.
     fn stamps(&self) -> &[i64];
     /// Puts the samples in this order.
     fn reorder(&mut self, order: &[usize]);
-    /// Lets the first ones go.
-    fn let_go(&mut self, count: usize);
-    /// Further counts of the whole stream.
+    /// Removes the first samples.
+    fn evict(&mut self, count: usize);
+    /// Further counts of the whole stream, with their names.
     fn further_counts(&self) -> Vec<(&'static str, u64)> {
         Vec::new()
     }
 }
 
-/// The samples of a stream on their way.
+/// Samples that stay buffered: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
+pub const BUFFERED: usize = 16_384;
+
+/// The samples of one stream, being put in order of time.
 #[derive(Debug)]
-pub struct InOrder<H> {
-    /// Samples that are given on together.
-    piece: usize,
+pub struct InOrder<B> {
     topic: String,
-    held: H,
-    /// Whether those held are out of order.
+    buffer: B,
+    /// Samples that are emitted together.
+    piece: usize,
+    /// Samples that stay buffered until the end.
+    buffered: usize,
+    /// Whether samples in the buffer are out of order.
     unsorted: bool,
-    /// Stamp of the sample given on last.
-    given_on: Option<i64>,
-    /// Stamp of the last row of the block before.
-    before: Option<i64>,
-    /// Whether some stamp is set.
-    stamped: bool,
+    /// How many samples were emitted, and the stamp of the last one.
+    emitted: (usize, Option<i64>),
+    /// Whether a sample belonged before one that had been emitted.
+    late: bool,
+    alike: bool,
     counts: StreamCounts,
     rejects: Vec<LogReject>,
-    /// Name and earliest stamp of the files so far, without those that have no rows.
-    files: Vec<(String, i64)>,
-    fits: bool,
+    files: Vec<FileRows>,
 }
 
-/// What became of the messages of a stream whose samples were given on.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StreamAccount {
-    pub(super) counts: StreamCounts,
-    pub(super) further: Vec<(&'static str, u64)>,
-    pub(super) rejects: Vec<LogReject>,
+/// The rows of one file.
+#[derive(Debug)]
+struct FileRows {
+    name: String,
+    /// Those kept, among all that were kept of the stream.
+    kept: Range<usize>,
+    /// `None` without rows.
+    span: Option<Span>,
 }
 
-/// Samples held back: half a minute at 500 Hz, more than chunks in recorders' logs overlap.
-pub const HELD_BACK: usize = 16_384;
+/// Stamps of decoded rows, ns; spans are compared by the earliest stamp, then by the latest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Span {
+    earliest: i64,
+    latest: i64,
+    first: i64,
+    last: i64,
+}
 
-impl<H: Held> InOrder<H> {
-    /// Nothing read of the topic yet, so that `held` is empty; samples will be given on in pieces of so many, but for the
-    /// last.
-    pub fn new(held: H, topic: &str, piece: usize) -> Self {
+impl<B: Buffer> InOrder<B> {
+    /// Nothing read of the topic yet, so that `buffer` is empty. Samples will be emitted in pieces of so many, but for the
+    /// last piece; `buffered` of them stay in the buffer until the end.
+    pub fn new(buffer: B, topic: &str, piece: usize, buffered: usize) -> Self {
         Self {
-            piece,
             topic: topic.to_owned(),
-            held,
+            buffer,
+            piece,
+            buffered,
             unsorted: false,
-            given_on: None,
-            before: None,
-            stamped: false,
+            emitted: (0, None),
+            late: false,
+            alike: true,
             counts: StreamCounts::default(),
             rejects: Vec::new(),
             files: Vec::new(),
-            fits: true,
         }
     }
 
-    /// Takes the rows of one block of `file`, from byte to byte, and calls `give_on` with those rows of the samples that
-    /// no later one can come before.
+    /// The blocks that follow are of this file.
+    pub fn begin_file(&mut self, name: &str) {
+        if self.files.last().is_none_or(|file| file.name != name) {
+            let kept = self.emitted.0 + self.buffer.stamps().len();
+            self.files.push(FileRows {
+                name: name.to_owned(),
+                kept: kept..kept,
+                span: None,
+            });
+        }
+    }
+
+    /// Takes the rows of one block of the file that was begun, from byte to byte, and calls `emit` with those rows of the
+    /// buffer that no later one can come before.
+    ///
+    /// # Panics
+    /// When no file was begun.
     pub fn push(
         &mut self,
-        block: &H::Block,
-        file: &str,
-        place: (u64, u64),
-        mut give_on: impl FnMut(&H, Range<usize>),
+        block: &B::Block,
+        bytes: (u64, u64),
+        mut emit: impl FnMut(&B, Range<usize>),
     ) {
-        let stamps = H::stamps_of(block);
-        let (Some(&first), Some(&last)) = (stamps.first(), stamps.last()) else {
+        let stamps = B::stamps_of(block);
+        let Some(span) = Span::of(stamps) else {
             return;
         };
-        let rows = self
-            .held
-            .judge(block, &self.origins(stamps.len(), file, place));
-        self.counts.kept += rows.counts.kept;
-        self.counts.rejected += rows.counts.rejected;
-        let backward = self.before.is_some_and(|before| first < before);
-        self.counts.backward_stamps += rows.counts.backward_stamps + u64::from(backward);
-        self.before = Some(last);
-        self.stamped |= stamps.iter().any(|&stamp| stamp != 0);
-        self.note_file(file, stamps);
-        let held = self.held.stamps().len();
-        self.fits &= self.held.take(&rows, block);
-        let edge = self.held.stamps().get(held.saturating_sub(1)..=held);
-        self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
-        self.rejects.extend(rows.rejects);
-        let due = self.held.stamps().len().saturating_sub(HELD_BACK) / self.piece * self.piece;
-        self.give_on(due, &mut give_on);
-    }
-
-    /// Gives on what is left; `None` where the log has to be read as a whole, to be put in order or to say why nothing
-    /// of it can be used.
-    pub fn finish(mut self, mut give_on: impl FnMut(&H, Range<usize>)) -> Option<StreamAccount> {
-        self.give_on(self.held.stamps().len(), &mut give_on);
-        // Files are put in the order of their earliest stamps.
-        let in_order = self.files.windows(2).all(|pair| pair[0].1 < pair[1].1);
-        let usable = self.counts.kept > 0 && self.stamped;
-        (self.fits && in_order && usable).then_some(StreamAccount {
-            counts: self.counts,
-            further: self.held.further_counts(),
-            rejects: self.rejects,
-        })
-    }
-
-    /// Where the rows of one block come from.
-    fn origins(&self, rows: usize, file: &str, (byte_start, byte_end): (u64, u64)) -> Origins {
-        let origin = Origin {
-            rows_end: rows,
-            file: 0,
-            byte_start,
-            byte_end,
+        let file = self.files.last_mut().expect("begun before its blocks");
+        let place = Place {
+            file: &file.name,
+            topic: &self.topic,
+            bytes,
         };
-        Origins {
-            files: vec![file.to_owned()],
-            topic: self.topic.clone(),
-            blocks: vec![origin],
+        let rows = self.buffer.judge(block, &place);
+        let before = self.buffer.stamps().len();
+        self.alike &= self.buffer.take(&rows, block);
+        let edge = self.buffer.stamps().get(before.saturating_sub(1)..=before);
+        self.unsorted |= edge.is_some_and(|edge| edge[0] > edge[edge.len() - 1]);
+        file.kept.end += self.buffer.stamps().len() - before;
+        let backward = file.add(span);
+        self.counts.kept += rows.kept as u64;
+        self.counts.rejected += rows.rejected as u64;
+        self.counts.backward_stamps += rows.backward_stamps as u64 + u64::from(backward);
+        self.rejects.extend(rows.rejects);
+        let due = self.buffer.stamps().len().saturating_sub(self.buffered);
+        self.emit(due / self.piece * self.piece, &mut emit);
+    }
+
+    /// Emits what is left in the buffer.
+    pub fn finish(mut self, mut emit: impl FnMut(&B, Range<usize>)) -> StreamSummary {
+        let all_buffered = self.emitted.0 == 0;
+        let spans: Vec<Span> = self.files.iter().filter_map(|file| file.span).collect();
+        let files_in_order = spans.is_sorted_by(|a, b| a.earliest < b.earliest);
+        self.unsorted |= !files_in_order;
+        self.emit(self.buffer.stamps().len(), &mut emit);
+        let files = self.files_by_time();
+        let by_time: Vec<Span> = files.iter().filter_map(|file| file.span).collect();
+        let back = |pair: &&[Span]| pair[1].first < pair[0].last;
+        let backward = by_time.windows(2).filter(back).count();
+        let names = files.iter().map(|file| file.name.clone()).collect();
+        StreamSummary {
+            files: names,
+            counts: StreamCounts {
+                backward_stamps: self.counts.backward_stamps + backward as u64,
+                ..self.counts
+            },
+            further: self.buffer.further_counts(),
+            in_order: all_buffered || (files_in_order && !self.late),
+            topic: self.topic,
+            rejects: self.rejects,
+            stamped: spans
+                .iter()
+                .any(|span| (span.earliest, span.latest) != (0, 0)),
+            alike: self.alike,
         }
     }
 
-    fn note_file(&mut self, file: &str, stamps: &[i64]) {
-        let earliest = stamps.iter().copied().min().unwrap_or(i64::MAX);
-        match self.files.last_mut() {
-            Some((known, so_far)) if known == file => *so_far = earliest.min(*so_far),
-            _ => self.files.push((file.to_owned(), earliest)),
-        }
+    /// Earliest first, those without rows before all.
+    fn files_by_time(&self) -> Vec<&FileRows> {
+        let mut files: Vec<&FileRows> = self.files.iter().collect();
+        files.sort_by_key(|file| file.span.map(|span| (span.earliest, span.latest)));
+        files
     }
 
-    /// Gives on the earliest `count` of the samples held back.
-    fn give_on(&mut self, count: usize, give_on: &mut impl FnMut(&H, Range<usize>)) {
+    /// Emits the earliest `count` samples of the buffer.
+    fn emit(&mut self, count: usize, emit: &mut impl FnMut(&B, Range<usize>)) {
         if count == 0 {
             return;
         }
         self.sort();
-        let stamps = &self.held.stamps()[..count];
+        let stamps = &self.buffer.stamps()[..count];
         let (first, last) = (stamps[0], stamps[count - 1]);
-        self.fits &= self.given_on.is_none_or(|given_on| given_on <= first);
+        let (emitted, before) = self.emitted;
+        self.late |= before.is_some_and(|before| first < before);
         let repeated = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
-        self.counts.duplicate_stamps += repeated as u64 + u64::from(self.given_on == Some(first));
-        for from in (0..count).step_by(self.piece).take_while(|_| self.fits) {
-            give_on(&self.held, from..(from + self.piece).min(count));
+        self.counts.duplicate_stamps += repeated as u64 + u64::from(before == Some(first));
+        // Where it is known that the logs have to be read again, nobody needs more samples.
+        if self.alike && !self.late {
+            for from in (0..count).step_by(self.piece) {
+                emit(&self.buffer, from..(from + self.piece).min(count));
+            }
         }
-        self.given_on = Some(last);
-        self.held.let_go(count);
+        self.emitted = (emitted + count, Some(last));
+        self.buffer.evict(count);
     }
 
-    /// By stamp; equal ones stay in the order of the file.
+    /// By stamp; equal ones stay in the order of the files.
     fn sort(&mut self) {
         if !std::mem::take(&mut self.unsorted) {
             return;
         }
-        let stamps = self.held.stamps();
-        let mut order: Vec<usize> = (0..stamps.len()).collect();
+        let emitted = self.emitted.0;
+        let files = self.files_by_time().into_iter();
+        let in_buffer = |file: &FileRows| {
+            file.kept.start.saturating_sub(emitted)..file.kept.end.saturating_sub(emitted)
+        };
+        let mut order: Vec<usize> = files.flat_map(in_buffer).collect();
+        let stamps = self.buffer.stamps();
         order.sort_by_key(|&row| stamps[row]);
-        self.held.reorder(&order);
+        self.buffer.reorder(&order);
+    }
+}
+
+impl FileRows {
+    /// Adds the rows of a further block; whether its first stamp is before the last one so far.
+    fn add(&mut self, block: Span) -> bool {
+        let Some(span) = &mut self.span else {
+            self.span = Some(block);
+            return false;
+        };
+        let backward = block.first < span.last;
+        *span = Span {
+            earliest: span.earliest.min(block.earliest),
+            latest: span.latest.max(block.latest),
+            first: span.first,
+            last: block.last,
+        };
+        backward
+    }
+}
+
+impl Span {
+    fn of(stamps: &[i64]) -> Option<Self> {
+        Some(Self {
+            earliest: *stamps.iter().min()?,
+            latest: *stamps.iter().max()?,
+            first: *stamps.first()?,
+            last: *stamps.last()?,
+        })
     }
 }
 
 /// A column in another order.
 fn reordered<T: Copy>(column: &[T], order: &[usize]) -> Vec<T> {
     order.iter().map(|&row| column[row]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::DecodedTemperatures;
+    use super::*;
+
+    /// The rows of a file: stamps and temperatures; one that is no number is rejected.
+    type File = Vec<(i64, f64)>;
+
+    /// The rows of all files, one behind the other.
+    fn whole(files: &[File]) -> impl Iterator<Item = (i64, f64)> {
+        let mut files: Vec<&File> = files.iter().collect();
+        files.sort_by_key(|file| {
+            let stamps = || file.iter().map(|row| row.0);
+            (stamps().min(), stamps().max())
+        });
+        files.into_iter().flatten().copied()
+    }
+
+    /// What the samples and counts have to be, straight from the definition.
+    fn expected(files: &[File]) -> (File, StreamCounts) {
+        let rows: File = whole(files).collect();
+        let mut kept = rows.clone();
+        kept.retain(|row| row.1.is_finite());
+        kept.sort_by_key(|row| row.0);
+        let count = |rows: &File, is: fn(i64, i64) -> bool| {
+            rows.windows(2).filter(|w| is(w[0].0, w[1].0)).count() as u64
+        };
+        let counts = StreamCounts {
+            kept: kept.len() as u64,
+            rejected: (rows.len() - kept.len()) as u64,
+            backward_stamps: count(&rows, |a, b| b < a),
+            duplicate_stamps: count(&kept, |a, b| a == b),
+        };
+        (kept, counts)
+    }
+
+    /// What is emitted with a buffer of so many samples, in blocks of up to so many rows.
+    fn emitted(files: &[File], buffered: usize, block: usize) -> (File, StreamSummary) {
+        const PIECE: usize = 5;
+        let mut in_order = InOrder::new(TemperatureBuffer::default(), "/t", PIECE, buffered);
+        let (mut found, mut pieces) = (File::new(), Vec::new());
+        let mut emit = |buffer: &TemperatureBuffer, rows: Range<usize>| {
+            pieces.push(rows.len());
+            let (stamps, celsius) = buffer.rows(rows);
+            found.extend(stamps.iter().copied().zip(celsius.iter().copied()));
+        };
+        for (file, number) in files.iter().zip(0..) {
+            in_order.begin_file(&format!("{number}"));
+            for (rows, at) in file.chunks(block).zip(0..) {
+                let (stamps, celsius) = rows.iter().copied().unzip();
+                let block = DecodedTemperatures { stamps, celsius };
+                in_order.push(&block, (at, at + 1), &mut emit);
+            }
+        }
+        let summary = in_order.finish(&mut emit);
+        let last = pieces.pop().unwrap_or(PIECE);
+        assert!(last <= PIECE && pieces.iter().all(|&piece| piece == PIECE));
+        (found, summary)
+    }
+
+    #[test]
+    fn samples_and_counts_are_those_of_the_whole_stream_whatever_the_buffer() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut outcomes = BTreeMap::new();
+        for _ in 0..2000 {
+            let disorder = [0, 3, 60][rng.random_range(0..3)];
+            let (mut number, mut stamp) = (0.0, 0);
+            let mut row = || {
+                number += 1.0;
+                stamp += rng.random_range(0..4);
+                let wrong = rng.random_range(0..20) == 0;
+                let late = rng.random_range(0..=disorder);
+                (stamp - late, if wrong { f64::NAN } else { number })
+            };
+            let mut file = |rows| (0..rows).map(|_| row()).collect::<File>();
+            let mut files = [file(40), file(0), file(30), file(30)];
+            if rng.random() {
+                files.swap(2, 3);
+            }
+            let (samples, counts) = expected(&files);
+            let block = rng.random_range(1..20);
+            for buffered in [0, 20, 60, usize::MAX] {
+                let (found, summary) = emitted(&files, buffered, block);
+                *outcomes
+                    .entry((buffered, summary.is_in_order()))
+                    .or_insert(0) += 1;
+                if !summary.is_in_order() {
+                    continue;
+                }
+                assert_eq!(found, samples);
+                assert_eq!(summary.counts, counts);
+                let rejected = summary.rejects.iter().filter_map(|reject| reject.messages);
+                assert_eq!(rejected.sum::<u64>(), counts.rejected);
+            }
+        }
+        // Whatever is buffered whole can be put in order; with less buffered both happens.
+        let often = |buffered, in_order| outcomes.get(&(buffered, in_order)).copied().unwrap_or(0);
+        assert_eq!(often(usize::MAX, true), 2000);
+        for buffered in [0, 20, 60] {
+            let both = (often(buffered, true), often(buffered, false));
+            assert!(both.0 > 100 && both.1 > 100, "{buffered}: {both:?}");
+        }
+    }
+
+    #[test]
+    fn equal_stamps_stay_in_the_order_of_the_files_by_time() {
+        // The later file has the earlier row, if one that is rejected: its samples come first.
+        let files = [vec![(10, 1.0), (20, 2.0)], vec![(5, f64::NAN), (20, 3.0)]];
+        let (found, summary) = emitted(&files, usize::MAX, 100);
+        assert_eq!(found, [(10, 1.0), (20, 3.0), (20, 2.0)]);
+        assert_eq!(summary.files, ["1", "0"]);
+        // From the 20 of the one to the 10 of the other.
+        assert_eq!(summary.counts.backward_stamps, 1);
+        assert_eq!(summary.counts.duplicate_stamps, 1);
+    }
 }

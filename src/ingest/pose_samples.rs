@@ -41,7 +41,7 @@ impl<C> Default for PoseSamples<C> {
 
 /// Why poses that were there cannot be had again.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("poses that were put aside while the logs were read cannot be read again: {why}")]
+#[error("poses that were spilled to disk while the logs were read cannot be read back: {why}")]
 pub struct PosesError {
     /// What the operating system says, or that there is no such row.
     why: String,

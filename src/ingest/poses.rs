@@ -1,4 +1,4 @@
-//! Poses and points: what is wrong with a row, and its numbers in the units of a recording.
+//! Poses and points: what is wrong with a row, and its numbers in the crate's units.
 
 use super::rows::RowFault;
 

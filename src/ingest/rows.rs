@@ -1,10 +1,9 @@
-//! Which rows of a decoded stream are kept, and in which order.
+//! Which rows of a block are kept, and in which order.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-use super::decoded::Origins;
-use super::{JointAngles, LogReject, LossKind, SpanClock, StreamCounts};
+use super::{JointAngles, LogReject, LossKind, SpanClock};
 
 /// Why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -52,40 +51,47 @@ impl fmt::Display for RowFault {
     }
 }
 
-/// The rows of one stream that are kept, ordered in time.
+/// Where the rows of a block come from.
+#[derive(Debug, Clone, Copy)]
+pub struct Place<'a> {
+    /// The file, as the pipeline names it.
+    pub file: &'a str,
+    pub topic: &'a str,
+    /// First byte in the file as stored, and one past the last one.
+    pub bytes: (u64, u64),
+}
+
+/// The rows of one block that are kept, ordered in time.
 pub struct Rows {
     /// `None`: all of them, in the order they stand in.
     order: Option<Vec<usize>>,
+    pub(super) kept: usize,
+    pub(super) rejected: usize,
+    /// Rows whose stamp is before that of the row before.
+    pub(super) backward_stamps: usize,
     pub(super) rejects: Vec<LogReject>,
-    pub(super) counts: StreamCounts,
 }
 
 impl Rows {
     /// Judges each row, then orders the kept ones by stamp; equal stamps stay in the order of the file.
     pub(super) fn judge(
         stamps: &[i64],
-        origins: &Origins,
+        place: &Place<'_>,
         clock: SpanClock,
         fault: impl Fn(usize) -> Option<RowFault>,
     ) -> Self {
         let faults: Vec<_> = (0..stamps.len())
             .filter_map(|row| fault(row).map(|fault| (row, fault)))
             .collect();
-        let backward = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
-        let order = (!faults.is_empty() || backward > 0).then(|| kept_in_order(stamps, &faults));
-        let kept = order.as_ref().map_or(stamps.len(), Vec::len);
-        let mut rows = Self {
-            order,
-            rejects: rejects(stamps, origins, clock, &faults),
-            counts: StreamCounts {
-                kept: kept as u64,
-                rejected: faults.len() as u64,
-                backward_stamps: backward as u64,
-                duplicate_stamps: 0,
-            },
-        };
-        rows.counts.duplicate_stamps = rows.duplicates(stamps);
-        rows
+        let backward_stamps = stamps.windows(2).filter(|pair| pair[1] < pair[0]).count();
+        let all_in_order = faults.is_empty() && backward_stamps == 0;
+        Self {
+            order: (!all_in_order).then(|| kept_in_order(stamps, &faults)),
+            kept: stamps.len() - faults.len(),
+            rejected: faults.len(),
+            backward_stamps,
+            rejects: rejects(stamps, place, clock, &faults),
+        }
     }
 
     /// Adds the kept rows of a column, in order.
@@ -96,39 +102,12 @@ impl Rows {
         }
     }
 
-    /// A column with the kept rows only, in order.
-    pub(super) fn of<T: Copy>(&self, column: Vec<T>) -> Vec<T> {
-        match &self.order {
-            None => column,
-            Some(order) => order.iter().map(|&row| column[row]).collect(),
-        }
-    }
-
     /// Adds the kept rows of joint angles, in order.
     pub(super) fn append_angles(&self, angles: &JointAngles, to: &mut JointAngles) {
         match &self.order {
             None => to.append(angles.all()),
             Some(order) => to.append(angles.picked(order).all()),
         }
-    }
-
-    /// The kept rows of joint angles, in order.
-    pub(super) fn of_angles(&self, angles: JointAngles) -> JointAngles {
-        match &self.order {
-            None => angles,
-            Some(order) => angles.picked(order),
-        }
-    }
-
-    fn duplicates(&self, stamps: &[i64]) -> u64 {
-        let count = match &self.order {
-            None => stamps.windows(2).filter(|pair| pair[0] == pair[1]).count(),
-            Some(order) => order
-                .windows(2)
-                .filter(|pair| stamps[pair[0]] == stamps[pair[1]])
-                .count(),
-        };
-        count as u64
     }
 }
 
@@ -141,29 +120,26 @@ fn kept_in_order(stamps: &[i64], faults: &[(usize, RowFault)]) -> Vec<usize> {
     order
 }
 
-/// One reject for each byte range and fault.
+/// One reject for each kind of fault.
 fn rejects(
     stamps: &[i64],
-    origins: &Origins,
+    place: &Place<'_>,
     clock: SpanClock,
     faults: &[(usize, RowFault)],
 ) -> Vec<LogReject> {
-    let mut found: BTreeMap<(usize, u64, RowFault), LogReject> = BTreeMap::new();
+    let mut found: BTreeMap<RowFault, LogReject> = BTreeMap::new();
     for &(row, fault) in faults {
-        let origin = origins.of_row(row).expect("each row comes from a block");
-        let reject = found
-            .entry((origin.file, origin.byte_start, fault))
-            .or_insert_with(|| LogReject {
-                file: origins.files[origin.file].clone(),
-                topic: Some(origins.topic.clone()),
-                byte_start: origin.byte_start,
-                byte_end: origin.byte_end,
-                time_span_ns: None,
-                clock,
-                messages: Some(0),
-                loss: LossKind::Unusable,
-                reason: fault.to_string(),
-            });
+        let reject = found.entry(fault).or_insert_with(|| LogReject {
+            file: place.file.to_owned(),
+            topic: Some(place.topic.to_owned()),
+            byte_start: place.bytes.0,
+            byte_end: place.bytes.1,
+            time_span_ns: None,
+            clock,
+            messages: Some(0),
+            loss: LossKind::Unusable,
+            reason: fault.to_string(),
+        });
         reject.widen(stamps[row]);
     }
     found.into_values().collect()
@@ -171,40 +147,28 @@ fn rejects(
 
 #[cfg(test)]
 mod tests {
-    use super::super::decoded::Origin;
     use super::*;
 
-    fn origins() -> Origins {
-        let origin = |rows_end, byte_start| Origin {
-            rows_end,
-            file: 0,
-            byte_start,
-            byte_end: byte_start + 10,
-        };
-        Origins {
-            files: vec!["f".to_owned()],
-            topic: "/t".to_owned(),
-            blocks: vec![origin(2, 100), origin(5, 200)],
-        }
+    const PLACE: Place<'_> = Place {
+        file: "f",
+        topic: "/t",
+        bytes: (200, 210),
+    };
+
+    fn judge(stamps: &[i64], fault: impl Fn(usize) -> Option<RowFault>) -> Rows {
+        Rows::judge(stamps, &PLACE, SpanClock::Tracker, fault)
     }
 
     #[test]
     fn rows_are_kept_or_rejected_and_ordered() {
         // Row 3 is faulty; rows 0 and 4 share a stamp and keep their order.
         let stamps = [30, 10, 40, 20, 30];
-        let rows = Rows::judge(&stamps, &origins(), SpanClock::Tracker, |row| {
-            (row == 3).then_some(RowFault::Angle)
-        });
-        assert_eq!(rows.of(vec!['a', 'b', 'c', 'd', 'e']), ['b', 'a', 'e', 'c']);
-        assert_eq!(
-            rows.counts,
-            StreamCounts {
-                kept: 4,
-                rejected: 1,
-                backward_stamps: 2, // 30 → 10 and 40 → 20
-                duplicate_stamps: 1,
-            }
-        );
+        let rows = judge(&stamps, |row| (row == 3).then_some(RowFault::Angle));
+        let mut kept = Vec::new();
+        rows.append(&['a', 'b', 'c', 'd', 'e'], &mut kept);
+        assert_eq!(kept, ['b', 'a', 'e', 'c']);
+        // Backward: 30 → 10 and 40 → 20.
+        assert_eq!((rows.kept, rows.rejected, rows.backward_stamps), (4, 1, 2));
         assert_eq!(rows.rejects.len(), 1);
         let reject = &rows.rejects[0];
         assert_eq!((reject.byte_start, reject.byte_end), (200, 210));
@@ -214,20 +178,26 @@ mod tests {
     }
 
     #[test]
-    fn faults_of_one_block_and_kind_are_one_reject() {
-        let stamps = [1, 2, 3, 4, 5];
-        let rows = Rows::judge(&stamps, &origins(), SpanClock::Tracker, |_| {
-            Some(RowFault::Position)
+    fn faults_of_one_kind_are_one_reject() {
+        let rows = judge(&[1, 2, 3, 4, 5], |row| {
+            Some(if row < 2 {
+                RowFault::Orientation
+            } else {
+                RowFault::Position
+            })
         });
         let summary: Vec<_> = rows
             .rejects
             .iter()
             .map(|reject| (reject.byte_start, reject.messages, reject.time_span_ns))
             .collect();
+        // In the order of the kinds: positions first.
         assert_eq!(
             summary,
-            [(100, Some(2), Some((1, 2))), (200, Some(3), Some((3, 5)))]
+            [(200, Some(3), Some((3, 5))), (200, Some(2), Some((1, 2)))]
         );
-        assert_eq!(rows.of(vec![0; 5]), Vec::<i32>::new());
+        let mut kept: Vec<i32> = Vec::new();
+        rows.append(&[0; 5], &mut kept);
+        assert!(kept.is_empty());
     }
 }

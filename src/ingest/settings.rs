@@ -105,7 +105,7 @@ pub enum LengthUnit {
     Mm,
 }
 
-/// Everything needed to make a [`Recording`](super::Recording) of two logs.
+/// Everything needed to read the samples of a session from its logs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mapping {
     /// `[controller]`.

@@ -1,4 +1,4 @@
-//! Logs: MCAP files → decoded columns → a [`Recording`], with every byte that cannot be used accounted for.
+//! Logs: MCAP files → samples in order of time, with every byte that cannot be used accounted for.
 //!
 //! The reader is our own because default readers panic, abort or drop messages in silence on damaged files. It works
 //! from the data section alone; a summary is never needed.
@@ -6,23 +6,21 @@
 //! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
 //! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
 //! 3. Streams: the messages of the wanted topics decoded by a plan into columns (`streams`).
-//! 4. Sides: the files of a split recording become one controller's and one tracker's columns (`session`).
-//! 5. [`crate::ingest::ingest`] makes the recording.
-//!
-//! Where a log need not be held, joint samples go into dwells as they are decoded, and readings are put aside
-//! ([`read_dwells`]); whoever else wants the joint samples gets them in order of time ([`read_dwells_beside`]).
+//! 4. Sides: the files of a split recording are read one behind the other (`session`).
+//! 5. Order: the samples of each stream come out in order of time (`ordered`, [`crate::ingest`]).
+//! 6. Replay: they go into the detector of dwells or to disk, for [`crate::join::join`] ([`read_session`]).
 
 mod account;
-mod aside;
 mod block;
 mod chunk;
-mod dwells;
 mod foreign;
 mod frames;
+mod ordered;
 mod packed;
 mod peeked;
 mod record;
 mod registry;
+mod replay;
 mod scan;
 mod session;
 mod source;
@@ -30,27 +28,24 @@ mod spilled;
 mod streams;
 mod summary;
 mod unnamed;
-mod waiting;
 
 use std::io;
-use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::ingest::{Decoded, IngestError, Mapping, Recording, ingest};
+use crate::ingest::{IngestError, Mapping};
 use crate::io::message::SchemaError;
-use crate::progress::Progress;
 
 pub use account::Account;
 pub use block::Extent;
-pub use dwells::{JointSink, SessionRead, read_dwells, read_dwells_beside};
 pub use packed::{Packed, PackedFault};
 pub use peeked::{has_no_end, session_record};
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
+pub use replay::{JointSink, SessionRead, read_session};
 pub use scan::{Visitor, ns, scan};
-pub use session::{SessionLogs, decode_session, read_metadata};
+pub use session::{SessionLogs, read_metadata};
 pub use streams::{Glance, Layout, Suggestible, Suggestion, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
@@ -155,7 +150,7 @@ pub enum FileError {
     },
 }
 
-/// Why two logs make no recording.
+/// Why the logs of a session cannot be read.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// A file cannot be read as a log.
@@ -186,17 +181,6 @@ pub enum LogError {
         /// Why.
         source: SchemaError,
     },
-    /// A topic with messages of several kinds.
-    #[error(
-        "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic, or set \
-         ignore_orientation = true for [tracker]"
-    )]
-    Mixed {
-        /// The file.
-        file: String,
-        /// The topic.
-        topic: String,
-    },
     /// The same topic for two streams.
     #[error("{file}: topic {topic:?} is named for two streams; each needs a topic of its own")]
     NamedTwice {
@@ -205,9 +189,9 @@ pub enum LogError {
         /// The topic.
         topic: String,
     },
-    /// Nowhere to put readings aside.
+    /// Nowhere to spill poses to.
     #[error(
-        "cannot put the tracker's readings aside in {folder}: {source}; let TMPDIR name a folder with room"
+        "cannot spill the commanded poses and readings to disk in {folder}: {source}; let TMPDIR name a folder with room"
     )]
     NoRoom {
         /// The folder for temporary files.
@@ -215,7 +199,7 @@ pub enum LogError {
         /// Why.
         source: io::Error,
     },
-    /// What was decoded makes no recording.
+    /// A stream of which nothing can be used.
     #[error(transparent)]
     Ingest(#[from] IngestError),
 }
@@ -255,43 +239,6 @@ fn by_fields(fields: &[String]) -> String {
     )
 }
 
-/// Reads the two logs of a session; both may be the same file.
-///
-/// Damage does not fail it: what is lost is in the rejects, for the pipeline's limit to judge.
-pub fn read_recording(
-    controller: &Path,
-    tracker: &Path,
-    mapping: &Mapping,
-    limits: Limits,
-    progress: &dyn Progress,
-) -> Result<Recording, LogError> {
-    let logs = SessionLogs::of_two(controller, tracker);
-    read_session(&logs, mapping, limits, progress)
-}
-
-/// Decodes the two logs of a session into columns in the logs' own units.
-pub fn decode(
-    controller: &Path,
-    tracker: &Path,
-    mapping: &Mapping,
-    limits: Limits,
-    progress: &dyn Progress,
-) -> Result<Decoded, LogError> {
-    let logs = SessionLogs::of_two(controller, tracker);
-    decode_session(&logs, mapping, limits, progress)
-}
-
-/// Reads all logs of a session, in bounded memory but for the columns read.
-pub fn read_session(
-    logs: &SessionLogs,
-    mapping: &Mapping,
-    limits: Limits,
-    progress: &dyn Progress,
-) -> Result<Recording, LogError> {
-    let decoded = decode_session(logs, mapping, limits, progress)?;
-    Ok(ingest(decoded, mapping)?)
-}
-
 /// The streams wanted of the controller's log and of the tracker's.
 fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
     let wanted = |stream, topic: &str, time| Wanted {
@@ -318,6 +265,7 @@ fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
 }
 
 impl Stream {
+    /// As counts and tables call it.
     const fn name(self) -> &'static str {
         match self {
             Self::Joints => "joints",
@@ -325,5 +273,10 @@ impl Stream {
             Self::Readings => "readings",
             Self::Temperatures => "temperatures",
         }
+    }
+
+    /// Whether a session without a usable message of it is an error, where the pipeline file names its topic.
+    const fn is_needed(self) -> bool {
+        !matches!(self, Self::Temperatures)
     }
 }

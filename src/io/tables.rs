@@ -104,7 +104,7 @@ pub enum PublishError {
         "cannot write the model down as JSON: {0}; this is a defect of posegrid, please report it"
     )]
     Model(#[from] serde_json::Error),
-    /// Readings that were put aside are not there any more.
+    /// Poses that were spilled to disk cannot be read back.
     #[error(transparent)]
     Poses(#[from] PosesError),
 }

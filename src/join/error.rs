@@ -17,7 +17,7 @@ pub enum JoinError {
         /// What would do.
         wanted: &'static str,
     },
-    /// The recording's joints are not the arm's.
+    /// The joints that were logged are not the arm's.
     #[error(
         "the recording has {found} joint columns, but the arm {model:?} has {expected} joints: check [robot]"
     )]
@@ -29,33 +29,25 @@ pub enum JoinError {
         /// Joints of the arm.
         expected: usize,
     },
-    /// Columns of one table that differ in length, or stamps that decrease.
-    #[error(
-        "{table}: column {column:?} has {found} values for {expected} stamps, or the stamps decrease at row {row}"
-    )]
-    Columns {
-        /// Which table.
-        table: &'static str,
-        /// Which column.
-        column: &'static str,
-        /// Values found.
-        found: usize,
-        /// Stamps found.
-        expected: usize,
-        /// First row out of order.
+    /// Samples that are not in order of time.
+    #[error("{samples}: the stamps decrease at row {row}; they have to be in order of time")]
+    OutOfOrder {
+        /// Which samples.
+        samples: &'static str,
+        /// The first row whose stamp is before that of the row before it, from 0.
         row: usize,
     },
-    /// Readings that were put aside are not there any more.
+    /// Poses that were spilled to disk cannot be read back.
     #[error(transparent)]
     Poses(#[from] PosesError),
-    /// A joint angle that is not a number.
+    /// A joint whose mean angle is not a number.
     #[error(
-        "joint {joint:?} is not a finite number at sample {sample}: leave such messages out at ingest"
+        "joint {joint:?} is not a finite number in the dwell that begins at sample {sample}: leave such messages out at ingest"
     )]
     AngleNotFinite {
         /// The joint's name.
         joint: String,
-        /// Which sample, from 0.
+        /// The dwell's first sample, from 0.
         sample: usize,
     },
     /// Too few dwells to match anything.

@@ -1,11 +1,11 @@
-//! Observation: a recording → checked columns and the dwells that either log shows.
+//! Observation: what the logs show → the dwells of either side, checked.
 
 use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::{Dwells, MIN_PAIRS};
-use super::rest::{Rest, at_rest};
+use super::rest::Rest;
 use super::sighting::Sightings;
 use super::{JoinError, JoinSettings};
-use crate::ingest::{JointSamples, PoseSamples, TemperatureSamples};
+use crate::ingest::TemperatureSamples;
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp, Tracker};
 
@@ -24,23 +24,6 @@ pub struct Observation {
     pub arm: Vec<ArmDwell>,
     /// Dwells of the target.
     pub target: Vec<TargetDwell>,
-}
-
-/// The rest of the recording's joints, once its columns are checked.
-pub fn joints_at_rest(
-    joints: &JointSamples,
-    arm: &Arm,
-    settings: &JoinSettings,
-) -> Result<Rest, JoinError> {
-    check_joints(joints, arm)?;
-    let stamps_ns: Vec<i64> = joints.stamps.iter().map(|stamp| stamp.ns()).collect();
-    let angles = &joints.angles;
-    Ok(at_rest(
-        &stamps_ns,
-        angles.all(),
-        angles.joints(),
-        &settings.arm_rule(),
-    ))
 }
 
 /// Finds the dwells of both logs, where it is known where the joints rest.
@@ -88,61 +71,37 @@ impl Observation {
     }
 }
 
-/// Every column of poses as long as their stamps, which do not decrease.
-pub fn check_poses<C>(table: &'static str, poses: &PoseSamples<C>) -> Result<(), JoinError> {
-    let orientations = poses.orientations.as_ref().map(Vec::len);
-    let covariances = poses.covariances.as_ref().map(Vec::len);
-    let mut columns = vec![("position", poses.positions.len())];
-    columns.extend(orientations.map(|rows| ("orientation", rows)));
-    columns.extend(covariances.map(|rows| ("covariance", rows)));
-    check_rows(table, &poses.stamps, &columns)
-}
-
-fn check_joints(joints: &JointSamples, arm: &Arm) -> Result<(), JoinError> {
-    let angles = &joints.angles;
-    if angles.joints() != arm.joints().len() {
+/// That dwells were found on the joints of this arm, and on numbers.
+pub fn check_joints(rest: &Rest, arm: &Arm) -> Result<(), JoinError> {
+    if rest.columns != arm.joints().len() {
         return Err(JoinError::JointCount {
             model: arm.model().to_owned(),
-            found: angles.joints(),
+            found: rest.columns,
             expected: arm.joints().len(),
         });
     }
-    check_rows("joints", &joints.stamps, &[("angle", angles.len())])?;
-    for (sample, row) in angles.rows().enumerate() {
-        if let Some(joint) = row.iter().position(|angle| !angle.is_finite()) {
+    for still in &rest.stretches {
+        if let Some(joint) = still.means.iter().position(|angle| !angle.is_finite()) {
             return Err(JoinError::AngleNotFinite {
                 joint: arm.joints()[joint].name.clone(),
-                sample,
+                sample: still.stretch.first,
             });
         }
     }
     Ok(())
 }
 
-/// The same of temperatures.
+/// That their stamps do not decrease.
 pub fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
-    let columns = [("celsius", temperatures.celsius.len())];
-    check_rows("temperatures", &temperatures.stamps, &columns)
-}
-
-fn check_rows<C>(
-    table: &'static str,
-    stamps: &[Stamp<C>],
-    columns: &[(&'static str, usize)],
-) -> Result<(), JoinError> {
-    let unordered = stamps.windows(2).position(|pair| pair[1] < pair[0]);
-    for &(column, found) in columns {
-        if found != stamps.len() || unordered.is_some() {
-            return Err(JoinError::Columns {
-                table,
-                column,
-                found,
-                expected: stamps.len(),
-                row: unordered.map_or(found.min(stamps.len()), |row| row + 1),
-            });
-        }
+    let samples = "temperatures";
+    let mut pairs = temperatures.stamps.windows(2);
+    match pairs.position(|pair| pair[1] < pair[0]) {
+        None => Ok(()),
+        Some(before) => Err(JoinError::OutOfOrder {
+            samples,
+            row: before + 1,
+        }),
     }
-    Ok(())
 }
 
 fn enough(

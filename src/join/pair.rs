@@ -219,5 +219,5 @@ fn nearest(temperatures: &TemperatureSamples, moment: Stamp<Tracker>) -> Option<
         .flatten()
         .filter(|&index| index < temperatures.stamps.len())
         .min_by_key(distance)
-        .map(|index| temperatures.celsius[index])
+        .and_then(|index| temperatures.celsius.get(index).copied())
 }

@@ -78,6 +78,8 @@ pub struct Rest {
     pub interval_ns: i64,
     /// How many samples there were.
     pub samples: usize,
+    /// How many columns they had.
+    pub columns: usize,
     /// The first and the last sample's stamp, ns; 0 without samples.
     pub span_ns: (i64, i64),
 }
@@ -88,27 +90,31 @@ pub fn at_rest(stamps_ns: &[i64], values: &[f64], columns: usize, rule: &RestRul
         finder.push(stamps_ns, values);
         Ok::<_, Infallible>(())
     });
-    found.unwrap_or_else(|never| match never {})
+    let (rest, ()) = found.unwrap_or_else(|never| match never {});
+    rest
 }
 
-/// The stretches at rest of the samples of so many columns that `give` gives a finder: all of them again where the
-/// threshold shows too late.
-pub fn rest_of<E>(
+/// The stretches at rest of the samples, of so many columns, that `replay` gives a finder: a second time where the threshold
+/// shows too late. With them comes what the last replay returned.
+pub fn rest_of<T, E>(
     columns: usize,
     rule: &RestRule,
-    mut give: impl FnMut(&mut Finder) -> Result<(), E>,
-) -> Result<Rest, E> {
+    mut replay: impl FnMut(&mut Finder) -> Result<T, E>,
+) -> Result<(Rest, T), E> {
     let mut find = |rule: &RestRule| {
         let mut finder = Finder::new(columns, rule);
-        give(&mut finder)?;
-        Ok(finder.finish())
+        let replayed = replay(&mut finder)?;
+        Ok((finder.finish(), replayed))
     };
     let threshold = match find(rule)? {
-        Ok(rest) => return Ok(rest),
-        Err(Forgotten { threshold }) => Some(threshold),
+        (Ok(rest), replayed) => return Ok((rest, replayed)),
+        (Err(Forgotten { threshold }), _) => Some(threshold),
     };
-    let given = RestRule { threshold, ..*rule };
-    Ok(find(&given)?.expect("with one threshold no stretch is forgotten"))
+    let (rest, replayed) = find(&RestRule { threshold, ..*rule })?;
+    Ok((
+        rest.expect("with one threshold no stretch is forgotten"),
+        replayed,
+    ))
 }
 
 #[cfg(test)]
@@ -183,6 +189,36 @@ mod tests {
                 last: 80
             }
         );
+    }
+
+    #[test]
+    fn where_the_threshold_shows_too_late_the_samples_are_replayed_with_it() {
+        // 4000 rests of 20 samples with noise of a thousandth, 1 apart; then 9000 with noise of three fifths, 100 000 apart. The
+        // first ones alone would have another threshold, and there are too many of them to be kept by every one.
+        let value = |k: i64| {
+            let (rest, noise) = (k / 20, ((k * 7919) % 1009) as f64 / 1009.0);
+            let late = (rest - 4000).max(0) as f64;
+            let noise_of = if rest < 4000 { 1e-3 } else { 0.6 };
+            rest.min(4000) as f64 + late * 1e5 + noise * noise_of
+        };
+        let stamps_ns: Vec<i64> = (0..260_000).map(|k| k * 50_000_000).collect();
+        let column: Vec<f64> = (0..260_000).map(value).collect();
+        let mut replays = 0;
+        let found = rest_of(1, &RULE, |finder| {
+            finder.push(&stamps_ns, &column);
+            replays += 1;
+            Ok::<_, Infallible>(replays)
+        });
+        let (rest, last) = found.unwrap_or_else(|never| match never {});
+        assert_eq!(last, 2);
+        // The first 4000 are one by a threshold above 1, and go over into the next.
+        assert_eq!(rest.stretches.len(), 9000);
+        assert!((1.0..1e5).contains(&rest.threshold), "{}", rest.threshold);
+        let given = RestRule {
+            threshold: Some(rest.threshold),
+            ..RULE
+        };
+        assert_eq!(at_rest(&stamps_ns, &column, 1, &given), rest);
     }
 
     #[test]

@@ -4,9 +4,10 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{JoinSettings, Joined, Pairing, join};
+use super::rest::at_rest;
+use super::{JoinError, JoinInput, JoinSettings, Joined, Pairing, join};
 use crate::geometry::isometry_from_rpy;
-use crate::ingest::{JointAngles, Recording};
+use crate::ingest::{JointAngles, JointSamples, Recording};
 use crate::kinematics::{Arm, RobotFile};
 use crate::units::{NS_PER_S, Stamp, round_ns};
 
@@ -184,7 +185,8 @@ impl Scene {
 
     pub fn joined_with(&self, recording: &Recording, settings: &JoinSettings) -> Joined {
         let arm = ur10();
-        let joined = join(recording, &arm, settings).unwrap_or_else(|error| panic!("{error}"));
+        let joined =
+            join_recorded(recording, &arm, settings).unwrap_or_else(|error| panic!("{error}"));
         check_conservation(recording, &joined);
         self.check_means(&arm, &joined);
         joined
@@ -226,6 +228,24 @@ impl Scene {
             joined.clock
         );
     }
+}
+
+/// What the join is given of a recording, joined: the detector has seen its joints, poses are in memory.
+pub(super) fn join_recorded(
+    recording: &Recording,
+    arm: &Arm,
+    settings: &JoinSettings,
+) -> Result<Joined, JoinError> {
+    let JointSamples { stamps, angles } = &recording.joints;
+    let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
+    let rule = settings.arm_rule();
+    let input = JoinInput {
+        joints: at_rest(&stamps_ns, angles.all(), angles.joints(), &rule),
+        commands: Box::new(recording.commands.clone()),
+        readings: Box::new(recording.readings.clone()),
+        temperatures: recording.temperatures.clone(),
+    };
+    join(&input, arm, settings)
 }
 
 pub(super) fn paired(joined: &Joined) -> usize {

@@ -65,7 +65,7 @@ impl<'a> Sightings<'a> {
             missing: Missing::default(),
         };
         let rule = settings.target_rule();
-        seen.rest = rest_of(3, &rule, |finder| seen.look(finder))?;
+        (seen.rest, ()) = rest_of(3, &rule, |finder| seen.replay(finder))?;
         for still in &mut seen.rest.stretches {
             still.stretch = Stretch {
                 first: seen.missing.row(still.stretch.first),
@@ -76,11 +76,12 @@ impl<'a> Sightings<'a> {
     }
 
     /// Gives a finder all that are measurements, and notes the others.
-    fn look(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
+    fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         self.missing = Missing::default();
-        let count = self.readings.count();
+        let (count, mut latest) = (self.readings.count(), Stamp::from_ns(i64::MIN));
         for first in (0..count).step_by(PIECE) {
             let seen = self.read(first..(first + PIECE).min(count))?;
+            latest = seen.check_order(latest)?;
             self.missing.extend(&seen);
             let stamps: Vec<i64> = seen.measured().map(|row| seen.stamp(row).ns()).collect();
             let measured: Vec<[f64; 3]> = seen.measured().map(|row| seen.position(row)).collect();
@@ -129,6 +130,18 @@ impl<'a> Sightings<'a> {
 }
 
 impl Seen {
+    /// The latest stamp, where none is before the one before it, from `latest` on.
+    fn check_order(&self, mut latest: Stamp<Tracker>) -> Result<Stamp<Tracker>, JoinError> {
+        let samples = "readings";
+        for (row, &stamp) in self.rows.clone().zip(&self.readings.stamps) {
+            if stamp < latest {
+                return Err(JoinError::OutOfOrder { samples, row });
+            }
+            latest = stamp;
+        }
+        Ok(latest)
+    }
+
     /// Those of its rows that are measurements.
     pub fn measured(&self) -> impl Iterator<Item = usize> {
         let rows = self.rows.clone();

@@ -1,8 +1,8 @@
 //! What recordings bring: one test for each trouble, on synthetic sessions with known truth.
 
-use super::scene::{Scene, check_conservation, paired, ur10};
+use super::scene::{Scene, check_conservation, join_recorded, paired, ur10};
 use super::*;
-use crate::ingest::JointSamples;
+use crate::ingest::{JointSamples, Recording};
 
 #[test]
 fn equal_dwells_pair_whatever_the_offset_and_drift() {
@@ -200,7 +200,8 @@ fn a_periodic_session_is_ambiguous_and_nothing_is_guessed() {
     scene.keep_readings(&mut recording, |at_s| {
         at_s > starts_s[18] - 0.4 && at_s < starts_s[42] - 0.4
     });
-    let error = join(&recording, &ur10(), &JoinSettings::default()).expect_err("ambiguous");
+    let error =
+        join_recorded(&recording, &ur10(), &JoinSettings::default()).expect_err("ambiguous");
     assert!(matches!(error, JoinError::AmbiguousShift { .. }), "{error}");
 }
 
@@ -208,7 +209,8 @@ fn a_periodic_session_is_ambiguous_and_nothing_is_guessed() {
 fn logs_of_two_sessions_are_refused() {
     let mut recording = Scene::random(40, 11).record(&ur10());
     recording.readings = Scene::random(40, 12).record(&ur10()).readings;
-    let error = join(&recording, &ur10(), &JoinSettings::default()).expect_err("strangers");
+    let error =
+        join_recorded(&recording, &ur10(), &JoinSettings::default()).expect_err("strangers");
     assert!(
         matches!(error, JoinError::NoCommonPattern { .. }),
         "{error}"
@@ -252,7 +254,9 @@ fn bad_input_is_an_error_that_says_what() {
     let scene = Scene::random(20, 14);
     let good = scene.record(&arm);
     let fails = |recording: &Recording, settings: &JoinSettings, says: &str| {
-        let error = join(recording, &arm, settings).expect_err(says).to_string();
+        let error = join_recorded(recording, &arm, settings)
+            .expect_err(says)
+            .to_string();
         assert!(error.contains(says), "{error:?} does not say {says:?}");
     };
     let defaults = JoinSettings::default();
@@ -296,7 +300,7 @@ fn bad_input_is_an_error_that_says_what() {
     bad.readings.positions[30] = [f64::NAN, 0.0, 0.0];
     bad.readings.positions[31] = [f64::INFINITY, 1e300, 0.0];
     assert_eq!(scene.joined(&bad).counts.missing, 2);
-    check_conservation(&good, &join(&good, &arm, &defaults).expect("good"));
+    check_conservation(&good, &join_recorded(&good, &arm, &defaults).expect("good"));
 }
 
 #[test]
@@ -324,7 +328,7 @@ fn a_grid_of_which_only_inner_layers_were_seen_is_never_paired_wrongly() {
         at_s > starts_s[30] - 0.4 && at_s < starts_s[90] - 0.4
     });
     // Either the right shift (`joined` checks every mean) or a clear refusal.
-    match join(&recording, &arm, &JoinSettings::default()) {
+    match join_recorded(&recording, &arm, &JoinSettings::default()) {
         Ok(_) => assert_eq!(paired(&scene.joined(&recording)), 60),
         Err(error) => assert!(matches!(error, JoinError::AmbiguousShift { .. }), "{error}"),
     }
@@ -479,7 +483,8 @@ fn few_stations_are_enough_and_fewer_are_refused() {
     let joined = scene.joined(&scene.record(&ur10()));
     assert_eq!(paired(&joined), 8);
     let scene = Scene::random(5, 28);
-    let error = join(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
+    let error =
+        join_recorded(&scene.record(&ur10()), &ur10(), &JoinSettings::default()).expect_err("5");
     assert!(
         matches!(
             error,

@@ -6,6 +6,9 @@
 //! the same short and long kernels on 200, of which a search of hyper-parameters needs tens, and predictions a second.
 //! Without `--bench` (as `cargo test` calls it) small sessions show that it works.
 
+#[path = "../common/mod.rs"]
+mod common;
+
 use std::time::Instant;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
@@ -115,7 +118,8 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
     settings.tracker.lost_share = 0.0;
     let cell = settings.cell;
     let simulated = simulate(arm, &settings).expect("reachable poses");
-    let joined = join(&simulated.recording, arm, &JoinSettings::default()).expect("one session");
+    let read = common::read_back(arm, &simulated.recording);
+    let joined = join(&read.input, arm, &JoinSettings::default()).expect("one session");
     let frames = CommandFrames {
         base_from_command: isometry_from_rpy([0.0; 3], [0.0; 3]),
         flange_from_tool: Some(isometry_from_rpy(

@@ -5,7 +5,8 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use mcap::{Compression, WriteOptions, Writer};
-use posegrid::io::log::{Limits, decode};
+use posegrid::io::log::{Limits, SessionLogs, read_session};
+use posegrid::join::JoinSettings;
 use posegrid::progress::Quiet;
 
 use super::proto::{self, Proto};
@@ -18,10 +19,10 @@ enum Form {
     Json,
 }
 
-/// How often each is decoded; the median counts.
+/// How often each is read; the median counts.
 const ROUNDS: usize = 5;
 
-/// Decodes a log of so many joint states in each form.
+/// Reads a log of so many joint states in each form.
 pub fn measure_all(folder: &Path, joint_states: u64) {
     for form in [Form::Protobuf, Form::Json] {
         let path = folder.join(format!("{form:?}.mcap"));
@@ -33,13 +34,18 @@ pub fn measure_all(folder: &Path, joint_states: u64) {
                 decompress(&path, 1)
             });
             let before = cpu_seconds();
-            measure(&format!("{form:?}: decode to columns"), Some(floor), || {
-                let decoded =
-                    decode(&path, &path, &mapping, Limits::default(), &Quiet).expect("a sound log");
-                let kept = decoded.joints.stamps.len() as u64;
-                assert_eq!(kept, joint_states, "all are decoded");
-                joint_states
-            });
+            measure(
+                &format!("{form:?}: streaming into dwells"),
+                Some(floor),
+                || {
+                    let logs = SessionLogs::of_two(&path, &path);
+                    let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
+                    let read = read_session(&logs, &mapping, limits, &rule, &mut (), &Quiet);
+                    let kept = read.expect("a sound log").counts["joints.kept"];
+                    assert_eq!(kept, joint_states, "all are decoded");
+                    joint_states
+                },
+            );
             let after = cpu_seconds();
             (after.0 - before.0) + (after.1 - before.1)
         });

@@ -9,11 +9,9 @@ use std::time::Instant;
 
 use posegrid::io::inspect::inspect;
 use posegrid::io::lake::Lake;
-use posegrid::io::log::{
-    Limits, SessionLogs, SessionRead, decode, read_dwells, read_dwells_beside, read_recording,
-};
+use posegrid::io::log::{JointSink, Limits, SessionLogs, SessionRead, read_session};
 use posegrid::io::memory::keep_what_is_freed;
-use posegrid::io::tables::logs::{LogTable, logs, parts};
+use posegrid::io::tables::logs::LogTable;
 use posegrid::join::JoinSettings;
 use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
@@ -32,16 +30,14 @@ const MOVE: u64 = 400;
 type Step = (&'static str, fn(&Path, &Path) -> u64);
 /// The first is the floor. The second tells what the machine makes of the same work where all cores are busy, as they are in
 /// the steps behind it.
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 5] = [
     ("zstd decompression alone", |log, _| decompress(log, 1)),
     ("the same on all cores", |log, _| {
         let cores = thread::available_parallelism().map_or(1, NonZero::get);
         decompress(log, cores)
     }),
-    ("decode to columns", |log, _| columns(log)),
     ("streaming into dwells and readings", |log, _| dwells(log)),
     ("the whole path to Parquet log tables", tables),
-    ("the same with all samples in memory", tables_at_the_end),
     ("inspect", |log, _| {
         inspect(log, Limits::default(), &Quiet)
             .expect("a sound log")
@@ -153,68 +149,41 @@ pub fn run_alone(args: &[String]) {
     );
 }
 
-fn columns(log: &Path) -> u64 {
-    let decoded = decode(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
-    decoded.joints.stamps.len() as u64
+/// Reads a log that holds both sides; its joint samples go to `sink` too.
+fn read(log: &Path, sink: &mut dyn JointSink) -> SessionRead {
+    let logs = SessionLogs::of_two(log, log);
+    let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
+    let read = read_session(&logs, &mapping(), limits, &rule, sink, &Quiet);
+    read.expect("a sound log")
 }
 
 fn dwells(log: &Path) -> u64 {
-    let logs = SessionLogs::of_two(log, log);
-    let rule = JoinSettings::default().arm_rule();
-    let read = read_dwells(&logs, &mapping(), Limits::default(), &rule, &Quiet);
-    let SessionRead {
-        recording, joints, ..
-    } = read.expect("a sound log");
-    assert!(recording.joints.stamps.is_empty(), "no sample is kept");
-    assert_eq!(recording.counts["joints.kept"], joints.samples as u64);
-    joints.samples as u64
+    let read = read(log, &mut ());
+    let samples = read.input.joints.samples as u64;
+    assert_eq!(read.counts["joints.kept"], samples);
+    samples
 }
 
 /// From the log to the Parquet table of its samples on disk, and to dwells, as `posegrid run` does it.
 fn tables(log: &Path, folder: &Path) -> u64 {
     let lake = new_lake(folder);
-    let mut run = lake.start(&key()).expect("a lake").expect("a new run");
-    let logs = SessionLogs::of_two(log, log);
-    let rule = JoinSettings::default().arm_rule();
+    let key = RunKey::new("robot", "session", "0123456789abcdef0123456789abcdef");
+    let mut run = lake.start(&key).expect("a lake").expect("a new run");
     let mut table = LogTable::new(&run, "session");
-    let (mapping, limits) = (mapping(), Limits::default());
-    let read = read_dwells_beside(&logs, &mapping, limits, &rule, &mut table, &Quiet);
-    let read = read.expect("a sound log");
-    let table = table.finish((&read).into());
-    let table = table.expect("space on disk");
+    let read = read(log, &mut table);
+    let table = table.finish(&read.input).expect("space on disk");
     run.keep(table.expect("many samples"));
     run.publish_kept().expect("a new run");
-    every_sample(run.written()[0].rows, &read.recording.counts)
-}
-
-/// As it was done before samples were written while the log is read, and still is where they are far out of order.
-fn tables_at_the_end(log: &Path, folder: &Path) -> u64 {
-    let lake = new_lake(folder);
-    let mut run = lake.start(&key()).expect("a lake").expect("a new run");
-    let recording =
-        read_recording(log, log, &mapping(), Limits::default(), &Quiet).expect("a sound log");
-    let key = key();
-    run.publish_parts(parts((&recording).into()), |part| {
-        logs((&recording).into(), part, &key)
-    })
-    .expect("space on disk");
-    every_sample(run.written()[0].rows, &recording.counts)
+    let kept = ["joints.kept", "commands.kept", "readings.kept"].map(|kept| read.counts[kept]);
+    let rows = run.written()[0].rows;
+    assert_eq!(rows, kept.iter().sum::<u64>(), "every sample is a row");
+    rows
 }
 
 /// It is removed with the folder, when nothing is timed any more.
 fn new_lake(folder: &Path) -> Lake {
     let lake = tempfile::tempdir_in(folder).expect("a temporary folder");
     Lake::new(lake.keep())
-}
-
-fn every_sample(rows: u64, counts: &std::collections::BTreeMap<String, u64>) -> u64 {
-    let kept = ["joints.kept", "commands.kept", "readings.kept"].map(|kept| counts[kept]);
-    assert_eq!(rows, kept.iter().sum::<u64>(), "every sample is a row");
-    rows
-}
-
-fn key() -> RunKey {
-    RunKey::new("robot", "session", "0123456789abcdef0123456789abcdef")
 }
 
 fn peak_memory_mb() -> u64 {

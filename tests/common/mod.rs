@@ -5,6 +5,8 @@
 pub mod trained;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
@@ -15,7 +17,8 @@ use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
     Recording, TimeSource, TrackerSettings,
 };
-use posegrid::io::log::{Limits, SessionLogs, read_session};
+use posegrid::io::log::{Limits, SessionLogs, SessionRead, read_session};
+use posegrid::io::log_writer::{write_controller_log, write_tracker_log};
 use posegrid::join::{Attained, Command, JoinSettings, Pairing, Station, join};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::pipeline::outcome::JoinedSession;
@@ -56,27 +59,49 @@ pub fn recording(path: &str) -> Option<PathBuf> {
     None
 }
 
-/// A recording as a session whose commands are of this tool, in the base frame.
+/// A simulated recording as a session whose commands are of this tool, in the base frame.
 pub fn joined(
     name: &str,
     arm: &Arm,
     recording: &Recording,
     flange_from_tool: Isometry3<f64>,
 ) -> JoinedSession {
-    let joined = join(recording, arm, &JoinSettings::default()).expect("a sound recording");
+    let read = read_back(arm, recording);
+    let joined = join(&read.input, arm, &JoinSettings::default()).expect("a sound recording");
     let frames = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: Some(flange_from_tool),
     };
     JoinedSession {
         name: name.to_owned(),
-        log_rejects: vec![],
-        counts: BTreeMap::default(),
+        log_rejects: read.rejects,
+        counts: read.counts,
         commanded: commanded(&joined.stations, arm, &frames),
         sampling_plan: None,
         driven_by: None,
         joined,
     }
+}
+
+/// A simulated recording, written into logs and read from them.
+pub fn read_back(arm: &Arm, recording: &Recording) -> SessionRead {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [controller, tracker] =
+        ["controller.mcap", "tracker.mcap"].map(|log| folder.path().join(log));
+    let create = |path| BufWriter::new(File::create(path).expect("a temporary folder"));
+    let joints: Vec<&str> = arm
+        .joints()
+        .iter()
+        .map(|joint| joint.name.as_str())
+        .collect();
+    let nothing = BTreeMap::new();
+    write_controller_log(create(&controller), recording, &joints, &nothing).expect("room");
+    write_tracker_log(create(&tracker), recording, &nothing).expect("room");
+    let mut mapping = mapping(arm);
+    if recording.readings.orientations.is_none() {
+        "/tracker/point".clone_into(&mut mapping.tracker.topic);
+    }
+    read(&SessionLogs::of_two(&controller, &tracker), &mapping)
 }
 
 /// The nominal arm of a robot file.
@@ -156,10 +181,14 @@ pub fn configurations(
 }
 
 /// A recording read from its two logs; `None`, said loudly, where it is absent.
-pub fn session(name: &str, arm: &Arm) -> Option<Recording> {
-    let (logs, mapping) = (logs(name)?, mapping(arm));
-    let recording = read_session(&logs, &mapping, Limits::default(), &Quiet);
-    Some(recording.expect("a sound recording"))
+pub fn session(name: &str, arm: &Arm) -> Option<SessionRead> {
+    Some(read(&logs(name)?, &mapping(arm)))
+}
+
+fn read(logs: &SessionLogs, mapping: &Mapping) -> SessionRead {
+    let (rule, limits) = (JoinSettings::default().arm_rule(), Limits::default());
+    let read = read_session(logs, mapping, limits, &rule, &mut (), &Quiet);
+    read.expect("a sound recording")
 }
 
 /// The two logs of a recording; `None`, said loudly, where they are absent.

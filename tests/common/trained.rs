@@ -59,8 +59,8 @@ pub fn base_refitted(predicted: &[Point3<f64>], test: &[Observation]) -> Figures
 
 /// A recording, joined, as observations with what its commands fell short of.
 pub fn observed(name: &str, arm: &Arm, noise: &Noise) -> Option<Vec<Observation>> {
-    let recording = super::session(name, arm)?;
-    let joined = join(&recording, arm, &JoinSettings::default()).expect(name);
+    let read = super::session(name, arm)?;
+    let joined = join(&read.input, arm, &JoinSettings::default()).expect(name);
     let frames = CommandFrames {
         base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
         flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),

@@ -4,12 +4,12 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use mcap::{Compression, WriteOptions};
-use posegrid::ingest::{LossKind, Recording};
+use posegrid::ingest::LossKind;
 use posegrid::io::inspect::{Inspection, inspect};
 use posegrid::io::log::{Ending, Limits};
 use posegrid::progress::Quiet;
 
-use crate::build::{Cdr, Folder, Log, read, session, session_log, stamp};
+use crate::build::{Cdr, Folder, Log, WholeSession, read, session, session_log, stamp};
 use crate::damage::frames;
 use crate::raw::{self, Body, op};
 
@@ -85,7 +85,7 @@ fn shown(bytes: &[u8]) -> (Option<i32>, String) {
 }
 
 /// Every joint state is there as it was written.
-fn is_whole(recording: &Recording, what: &str) {
+fn is_whole(recording: &WholeSession, what: &str) {
     let rows = 0..recording.joints.stamps.len();
     assert_eq!(
         rows.len(),

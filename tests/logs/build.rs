@@ -1,16 +1,22 @@
 //! Builds small MCAP logs with the `mcap` crate's writer: an arm of two joints, commands, a tracker.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use posegrid::ingest::{
-    AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
-    Recording, TimeSource, TrackerSettings,
+    AngleUnit, CommandSamples, CommandedSettings, ControllerSettings, JointAngles, JointFields,
+    JointSamples, LengthUnit, LogReject, Mapping, PoseFields, TargetReadings, TemperatureSamples,
+    TimeSource, TrackerSettings,
 };
-use posegrid::io::log::{Limits, LogError, read_recording};
-use posegrid::progress::Quiet;
+use posegrid::io::log::{JointSink, Limits, LogError, SessionLogs, SessionRead, read_session};
+use posegrid::io::table::ROW_GROUP_ROWS;
+use posegrid::join::rest::Rest;
+use posegrid::join::{JoinInput, JoinSettings};
+use posegrid::progress::{Progress, Quiet};
+use posegrid::units::Stamp;
 
 const HEADER: &str = "================\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n\
     ================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n";
@@ -164,7 +170,7 @@ impl Log {
             .add_schema(name, language, text)
             .expect("in memory");
         self.writer
-            .add_channel(schema, topic, encoding, &std::collections::BTreeMap::new())
+            .add_channel(schema, topic, encoding, &BTreeMap::new())
             .expect("in memory")
     }
 
@@ -281,13 +287,90 @@ impl Folder {
     }
 }
 
+/// A session as it is read, with every sample in memory.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WholeSession {
+    pub joints: JointSamples,
+    pub dwells: Rest,
+    pub commands: CommandSamples,
+    pub readings: TargetReadings,
+    pub temperatures: TemperatureSamples,
+    pub rejects: Vec<LogReject>,
+    pub metadata: BTreeMap<String, String>,
+    pub counts: BTreeMap<String, u64>,
+}
+
+/// Keeps the joint samples that it is given.
+#[derive(Default)]
+struct Collected {
+    stamps_ns: Vec<i64>,
+    angles: Vec<f64>,
+}
+
+impl JointSink for Collected {
+    fn begin_again(&mut self) {
+        *self = Self::default();
+    }
+
+    fn take(&mut self, stamps_ns: &[i64], angles: &[f64]) {
+        let before = self.stamps_ns.len();
+        assert!(before.is_multiple_of(ROW_GROUP_ROWS) && stamps_ns.len() <= ROW_GROUP_ROWS);
+        self.stamps_ns.extend(stamps_ns);
+        self.angles.extend(angles);
+    }
+}
+
+/// Reads a session and collects what it is made of.
+pub fn read_whole(
+    logs: &SessionLogs,
+    mapping: &Mapping,
+    limits: Limits,
+    progress: &dyn Progress,
+) -> Result<WholeSession, LogError> {
+    let (rule, mut collected) = (JoinSettings::default().arm_rule(), Collected::default());
+    let read = read_session(logs, mapping, limits, &rule, &mut collected, progress)?;
+    let SessionRead {
+        input,
+        rejects,
+        metadata,
+        counts,
+    } = read;
+    let JoinInput {
+        joints: dwells,
+        commands,
+        readings,
+        temperatures,
+    } = input;
+    let mut angles = JointAngles::of(mapping.joints.len());
+    angles.append(&collected.angles);
+    let stamps = collected.stamps_ns.into_iter().map(Stamp::from_ns);
+    Ok(WholeSession {
+        joints: JointSamples {
+            stamps: stamps.collect(),
+            angles,
+        },
+        dwells,
+        commands: commands.read(0..commands.count()).expect("spilled before"),
+        readings: readings.read(0..readings.count()).expect("spilled before"),
+        temperatures,
+        rejects,
+        metadata,
+        counts,
+    })
+}
+
 /// Reads one log that holds both controller and tracker.
-pub fn read(bytes: &[u8]) -> Result<Recording, LogError> {
+pub fn read(bytes: &[u8]) -> Result<WholeSession, LogError> {
     read_as(bytes, &mapping())
 }
 
-pub fn read_as(bytes: &[u8], mapping: &Mapping) -> Result<Recording, LogError> {
+pub fn read_as(bytes: &[u8], mapping: &Mapping) -> Result<WholeSession, LogError> {
     let folder = Folder::new();
     let path = folder.file("log.mcap", bytes);
-    read_recording(&path, &path, mapping, Limits::default(), &Quiet)
+    let logs = SessionLogs::of_two(&path, &path);
+    read_whole(&logs, mapping, Limits::default(), &Quiet)
+}
+
+pub fn read_file(path: &Path, limits: Limits) -> Result<WholeSession, LogError> {
+    read_whole(&SessionLogs::of_two(path, path), &mapping(), limits, &Quiet)
 }

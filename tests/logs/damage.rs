@@ -3,11 +3,9 @@
 use std::collections::BTreeMap;
 
 use mcap::{Compression, WriteOptions};
-use posegrid::ingest::Recording;
-use posegrid::io::log::{Limits, LogError, read_recording};
-use posegrid::progress::Quiet;
+use posegrid::io::log::{Limits, LogError};
 
-use crate::build::{Folder, Log, mapping, read, session, session_log, stamp};
+use crate::build::{Folder, Log, WholeSession, read, read_file, session, session_log, stamp};
 
 const MESSAGES: u32 = 200;
 
@@ -71,7 +69,7 @@ fn homes(log: &[u8]) -> BTreeMap<u32, (usize, usize)> {
 }
 
 /// Numbers of the joint states that were decoded; each must be what was written.
-fn decoded(recording: &Recording) -> Vec<u32> {
+fn decoded(recording: &WholeSession) -> Vec<u32> {
     let joints = &recording.joints;
     let trusted = !recording
         .rejects
@@ -144,8 +142,7 @@ fn missing_empty_and_foreign_files_are_named() {
         ("short.mcap", b"\x89MCA", "not an MCAP log"),
         ("packed.mcap", b"\x28\xb5\x2f\xfdxxxx", "zstd"),
     ];
-    let read =
-        |path: &std::path::Path| read_recording(path, path, &mapping(), Limits::default(), &Quiet);
+    let read = |path: &std::path::Path| read_file(path, Limits::default());
     for (name, bytes, expected) in cases {
         let error = read(&folder.file(name, bytes))
             .expect_err("refused")

@@ -1,20 +1,20 @@
-//! Joint states that stream into dwells: what is found and accounted for has to be, bit for bit, what the whole log gives,
-//! and the table of samples written meanwhile byte for byte.
+//! Sessions that are read while their logs are decoded: samples, dwells, counts and the table written meanwhile have to be
+//! those of what was written into the logs, whatever the order in which it stands there.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use mcap::{Compression, WriteOptions};
-use posegrid::ingest::{JointSamples, Recording};
-use posegrid::io::log::{Limits, LogError, SessionLogs, SessionRead, read_dwells, read_session};
+use posegrid::ingest::PoseSamples;
+use posegrid::io::log::{Limits, LogError, SessionLogs};
 use posegrid::join::JoinSettings;
-use posegrid::join::rest::{Rest, at_rest};
-use posegrid::progress::{Progress, Quiet};
+use posegrid::join::rest::at_rest;
+use posegrid::progress::Progress;
 
-use crate::build::{Cdr, Folder, Log, mapping};
+use crate::build::{Cdr, Folder, Log, WholeSession, mapping, read_whole};
 use crate::tables;
 
-/// 2 ms apart, 200 s: far more samples than are held back or looked at before the first is judged.
+/// 2 ms apart, 200 s: far more samples than are buffered or looked at before the first is judged.
 const SAMPLES: usize = 100_000;
 /// A rest of 0.6 s and a move of 0.4 s, in samples.
 const PERIOD: usize = 500;
@@ -91,60 +91,92 @@ impl Progress for Begun {
     fn end(&self) {}
 }
 
-fn whole(logs: &SessionLogs, limits: Limits) -> Result<(Recording, Rest), LogError> {
-    let mut recording = read_session(logs, &mapping(), limits, &Quiet)?;
-    let JointSamples { stamps, angles } = std::mem::take(&mut recording.joints);
-    let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
-    let rest = at_rest(
-        &stamps_ns,
-        angles.all(),
-        angles.joints(),
-        &JoinSettings::default().arm_rule(),
-    );
-    Ok((recording, rest))
-}
-
-/// The same with commands and readings in memory.
-fn in_memory(read: SessionRead) -> (Recording, Rest) {
-    let mut recording = read.recording;
-    let readings = read.readings.read(0..read.readings.count());
-    recording.readings = readings.expect("put aside before");
-    let commands = read.commands.read(0..read.commands.count());
-    recording.commands = commands.expect("put aside before");
-    (recording, read.joints)
-}
-
-/// Reads a session while its samples are let go, and holds that against the whole of it in memory.
-pub fn streamed_as_whole(
+/// Reads a session and checks what holds of any: messages are kept or rejected, each sample that is kept is there, in order
+/// of time, and dwells are those of the detector when it sees all joint samples at once.
+pub fn consistent(
     logs: &SessionLogs,
     limits: Limits,
     progress: &dyn Progress,
-) -> Result<(Recording, Rest), LogError> {
+) -> Result<WholeSession, LogError> {
+    let found = read_whole(logs, &mapping(), limits, progress)?;
+    let stamps_ns: Vec<i64> = found.joints.stamps.iter().map(|stamp| stamp.ns()).collect();
+    let angles = &found.joints.angles;
     let rule = JoinSettings::default().arm_rule();
-    let streamed = read_dwells(logs, &mapping(), limits, &rule, progress).map(in_memory);
-    assert_eq!(
-        format!("{streamed:?}"),
-        format!("{:?}", whole(logs, limits))
-    );
-    streamed
+    let dwells = at_rest(&stamps_ns, angles.all(), angles.joints(), &rule);
+    assert_eq!(found.dwells, dwells);
+    assert_eq!(angles.len(), stamps_ns.len());
+    check_counts(&found, "joints", &stamps_ns);
+    check_counts(&found, "commands", &stamps_of(&found.commands));
+    check_counts(&found, "readings", &stamps_of(&found.readings));
+    Ok(found)
 }
 
-/// Reads both ways, compares, and tells how many files were begun and how many dwells found.
-fn both_ways(parts: &[PathBuf]) -> (usize, usize) {
+fn stamps_of<C>(poses: &PoseSamples<C>) -> Vec<i64> {
+    poses.stamps.iter().map(|stamp| stamp.ns()).collect()
+}
+
+fn check_counts(found: &WholeSession, stream: &str, stamps_ns: &[i64]) {
+    let count = |name: &str| found.counts.get(&format!("{stream}.{name}")).copied();
+    let [messages, kept, rejected, repeated] =
+        ["messages", "kept", "rejected", "duplicate_stamps"].map(|name| count(name).unwrap_or(0));
+    assert_eq!(messages, kept + rejected, "{stream}");
+    assert_eq!(kept, stamps_ns.len() as u64, "{stream}");
+    assert!(stamps_ns.is_sorted(), "{stream}");
+    let equal = stamps_ns.windows(2).filter(|pair| pair[0] == pair[1]);
+    assert_eq!(repeated, equal.count() as u64, "{stream}");
+}
+
+/// Reads the files, and writes the table of their samples; what was found, and how many files were begun.
+fn read(parts: &[PathBuf]) -> (Result<WholeSession, LogError>, usize) {
     let logs = SessionLogs {
         controller: parts.to_vec(),
         tracker: parts.to_vec(),
     };
     let begun = Begun::default();
-    let streamed = streamed_as_whole(&logs, Limits::default(), &begun);
-    tables::same_both_ways(&logs, &mapping());
-    let dwells = streamed.map_or(0, |(_, rest)| rest.stretches.len());
-    (begun.0.into_inner(), dwells)
+    let found = consistent(&logs, Limits::default(), &begun);
+    if found.is_ok() {
+        tables::check_table(&logs, &mapping());
+    }
+    (found, begun.0.into_inner())
+}
+
+/// Joint states of files, one behind the other, as they have to come out: those that are numbers, by stamp; equal stamps
+/// stay as they are. With them how often a stamp is before the one before it.
+fn by_time(files: &[&[State]]) -> (Vec<State>, u64) {
+    let all: Vec<State> = files.concat();
+    let backward = all.windows(2).filter(|pair| pair[1].0 < pair[0].0).count();
+    let numbers = all
+        .into_iter()
+        .filter(|state| state.1.iter().all(|x| x.is_finite()));
+    let mut kept: Vec<State> = numbers.collect();
+    kept.sort_by_key(|state| state.0);
+    (kept, backward as u64)
+}
+
+/// Reads files with these joint states, the earliest file first; how many files were begun and how many dwells found.
+fn check_joints(parts: &[PathBuf], states: &[&[State]]) -> (usize, usize) {
+    let (found, begun) = read(parts);
+    let found = found.expect("sound");
+    let (expected, backward) = by_time(states);
+    let joints = found.joints.stamps.iter().zip(found.joints.angles.rows());
+    let joints: Vec<State> = joints
+        .map(|(stamp, row)| (stamp.ns(), [row[0], row[1]]))
+        .collect();
+    assert!(joints == expected, "other samples than were written");
+    assert_eq!(found.counts["joints.backward_stamps"], backward);
+    (begun, found.dwells.stretches.len())
 }
 
 fn one_file(states: &[State]) -> (usize, usize) {
     let folder = Folder::new();
-    both_ways(&[folder.file("log.mcap", &log(states))])
+    check_joints(&[folder.file("log.mcap", &log(states))], &[states])
+}
+
+/// Why a file with these joint states cannot be used, and how often it was begun.
+fn refused(states: &[State]) -> (String, usize) {
+    let folder = Folder::new();
+    let (found, begun) = read(&[folder.file("log.mcap", &log(states))]);
+    (found.expect_err("of no use").to_string(), begun)
 }
 
 const DWELLS: usize = SAMPLES / PERIOD;
@@ -172,7 +204,7 @@ fn disorder_within_reach_repeats_and_angles_that_are_none_change_nothing() {
 }
 
 #[test]
-fn a_clock_that_goes_back_far_is_read_as_a_whole() {
+fn a_clock_that_goes_back_far_is_read_again() {
     let mut states = states();
     // 80 s back, over what was rest and motion.
     for state in &mut states[70_000..] {
@@ -184,7 +216,7 @@ fn a_clock_that_goes_back_far_is_read_as_a_whole() {
 }
 
 #[test]
-fn breaks_dropped_samples_and_a_changing_rate_are_the_same_both_ways() {
+fn breaks_dropped_samples_and_a_changing_rate_change_nothing() {
     let mut states = states();
     for state in &mut states[33_333..] {
         state.0 += 5_000_000_000;
@@ -208,28 +240,41 @@ fn few_samples_and_none_that_can_be_used() {
     for state in &mut unset {
         state.0 = 0;
     }
-    assert_eq!(one_file(&unset), (2, 0)); // read again, for the error
+    let (error, begun) = refused(&unset);
+    assert!(error.contains("header stamp 0"), "{error}");
+    assert_eq!(begun, 1);
     let mut none = states()[..50].to_vec();
     for state in &mut none {
         state.1[0] = f64::INFINITY;
     }
-    assert_eq!(one_file(&none), (2, 0));
+    let (error, begun) = refused(&none);
+    assert!(
+        error.contains("50 decoded, all rejected: a joint angle is not a finite number"),
+        "{error}"
+    );
+    assert_eq!(begun, 1);
 }
 
 #[test]
-fn a_split_recording_streams_if_its_parts_are_given_in_order() {
+fn a_split_recording_is_read_once_if_its_parts_are_given_in_order() {
     let states = states();
     let folder = Folder::new();
     // Cut within a dwell; the parts overlap by 40 samples.
     let (first, second) = (&states[..50_120], &states[50_080..]);
-    let parts = [
+    let mut parts = [
         folder.file("0.mcap", &log(first)),
         folder.file("1.mcap", &log(second)),
     ];
-    assert_eq!(both_ways(&parts), (2, DWELLS));
-    let backwards = parts.map(|path| Path::new(&path).to_owned());
-    let backwards: Vec<_> = backwards.into_iter().rev().collect();
-    assert_eq!(both_ways(&backwards), (4, DWELLS));
+    assert_eq!(check_joints(&parts, &[first, second]), (2, DWELLS));
+    parts.reverse();
+    assert_eq!(check_joints(&parts, &[first, second]), (4, DWELLS));
+    // Parts that fit into the buffer are put in order there.
+    let (first, second) = (&states[..7000], &states[7000..14_000]);
+    let parts = [
+        folder.file("3.mcap", &log(second)),
+        folder.file("2.mcap", &log(first)),
+    ];
+    assert_eq!(check_joints(&parts, &[first, second]), (2, 28));
 }
 
 /// 5 ms apart.
@@ -243,22 +288,72 @@ fn poses() -> Vec<Pose> {
     (0..60_000).map(reading).collect()
 }
 
-fn with_readings(readings: &[Pose]) -> (usize, usize) {
-    let folder = Folder::new();
-    let states = states();
-    let log = log_with(&states, &[command(&states)], "PoseStamped", readings);
-    both_ways(&[folder.file("log.mcap", &log)])
+/// Poses as they have to come out: those that are numbers and have a rotation, or none because the reflector is missing; by
+/// stamp, in mm, with unit quaternions. With them how many of these were none.
+fn poses_by_time(poses: &[Pose], to_mm: f64) -> (Vec<Pose>, u64) {
+    let missing = |numbers: &[f64; 7]| numbers.iter().all(|&x| x == 0.0);
+    let usable = |(_, numbers): &&Pose| {
+        let rotation = numbers[3..].iter().any(|&x| x != 0.0);
+        numbers.iter().all(|x| x.is_finite()) && (rotation || missing(numbers))
+    };
+    let (mut kept, mut not_unit) = (Vec::new(), 0);
+    for &(stamp, mut numbers) in poses.iter().filter(usable) {
+        let norm = numbers[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
+        numbers[..3].iter_mut().for_each(|x| *x *= to_mm);
+        if missing(&numbers) {
+            numbers[6] = 1.0;
+        } else {
+            not_unit += u64::from((norm - 1.0).abs() > 1e-3);
+            numbers[3..].iter_mut().for_each(|x| *x /= norm);
+        }
+        kept.push((stamp, numbers));
+    }
+    kept.sort_by_key(|pose| pose.0);
+    (kept, not_unit)
 }
 
-fn with_commands(commands: &[Pose]) -> (usize, usize) {
+fn check_poses<C>(found: &PoseSamples<C>, expected: &[Pose]) {
+    let orientations = found.orientations.as_ref().expect("poses");
+    assert_eq!(found.stamps.len(), expected.len());
+    for (row, (stamp, numbers)) in expected.iter().enumerate() {
+        assert_eq!(found.stamps[row].ns(), *stamp);
+        let mut position = found.positions[row].iter().zip(&numbers[..3]);
+        let same = |(found, expected): (&f64, &f64)| found.to_bits() == expected.to_bits();
+        assert!(position.all(same), "row {row}");
+        // The norm is rounded: of numbers below 1 by less than a few of the last place.
+        let apart = orientations[row].iter().zip(&numbers[3..]);
+        let apart = apart.map(|(found, expected)| (found - expected).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-15, "row {row}");
+    }
+}
+
+/// Reads a log with these poses as commands or as readings, and 100 000 joint states.
+fn read_poses(commands: &[Pose], readings: &[Pose]) -> (Result<WholeSession, LogError>, usize) {
     let folder = Folder::new();
-    let states = states();
-    let log = log_with(&states, commands, "PoseStamped", &[command(&states)]);
-    both_ways(&[folder.file("log.mcap", &log)])
+    let log = log_with(&states(), commands, "PoseStamped", readings);
+    read(&[folder.file("log.mcap", &log)])
+}
+
+/// How many files were begun to read these poses, as readings (mm) and as commands (m).
+fn check_as_both(poses: &[Pose]) -> [usize; 2] {
+    let one = [command(&states())];
+    let (found, begun_for_readings) = read_poses(&one, poses);
+    let found = found.expect("sound");
+    let (expected, not_unit) = poses_by_time(poses, 1.0);
+    check_poses(&found.readings, &expected);
+    assert_eq!(found.counts["readings.quaternions_not_unit"], not_unit);
+    assert_eq!(found.dwells.stretches.len(), DWELLS);
+    let (found, begun_for_commands) = read_poses(poses, &one);
+    let found = found.expect("sound");
+    let (expected, not_unit) = poses_by_time(poses, 1000.0);
+    check_poses(&found.commands, &expected);
+    assert_eq!(found.counts["commands.quaternions_not_unit"], not_unit);
+    assert_eq!(found.dwells.stretches.len(), DWELLS);
+    [begun_for_readings, begun_for_commands]
 }
 
 #[test]
-fn poses_are_put_aside_in_order_whatever_is_wrong_with_some() {
+fn poses_are_spilled_in_order_whatever_is_wrong_with_some() {
     let mut poses = poses();
     poses[5_000..20_000].chunks_mut(89).for_each(<[_]>::reverse);
     poses[30_000..38_000].rotate_left(2000);
@@ -270,21 +365,32 @@ fn poses_are_put_aside_in_order_whatever_is_wrong_with_some() {
     poses[11].1[3..].fill(0.0); // a zero quaternion
     poses[12].1.fill(0.0); // a missing reflector
     poses[50_000].1[6] = 2.0; // not of unit length
-    assert_eq!(with_readings(&poses), (1, DWELLS));
-    assert_eq!(with_commands(&poses), (1, DWELLS));
+    assert_eq!(check_as_both(&poses), [1, 1]);
 }
 
 #[test]
-fn poses_far_out_of_order_and_none_that_can_be_used_are_read_as_a_whole() {
+fn poses_far_out_of_order_are_read_again() {
     let mut late = poses();
     late.rotate_left(20_000);
-    assert_eq!(with_readings(&late), (2, DWELLS));
-    assert_eq!(with_commands(&late), (2, DWELLS));
+    assert_eq!(check_as_both(&late), [2, 2]);
+}
+
+#[test]
+fn poses_of_which_none_can_be_used_are_refused() {
     let mut none = poses();
     none.truncate(100);
     for pose in &mut none {
         pose.1[0] = f64::NAN;
     }
-    assert_eq!(with_readings(&none), (2, 0)); // read again, for the error
-    assert_eq!(with_commands(&none), (2, 0));
+    let one = [command(&states())];
+    for (topic, (found, begun)) in [
+        ("/reading", read_poses(&one, &none)),
+        ("/command", read_poses(&none, &one)),
+    ] {
+        let error = found.expect_err("of no use").to_string();
+        let expected =
+            format!("topic \"{topic}\" has no usable message: 100 decoded, all rejected");
+        assert!(error.contains(&expected), "{error}");
+        assert_eq!(begun, 1);
+    }
 }

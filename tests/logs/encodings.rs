@@ -12,9 +12,7 @@ mod proto;
 pub mod sample;
 pub mod worded;
 
-use posegrid::ingest::Recording;
-
-use crate::build::{Cdr, Log, read, schema, stamp};
+use crate::build::{Cdr, Log, WholeSession, read, schema, stamp};
 use proto::Proto;
 
 /// How the messages of one stream are stored.
@@ -318,7 +316,7 @@ fn reading_forms() -> Vec<Form> {
     ]
 }
 
-fn recording(joints: &Form, readings: &Form) -> Recording {
+fn recording(joints: &Form, readings: &Form) -> WholeSession {
     let mut log = Log::new(None);
     let mut channel = |topic, form: &Form| {
         log.channel_of(

@@ -9,19 +9,22 @@
 use std::path::PathBuf;
 
 use mcap::Compression;
-use posegrid::ingest::{Mapping, Recording, TimeSource};
-use posegrid::io::log::{Limits, LogError, SessionLogs, read_session};
+use posegrid::ingest::{Mapping, TimeSource};
+use posegrid::io::log::{Limits, LogError, SessionLogs};
 use posegrid::progress::Quiet;
 
-use crate::build::{Cdr, Folder, Log, mapping, read, read_as, schema, session, session_log, stamp};
+use crate::build::{
+    Cdr, Folder, Log, WholeSession, mapping, read, read_as, read_file, read_whole, schema, session,
+    session_log, stamp,
+};
 use crate::raw::{self, Packing, op};
 
-fn read_parts(parts: &[PathBuf], mapping: &Mapping) -> Result<Recording, LogError> {
+fn read_parts(parts: &[PathBuf], mapping: &Mapping) -> Result<WholeSession, LogError> {
     let logs = SessionLogs {
         controller: parts.to_vec(),
         tracker: parts.to_vec(),
     };
-    read_session(&logs, mapping, Limits::default(), &Quiet)
+    read_whole(&logs, mapping, Limits::default(), &Quiet)
 }
 
 /// Schemas 1 to 3 and channels 1 to 3 of [`session`], as records.
@@ -381,8 +384,7 @@ fn a_log_in_zstd_beyond_the_limit_is_refused() {
         unpacked_bytes: 10_000,
         ..Limits::default()
     };
-    let logs = SessionLogs::of_two(&path, &path);
-    let error = read_session(&logs, &mapping(), limits, &Quiet).expect_err("too large");
+    let error = read_file(&path, limits).expect_err("too large");
     assert!(
         error.to_string().contains("the limit of 10000 bytes"),
         "{error}"

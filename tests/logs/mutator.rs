@@ -8,10 +8,11 @@ use std::ops::Range;
 use std::process::Command;
 
 use posegrid::io::inspect::inspect;
-use posegrid::io::log::{Limits, LogError, read_recording};
+use posegrid::io::log::{Limits, LogError, SessionLogs, read_session};
+use posegrid::join::JoinSettings;
 use posegrid::progress::Quiet;
 
-use crate::build::{Folder, mapping, stamp};
+use crate::build::{Folder, mapping, read_file, stamp};
 use crate::raw::{Packing, op};
 use log::{Field, Log, fields};
 
@@ -185,7 +186,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
     let path = folder.file("mutant.mcap", &mutant.bytes);
     let what = &mutant.what;
     let seen = inspect(&path, LIMITS, &Quiet);
-    let recording = read_recording(&path, &path, &mapping(), LIMITS, &Quiet)?;
+    let recording = read_file(&path, LIMITS)?;
     let seen = seen.unwrap_or_else(|error| panic!("{what}: {error}"));
     let counted: u64 = seen
         .channels
@@ -308,7 +309,9 @@ fn child() {
         let path = entry.expect("readable").path();
         // Either may refuse the file; it is the memory that counts.
         let _ = inspect(&path, LIMITS, &Quiet);
-        let _ = read_recording(&path, &path, &mapping(), LIMITS, &Quiet);
+        let logs = SessionLogs::of_two(&path, &path);
+        let rule = JoinSettings::default().arm_rule();
+        let _ = read_session(&logs, &mapping(), LIMITS, &rule, &mut (), &Quiet);
     }
     println!("peak {}", peak().unwrap_or(0));
 }

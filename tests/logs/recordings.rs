@@ -4,10 +4,12 @@ use std::path::{Path, PathBuf};
 
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
-    Recording, TimeSource, TrackerSettings,
+    TimeSource, TrackerSettings,
 };
-use posegrid::io::log::{Limits, read_recording};
+use posegrid::io::log::{Limits, SessionLogs};
 use posegrid::progress::Quiet;
+
+use crate::build::{WholeSession, read_whole};
 
 /// The folder of a recording; `None` where it is not there, which must not happen in CI.
 pub fn recording(name: &str) -> Option<PathBuf> {
@@ -64,16 +66,10 @@ pub fn mapping(time: TimeSource) -> Mapping {
     }
 }
 
-fn read(folder: &Path, time: TimeSource) -> Recording {
+fn read(folder: &Path, time: TimeSource) -> WholeSession {
     let (controller, tracker) = (folder.join("controller.mcap"), folder.join("tracker.mcap"));
-    read_recording(
-        &controller,
-        &tracker,
-        &mapping(time),
-        Limits::default(),
-        &Quiet,
-    )
-    .expect("a sound recording")
+    let logs = SessionLogs::of_two(&controller, &tracker);
+    read_whole(&logs, &mapping(time), Limits::default(), &Quiet).expect("a sound recording")
 }
 
 fn near(found: f64, expected: f64) -> bool {

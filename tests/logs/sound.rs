@@ -7,9 +7,12 @@
 
 use mcap::{Compression, WriteOptions};
 use posegrid::ingest::{IngestError, TimeSource};
-use posegrid::io::log::LogError;
+use posegrid::io::log::{Limits, LogError, SessionLogs};
+use posegrid::progress::Quiet;
 
-use crate::build::{Cdr, Folder, Log, mapping, read, read_as, schema, session, session_log, stamp};
+use crate::build::{
+    Cdr, Folder, Log, mapping, read, read_as, read_whole, schema, session, session_log, stamp,
+};
 
 #[test]
 fn every_storage_gives_the_same_recording() {
@@ -329,15 +332,8 @@ fn metadata_of_both_logs_is_kept() {
         folder.file(name, &log.done())
     };
     let (controller, tracker) = (write("c.mcap", "r1"), write("t.mcap", "r2"));
-    let limits = posegrid::io::log::Limits::default();
-    let found = posegrid::io::log::read_recording(
-        &controller,
-        &tracker,
-        &mapping(),
-        limits,
-        &posegrid::progress::Quiet,
-    )
-    .expect("sound");
+    let logs = SessionLogs::of_two(&controller, &tracker);
+    let found = read_whole(&logs, &mapping(), Limits::default(), &Quiet).expect("sound");
     let metadata: Vec<_> = found
         .metadata
         .iter()

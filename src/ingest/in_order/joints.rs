@@ -1,19 +1,20 @@
-//! Joint angles that are held back.
+//! Joint angles that are buffered.
 
-use super::super::decoded::{DecodedJoints, Origins};
-use super::super::rows::{RowFault, Rows};
-use super::super::{AngleUnit, JointAngles, Mapping, SpanClock};
-use super::{Held, reordered};
+use std::ops::Range;
+
+use super::super::rows::{Place, RowFault, Rows};
+use super::super::{AngleUnit, DecodedJoints, JointAngles, Mapping, SpanClock};
+use super::{Buffer, reordered};
 
 /// Joint samples, in rad.
 #[derive(Debug)]
-pub struct HeldJoints {
+pub struct JointBuffer {
     unit: AngleUnit,
     stamps: Vec<i64>,
     angles: JointAngles,
 }
 
-impl HeldJoints {
+impl JointBuffer {
     /// None yet.
     pub fn of(mapping: &Mapping) -> Self {
         Self {
@@ -24,21 +25,21 @@ impl HeldJoints {
     }
 
     /// Stamps of some samples, and their angles row behind row.
-    pub fn rows(&self, rows: std::ops::Range<usize>) -> (&[i64], &[f64]) {
+    pub fn rows(&self, rows: Range<usize>) -> (&[i64], &[f64]) {
         (&self.stamps[rows.clone()], self.angles.of_rows(rows))
     }
 }
 
-impl Held for HeldJoints {
+impl Buffer for JointBuffer {
     type Block = DecodedJoints;
 
     fn stamps_of(block: &DecodedJoints) -> &[i64] {
         &block.stamps
     }
 
-    fn judge(&self, block: &DecodedJoints, origins: &Origins) -> Rows {
+    fn judge(&self, block: &DecodedJoints, place: &Place<'_>) -> Rows {
         let faulty = RowFault::in_angles(&block.angles);
-        Rows::judge(&block.stamps, origins, SpanClock::Controller, |row| {
+        Rows::judge(&block.stamps, place, SpanClock::Controller, |row| {
             if faulty {
                 RowFault::of_angles(&block.angles, row)
             } else {
@@ -48,11 +49,11 @@ impl Held for HeldJoints {
     }
 
     fn take(&mut self, rows: &Rows, block: &DecodedJoints) -> bool {
-        let held = self.stamps.len();
+        let before = self.stamps.len();
         rows.append(&block.stamps, &mut self.stamps);
         rows.append_angles(&block.angles, &mut self.angles);
         if self.unit != AngleUnit::Rad {
-            self.angles.scale_from(held, self.unit.to_rad());
+            self.angles.scale_from(before, self.unit.to_rad());
         }
         true
     }
@@ -66,8 +67,8 @@ impl Held for HeldJoints {
         self.angles = self.angles.picked(order);
     }
 
-    fn let_go(&mut self, count: usize) {
+    fn evict(&mut self, count: usize) {
         self.stamps.drain(..count);
-        self.angles.let_go(count);
+        self.angles.evict(count);
     }
 }

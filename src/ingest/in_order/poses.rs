@@ -1,17 +1,18 @@
-//! Commanded poses or readings of the target that are held back.
+//! Commanded poses or readings of the target that are buffered.
 
 use std::ops::Range;
 
-use super::super::decoded::{DecodedPoses, Origins};
 use super::super::poses;
-use super::super::rows::Rows;
-use super::super::{CommandedSettings, LengthUnit, PoseSamples, SpanClock, TrackerSettings};
-use super::{Held, reordered};
+use super::super::rows::{Place, Rows};
+use super::super::{
+    CommandedSettings, DecodedPoses, LengthUnit, PoseSamples, SpanClock, TrackerSettings,
+};
+use super::{Buffer, reordered};
 use crate::units::Stamp;
 
 /// Poses or points, in mm.
 #[derive(Debug)]
-pub struct HeldPoses {
+pub struct PoseBuffer {
     clock: SpanClock,
     unit: LengthUnit,
     /// Which columns are kept, where messages have them.
@@ -27,7 +28,7 @@ pub struct HeldPoses {
     not_unit: u64,
 }
 
-impl HeldPoses {
+impl PoseBuffer {
     /// No commanded poses yet.
     pub const fn commands(settings: &CommandedSettings) -> Self {
         Self::none(SpanClock::Controller, settings.unit, (true, false))
@@ -72,16 +73,6 @@ impl HeldPoses {
         }
     }
 
-    /// All of them.
-    pub fn into_samples<C>(self) -> PoseSamples<C> {
-        PoseSamples {
-            stamps: self.stamps.into_iter().map(Stamp::from_ns).collect(),
-            positions: self.positions,
-            orientations: self.orientations,
-            covariances: self.covariances,
-        }
-    }
-
     /// Orientations as far as they are wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
         let orientations = block.orientations.as_ref();
@@ -89,16 +80,16 @@ impl HeldPoses {
     }
 }
 
-impl Held for HeldPoses {
+impl Buffer for PoseBuffer {
     type Block = DecodedPoses;
 
     fn stamps_of(block: &DecodedPoses) -> &[i64] {
         &block.stamps
     }
 
-    fn judge(&self, block: &DecodedPoses, origins: &Origins) -> Rows {
+    fn judge(&self, block: &DecodedPoses, place: &Place<'_>) -> Rows {
         let orientations = self.orientations(block);
-        Rows::judge(&block.stamps, origins, self.clock, |row| {
+        Rows::judge(&block.stamps, place, self.clock, |row| {
             poses::fault(
                 block.positions[row],
                 orientations.and_then(|all| all.get(row)),
@@ -119,22 +110,22 @@ impl Held for HeldPoses {
         if !of_all(found.0) || !of_all(found.1) || *self.kind.get_or_insert(kind) != kind {
             return false;
         }
-        let held = self.stamps.len();
+        let before = self.stamps.len();
         rows.append(&block.stamps, &mut self.stamps);
         rows.append(&block.positions, &mut self.positions);
         let to_mm = self.unit.to_mm();
-        poses::scale(&mut self.positions[held..], to_mm);
+        poses::scale(&mut self.positions[before..], to_mm);
         if let Some(more) = orientations {
             let all = self.orientations.get_or_insert_default();
             rows.append(more, all);
-            self.not_unit += poses::normalise_all(&mut all[held..]);
+            self.not_unit += poses::normalise_all(&mut all[before..]);
         }
         if let Some(more) = &block.covariances
             && self.wants_covariances
         {
             let all = self.covariances.get_or_insert_default();
             rows.append(more, all);
-            poses::scale(&mut all[held..], to_mm * to_mm);
+            poses::scale(&mut all[before..], to_mm * to_mm);
         }
         true
     }
@@ -154,7 +145,7 @@ impl Held for HeldPoses {
         }
     }
 
-    fn let_go(&mut self, count: usize) {
+    fn evict(&mut self, count: usize) {
         self.stamps.drain(..count);
         self.positions.drain(..count);
         if let Some(column) = &mut self.orientations {

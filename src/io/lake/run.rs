@@ -5,7 +5,7 @@ use std::io::{self, Write as _};
 use parquet::errors::ParquetError;
 
 use super::error::folder_error;
-use super::parts::{OpenTable, WholeTable};
+use super::parts::WholeTable;
 use super::temporary::Temporary;
 use super::{Lake, LakeError, PAGES, file_key};
 use crate::io::store::Tag;
@@ -88,21 +88,6 @@ impl<'a> OpenRun<'a> {
             digest,
         };
         self.put_file(&key, temporary, written)
-    }
-
-    /// Writes a table of the run that comes in parts, in the order of its rows; nothing where there is no part. See
-    /// [`OpenTable::append_all`].
-    pub fn publish_parts<P: Send, E: From<LakeError> + Send>(
-        &mut self,
-        parts: impl IntoIterator<Item = P>,
-        table: impl Fn(P) -> Result<Table, E> + Sync,
-    ) -> Result<(), E> {
-        let mut open = OpenTable::new(self);
-        open.append_all(parts, table)?;
-        if let Some(whole) = open.finish()? {
-            self.put_file(&whole.key, whole.temporary, whole.written)?;
-        }
-        Ok(())
     }
 
     /// Keeps a table that was written before the run is known to have a result, under its temporary name.

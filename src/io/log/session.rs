@@ -1,12 +1,12 @@
-//! A session's logs: the files of the controller's side and of the tracker's → one set of columns.
+//! The files of a session: those of the controller's side and those of the tracker's.
 //!
 //! A recorder may split a recording into several files, and say only in the first one what it says once. So a topic has to
-//! be in one file of its side, not in each. The files are put in order by the times in them, stream by stream, never by
-//! their names; ids mean something within one file only.
+//! be in one file of its side, not in each. The rows of the files are put in order by the times in them, stream by stream,
+//! never by the files' names; ids mean something within one file only.
 //!
-//! 1. Each file is read once, for all that is wanted of it, even if it belongs to both sides.
+//! 1. Each file is read once, for all that is wanted of it, even if it belongs to both sides; the rows go to the streams of
+//!    the session.
 //! 2. Every wanted topic has to be in some file of its side.
-//! 3. The files' rows are put one behind the other, earliest first.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -14,16 +14,14 @@ use std::sync::{Arc, Mutex};
 
 use super::account::Account;
 use super::block::Extent;
-use super::dwells::LongStreams;
+use super::ordered::SessionStreams;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, scan};
-use super::streams::{Stream, Streams, Wanted};
+use super::streams::{Streams, Wanted};
 use super::summary::Ending;
 use super::{Limits, LogError, wanted};
-use crate::ingest::{
-    Decoded, DecodedJoints, DecodedPoses, DecodedTemperatures, LogReject, Mapping,
-};
+use crate::ingest::{LogReject, Mapping};
 use crate::progress::{Progress, Quiet};
 
 /// Topics that an error names, and letters of each.
@@ -46,6 +44,43 @@ impl SessionLogs {
             controller: vec![controller.to_owned()],
             tracker: vec![tracker.to_owned()],
         }
+    }
+
+    /// Reads each file once; the rows of all wanted topics go to `streams`.
+    pub(super) fn read(
+        &self,
+        mapping: &Mapping,
+        limits: Limits,
+        streams: &Mutex<SessionStreams<'_>>,
+        progress: &dyn Progress,
+    ) -> Result<ReadFiles, LogError> {
+        let (of_controller, of_tracker) = wanted(mapping);
+        let by_side = BTreeMap::from([
+            (Side::Controller, of_controller),
+            (Side::Tracker, of_tracker),
+        ]);
+        let mut parts = Vec::new();
+        for file in self.files() {
+            let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
+            let name = file.path.display().to_string();
+            let mut of_file = Streams::new(&name, unlike(&name, wanted)?, mapping, streams);
+            parts.push(Part {
+                role: file.role(),
+                account: scan(&file.path, &name, limits, &mut of_file, progress)?,
+                sides: file.sides,
+                streams: of_file,
+            });
+        }
+        for (side, wanted) in &by_side {
+            require(*side, wanted, &parts)?;
+        }
+        let mut read = ReadFiles::default();
+        for part in &mut parts {
+            count(part, &mut read.counts);
+            remember_all(&mut read.metadata, &mut part.account, part.role);
+            read.rejects.append(&mut part.account.rejects);
+        }
+        Ok(read)
     }
 
     /// The files, in words.
@@ -107,56 +142,22 @@ impl LogFile {
 }
 
 /// One file, read.
-struct Part<'m> {
+struct Part<'m, 's> {
     role: &'static str,
     sides: BTreeSet<Side>,
     account: Account,
-    streams: Streams<'m>,
+    streams: Streams<'m, 's>,
 }
 
-/// Decodes all logs of a session into columns in the logs' own units.
-pub fn decode_session(
-    logs: &SessionLogs,
-    mapping: &Mapping,
-    limits: Limits,
-    progress: &dyn Progress,
-) -> Result<Decoded, LogError> {
-    decode_all(logs, mapping, limits, &mut None, progress)
-}
-
-/// The same; joint states and readings go to `long`, where there is such, instead of into columns.
-pub(super) fn decode_all<'m>(
-    logs: &SessionLogs,
-    mapping: &'m Mapping,
-    limits: Limits,
-    long: &mut Option<Mutex<LongStreams<'m>>>,
-    progress: &dyn Progress,
-) -> Result<Decoded, LogError> {
-    let (of_controller, of_tracker) = wanted(mapping);
-    let by_side = BTreeMap::from([
-        (Side::Controller, of_controller),
-        (Side::Tracker, of_tracker),
-    ]);
-    let mut parts = Vec::new();
-    for file in logs.files() {
-        let wanted = file.sides.iter().flat_map(|side| by_side[side].clone());
-        let wanted = wanted.collect();
-        parts.push(read(&file, wanted, mapping, limits, long, progress)?);
-    }
-    for (side, wanted) in &by_side {
-        require(*side, wanted, &parts)?;
-    }
-    let mut decoded = Decoded::default();
-    for part in &mut parts {
-        take_counts(part, &mut decoded);
-        remember_all(&mut decoded.metadata, &mut part.account, part.role);
-        decoded.rejects.append(&mut part.account.rejects);
-    }
-    for wanted in by_side.into_values().flatten() {
-        take(wanted.stream, &mut parts, &mut decoded);
-    }
-    decoded.settle_orientations(mapping)?;
-    Ok(decoded)
+/// What the files of a session hold besides samples.
+#[derive(Debug, Default)]
+pub struct ReadFiles {
+    /// Byte ranges that cannot be read, and messages that did not become rows.
+    pub rejects: Vec<LogReject>,
+    /// Metadata records, as `record.key` → value, controller first.
+    pub metadata: BTreeMap<String, String>,
+    /// How much was read.
+    pub counts: BTreeMap<String, u64>,
 }
 
 /// The metadata records of all logs of a session, as `record.key` → value, controller first; no chunk is opened for them.
@@ -197,39 +198,21 @@ impl Visitor for Nothing {
     fn merge(&mut self, _: &Extent, (): &mut (), _: &mut Vec<LogReject>) {}
 }
 
-fn read<'m>(
-    file: &LogFile,
-    wanted: Vec<Wanted>,
-    mapping: &'m Mapping,
-    limits: Limits,
-    long: &mut Option<Mutex<LongStreams<'m>>>,
-    progress: &dyn Progress,
-) -> Result<Part<'m>, LogError> {
-    let name = file.path.display().to_string();
-    let twice = wanted
-        .iter()
-        .enumerate()
-        .find(|(i, w)| wanted[..*i].iter().any(|other| other.topic == w.topic));
-    if let Some((_, twice)) = twice {
-        return Err(LogError::NamedTwice {
-            file: name,
+/// What is wanted of a file; each topic can be wanted for one stream.
+fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted>, LogError> {
+    let wanted: Vec<Wanted> = wanted.collect();
+    let mut topics = BTreeSet::new();
+    match wanted.iter().find(|wanted| !topics.insert(&wanted.topic)) {
+        None => Ok(wanted),
+        Some(twice) => Err(LogError::NamedTwice {
+            file: file.to_owned(),
             topic: twice.topic.clone(),
-        });
+        }),
     }
-    let mut streams = Streams::new(&name, wanted, mapping);
-    streams.long = long.take();
-    let account = scan(&file.path, &name, limits, &mut streams, progress)?;
-    *long = streams.long.take();
-    Ok(Part {
-        role: file.role(),
-        sides: file.sides.clone(),
-        account,
-        streams,
-    })
 }
 
 /// Each wanted topic has to be in some file of its side.
-fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_>]) -> Result<(), LogError> {
+fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), LogError> {
     let of_side = || parts.iter().filter(|part| part.sides.contains(&side));
     let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(wanted.stream));
     match wanted.iter().find(missing) {
@@ -299,7 +282,7 @@ fn remember(metadata: &mut BTreeMap<String, String>, key: &str, value: String, r
     }
 }
 
-fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
+fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
     let Part {
         role,
         account,
@@ -307,7 +290,7 @@ fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
         ..
     } = part;
     let mut count = |name: String, count: u64| {
-        *decoded.counts.entry(name).or_default() += count;
+        *counts.entry(name).or_default() += count;
     };
     count(format!("{role}.files"), 1);
     count(format!("{role}.bytes"), account.bytes);
@@ -331,76 +314,6 @@ fn take_counts(part: &Part<'_>, decoded: &mut Decoded) {
         count(format!("{}.messages", stream.name()), *messages);
         let undecoded = streams.undecoded.get(stream).copied().unwrap_or(0);
         count(format!("{}.rejected", stream.name()), undecoded);
-    }
-}
-
-/// Moves one stream's rows out of all files, earliest file first.
-fn take(stream: Stream, parts: &mut [Part<'_>], decoded: &mut Decoded) {
-    let having = || parts.iter().filter(|part| part.streams.has(stream));
-    debug_assert!(having().count() > 0, "required before");
-    let parts = parts.iter_mut().filter(|part| part.streams.has(stream));
-    let streams = parts.map(|part| &mut part.streams);
-    match stream {
-        Stream::Joints => {
-            let of_files = streams.map(|streams| std::mem::take(&mut streams.joints));
-            decoded.joints = in_order(of_files, |rows| &rows.stamps, DecodedJoints::append);
-        }
-        Stream::Commands => {
-            let of_files = streams.map(|streams| std::mem::take(&mut streams.commands));
-            decoded.commands = Some(in_order(
-                of_files,
-                |rows| &rows.stamps,
-                DecodedPoses::append,
-            ));
-        }
-        Stream::Readings => {
-            let of_files = streams.map(|streams| std::mem::take(&mut streams.readings));
-            decoded.readings = in_order(of_files, |rows| &rows.stamps, DecodedPoses::append);
-        }
-        Stream::Temperatures => {
-            let of_files = streams.map(|streams| std::mem::take(&mut streams.temperatures));
-            let rows = in_order(of_files, |rows| &rows.stamps, DecodedTemperatures::append);
-            decoded.temperatures = Some(rows);
-        }
-    }
-}
-
-/// Rows of several files, those with the earliest stamp first; files that begin and end alike stay in the order given.
-fn in_order<R: Default>(
-    of_files: impl Iterator<Item = R>,
-    stamps: impl Fn(&R) -> &Vec<i64>,
-    append: impl Fn(&mut R, R),
-) -> R {
-    let mut of_files: Vec<R> = of_files.collect();
-    of_files.sort_by_key(|rows| {
-        let stamps = stamps(rows);
-        (stamps.iter().min().copied(), stamps.iter().max().copied())
-    });
-    let mut of_files = of_files.into_iter();
-    let mut whole = of_files.next().unwrap_or_default();
-    of_files.for_each(|rows| append(&mut whole, rows));
-    whole
-}
-
-impl Decoded {
-    /// Drops orientations that are not wanted; a topic must have them in all its messages or in none.
-    fn settle_orientations(&mut self, mapping: &Mapping) -> Result<(), LogError> {
-        if mapping.tracker.ignore_orientation {
-            self.readings.orientations = None;
-        }
-        for poses in self.commands.iter().chain([&self.readings]) {
-            let rows = poses.stamps.len();
-            let partly = |count: Option<usize>| count.is_some_and(|count| count != rows);
-            if partly(poses.orientations.as_ref().map(Vec::len))
-                || partly(poses.covariances.as_ref().map(Vec::len))
-            {
-                return Err(LogError::Mixed {
-                    file: poses.origins.names(),
-                    topic: poses.origins.topic.clone(),
-                });
-            }
-        }
-        Ok(())
     }
 }
 
@@ -442,17 +355,5 @@ mod tests {
         let files = SessionLogs::of_two(path, other).files();
         assert_eq!(files.len(), 1);
         assert_eq!(files[0].role(), "log");
-    }
-
-    #[test]
-    fn files_are_ordered_by_what_is_in_them() {
-        // Stamps of three files: the one named last comes first, an empty one before all.
-        let of_files = [vec![20, 30], vec![], vec![5, 25]];
-        let whole = in_order(
-            of_files.into_iter(),
-            |rows| rows,
-            |all, mut more| all.append(&mut more),
-        );
-        assert_eq!(whole, [5, 25, 20, 30]);
     }
 }

@@ -1,4 +1,4 @@
-//! Poses, put aside while the log is read: row by row in an unnamed temporary file, but for the last ones.
+//! Poses that are spilled to disk while the log is read: row by row in an unnamed temporary file, but for the last ones.
 //!
 //! A row is the stamp, the position and, where there are such, orientation and covariance: numbers of eight bytes,
 //! the least significant first. A short log stays in memory; a long one takes no more of it than that.
@@ -10,6 +10,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::os::unix::fs::FileExt as _;
 
+use super::LogError;
 use super::unnamed::unnamed;
 use crate::ingest::{PoseSamples, Poses, PosesError};
 use crate::units::Stamp;
@@ -19,7 +20,7 @@ const IN_MEMORY: usize = 4 << 20;
 /// Bytes of a number.
 const NUMBER: usize = 8;
 
-/// Poses that were put aside.
+/// Poses that were spilled to disk.
 #[derive(Debug)]
 pub struct SpilledPoses<C> {
     clock: PhantomData<C>,
@@ -66,8 +67,8 @@ impl<C> SpilledPoses<C> {
         }
     }
 
-    /// Puts further poses aside; all have the same columns.
-    pub fn append(&mut self, poses: &PoseSamples<C>) -> io::Result<()> {
+    /// Adds further poses; all have the same columns.
+    fn append(&mut self, poses: &PoseSamples<C>) -> io::Result<()> {
         let form = Form {
             orientations: poses.orientations.is_some(),
             covariances: poses.covariances.is_some(),
@@ -155,6 +156,40 @@ impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
     }
 }
 
+/// Poses that are being spilled; where the disk has no room, that is told at the end.
+#[derive(Debug)]
+pub struct SpillingPoses<C> {
+    poses: SpilledPoses<C>,
+    room: io::Result<()>,
+}
+
+impl<C> Default for SpillingPoses<C> {
+    fn default() -> Self {
+        Self {
+            poses: SpilledPoses::default(),
+            room: Ok(()),
+        }
+    }
+}
+
+impl<C> SpillingPoses<C> {
+    /// Adds further poses; all have the same columns.
+    pub fn append(&mut self, poses: &PoseSamples<C>) {
+        if self.room.is_ok() {
+            self.room = self.poses.append(poses);
+        }
+    }
+
+    /// All of them.
+    pub fn finish(self) -> Result<SpilledPoses<C>, LogError> {
+        self.room.map_err(|source| LogError::NoRoom {
+            folder: std::env::temp_dir().display().to_string(),
+            source,
+        })?;
+        Ok(self.poses)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_put_aside_comes_back_from_memory_from_the_file_and_from_both() {
+    fn what_was_spilled_comes_back_from_memory_from_the_file_and_from_both() {
         for (orientations, covariances) in
             [(false, false), (true, false), (false, true), (true, true)]
         {

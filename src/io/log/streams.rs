@@ -1,4 +1,4 @@
-//! Streams: the messages of the topics that the pipeline file names → decoded columns.
+//! Streams: the messages of the topics that the pipeline file names → decoded columns, a block at a time.
 //!
 //! The common message types need no field paths: which fields are read follows from the type. Of any other type the
 //! pipeline file names them.
@@ -8,26 +8,24 @@ mod reader;
 mod suggest;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::block::Extent;
-use super::dwells::LongStreams;
+use super::ordered::SessionStreams;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, ns};
 use super::{FileError, LogError, Unsuitable};
-use crate::ingest::{
-    DecodedJoints, DecodedPoses, DecodedTemperatures, JointAngles, LogReject, LossKind, Mapping,
-    Origin, Origins, SpanClock, TimeSource,
-};
+use crate::ingest::{LogReject, LossKind, Mapping, SpanClock, TimeSource};
 use crate::io::message::{FieldPath, MessageSchema};
 
 pub use layout::{Glance, Layout};
 use layout::{Recipe, suitable_types};
-use reader::{Decoder, Part, Reader, RowFault};
+pub use reader::Part;
+use reader::{Decoder, Reader, RowFault};
 pub use suggest::{Suggestible, Suggestion, suggest};
 
-/// A stream of the recording.
+/// A stream of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stream {
     Joints,
@@ -57,8 +55,8 @@ pub struct Wanted {
 /// How messages of a schema are read, beside that schema.
 type SharedReader = (Option<Arc<Schema>>, Arc<Reader>);
 
-/// The wanted streams of one file, being filled.
-pub struct Streams<'m> {
+/// The wanted streams of one file, being read.
+pub struct Streams<'m, 's> {
     file: String,
     /// What is read of the file.
     pub wanted: Vec<Wanted>,
@@ -68,54 +66,36 @@ pub struct Streams<'m> {
     readers: BTreeMap<(Stream, u16, String), SharedReader>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
-    /// Where joint states and readings go instead of into columns, if anywhere.
-    pub long: Option<Mutex<LongStreams<'m>>>,
-    pub joints: DecodedJoints,
-    pub commands: DecodedPoses,
-    pub readings: DecodedPoses,
-    pub temperatures: DecodedTemperatures,
+    /// Where the rows go. They are worked on while the next blocks are opened, on another thread.
+    session: &'m Mutex<SessionStreams<'s>>,
     pub messages: BTreeMap<Stream, u64>,
     pub undecoded: BTreeMap<Stream, u64>,
 }
 
-impl<'m> Streams<'m> {
+impl<'m, 's> Streams<'m, 's> {
     /// Nothing read yet.
-    pub fn new(file: &str, wanted: Vec<Wanted>, mapping: &'m Mapping) -> Self {
-        let origins = |stream| Origins {
-            files: vec![file.to_owned()],
-            topic: wanted
-                .iter()
-                .find(|w| w.stream == stream)
-                .map(|w| w.topic.clone())
-                .unwrap_or_default(),
-            blocks: Vec::new(),
-        };
-        let poses = |stream| DecodedPoses {
-            origins: origins(stream),
-            ..DecodedPoses::default()
-        };
+    pub fn new(
+        file: &str,
+        wanted: Vec<Wanted>,
+        mapping: &'m Mapping,
+        session: &'m Mutex<SessionStreams<'s>>,
+    ) -> Self {
         Self {
             file: file.to_owned(),
+            wanted,
             mapping,
             met: BTreeSet::new(),
             readers: BTreeMap::new(),
             paths: BTreeMap::new(),
-            long: None,
-            joints: DecodedJoints {
-                origins: origins(Stream::Joints),
-                angles: JointAngles::of(mapping.joints.len()),
-                ..DecodedJoints::default()
-            },
-            commands: poses(Stream::Commands),
-            readings: poses(Stream::Readings),
-            temperatures: DecodedTemperatures {
-                origins: origins(Stream::Temperatures),
-                ..DecodedTemperatures::default()
-            },
+            session,
             messages: BTreeMap::new(),
             undecoded: BTreeMap::new(),
-            wanted,
         }
+    }
+
+    /// The session's streams.
+    fn session(&self) -> MutexGuard<'m, SessionStreams<'s>> {
+        self.session.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether the file has the stream's topic.
@@ -215,7 +195,7 @@ impl<'m> Streams<'m> {
     }
 }
 
-impl Streams<'_> {
+impl Streams<'_, '_> {
     fn frame(&self, stream: Stream) -> &str {
         let commanded = self.mapping.commanded.as_ref();
         let frame = match stream {
@@ -226,7 +206,7 @@ impl Streams<'_> {
     }
 }
 
-impl Visitor for Streams<'_> {
+impl Visitor for Streams<'_, '_> {
     type Decoder = Decoder;
     type Part = Part;
     type Error = LogError;
@@ -243,6 +223,7 @@ impl Visitor for Streams<'_> {
         let reader = self.reader(&wanted, channel, schema)?;
         let stream = wanted.stream;
         self.met.insert(stream);
+        self.session().begin_file(stream, &self.file);
         self.paths
             .entry(stream)
             .or_insert_with(|| reader.recipe.paths.clone());
@@ -265,38 +246,11 @@ impl Visitor for Streams<'_> {
     }
 
     fn meanwhile(&self) {
-        if let Some(long) = &self.long {
-            let mut long = long.lock().unwrap_or_else(PoisonError::into_inner);
-            long.work();
-        }
+        self.session().work();
     }
 
     fn merge(&mut self, extent: &Extent, part: &mut Part, rejects: &mut Vec<LogReject>) {
-        if let Some(long) = &mut self.long {
-            let long = long.get_mut().unwrap_or_else(PoisonError::into_inner);
-            long.take(
-                &mut part.joints,
-                &mut part.commands,
-                &mut part.readings,
-                &self.file,
-                extent,
-            );
-        } else {
-            append_joints(&mut self.joints, &mut part.joints, extent);
-            append_poses(&mut self.commands, &mut part.commands, extent);
-            append_poses(&mut self.readings, &mut part.readings, extent);
-        }
-        self.temperatures
-            .celsius
-            .append(&mut part.temperatures.celsius);
-        self.temperatures
-            .stamps
-            .append(&mut part.temperatures.stamps);
-        note(
-            &mut self.temperatures.origins,
-            self.temperatures.stamps.len(),
-            extent,
-        );
+        self.session().take(part, extent);
         for (stream, &count) in Stream::ALL.iter().zip(&part.messages) {
             if count > 0 {
                 *self.messages.entry(*stream).or_default() += count;
@@ -317,35 +271,6 @@ impl Visitor for Streams<'_> {
                 reason: self.describe(stream, fault),
             });
         }
-    }
-}
-
-fn append_joints(to: &mut DecodedJoints, from: &mut DecodedJoints, extent: &Extent) {
-    to.stamps.append(&mut from.stamps);
-    to.angles.append(from.angles.all());
-    note(&mut to.origins, to.stamps.len(), extent);
-}
-
-fn append_poses(to: &mut DecodedPoses, from: &mut DecodedPoses, extent: &Extent) {
-    to.stamps.append(&mut from.stamps);
-    to.positions.append(&mut from.positions);
-    if let Some(from) = &mut from.orientations {
-        to.orientations.get_or_insert_default().append(from);
-    }
-    if let Some(from) = &mut from.covariances {
-        to.covariances.get_or_insert_default().append(from);
-    }
-    note(&mut to.origins, to.stamps.len(), extent);
-}
-
-fn note(origins: &mut Origins, rows: usize, extent: &Extent) {
-    if origins.blocks.last().map_or(0, |origin| origin.rows_end) < rows {
-        origins.blocks.push(Origin {
-            rows_end: rows,
-            file: 0,
-            byte_start: extent.start,
-            byte_end: extent.end,
-        });
     }
 }
 

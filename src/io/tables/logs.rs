@@ -1,18 +1,17 @@
 //! `logs`: the decoded samples of both logs, in parts of one row group each, so that only a few are in memory as rows.
 //!
-//! Joint samples come first in the table and are by far the most: they are written while the logs are read
-//! ([`LogTable`]). All others follow at the end ([`parts`]).
+//! Joint samples come first in the table and are by far the most: they are written while the logs are read. All others
+//! follow at the end ([`LogTable::finish`]).
 
 use super::PublishError;
-use crate::ingest::{
-    CommandSamples, JointSamples, Poses, Recording, TargetReadings, TemperatureSamples,
-};
+use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use crate::io::lake::{OpenRun, OpenTable, WholeTable};
-use crate::io::log::{JointSink, SessionRead};
+use crate::io::log::JointSink;
 use crate::io::schema;
 use crate::io::table::{Columns, ROW_GROUP_ROWS, Table};
+use crate::join::JoinInput;
 use crate::manifest::RunKey;
-use crate::units::{Controller, Stamp, Tracker};
+use crate::units::Stamp;
 
 /// Columns of positions, orientations and stated covariances.
 const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
@@ -28,47 +27,16 @@ const COVARIANCE: [&str; 6] = [
 
 type Rows = std::ops::Range<usize>;
 
-/// All samples of a session, wherever they are kept.
-#[derive(Debug, Clone, Copy)]
-pub struct Samples<'a> {
-    /// Its joint samples and temperatures.
-    recording: &'a Recording,
-    commands: &'a dyn Poses<Controller>,
-    readings: &'a dyn Poses<Tracker>,
-}
-
-impl<'a> From<&'a Recording> for Samples<'a> {
-    fn from(recording: &'a Recording) -> Self {
-        Self {
-            recording,
-            commands: &recording.commands,
-            readings: &recording.readings,
-        }
-    }
-}
-
-/// But for the joint samples, which were given on.
-impl<'a> From<&'a SessionRead> for Samples<'a> {
-    fn from(read: &'a SessionRead) -> Self {
-        Self {
-            recording: &read.recording,
-            commands: &*read.commands,
-            readings: &*read.readings,
-        }
-    }
-}
-
 /// A part of the table: some samples of one source.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Part {
+#[derive(Debug, Clone)]
+struct Part {
     source: Source,
     rows: Rows,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 enum Source {
     Command,
-    Joints,
     Target,
     Temperature,
 }
@@ -96,11 +64,11 @@ impl<'r> LogTable<'r> {
         }
     }
 
-    /// Writes all other samples behind the joint samples given before, for
-    /// [`OpenRun::keep`]; `None` where there are none at all.
-    pub fn finish(self, samples: Samples<'_>) -> Result<Option<WholeTable>, PublishError> {
+    /// Writes all other samples of the session behind the joint samples given before, for [`OpenRun::keep`]; `None` where
+    /// there are none at all.
+    pub fn finish(self, input: &JoinInput) -> Result<Option<WholeTable>, PublishError> {
         let mut table = self.table?;
-        table.append_all(parts(samples), |part| logs(samples, part, &self.key))?;
+        table.append_all(parts(input), |part| rows_of(input, part, &self.key))?;
         Ok(table.finish()?)
     }
 }
@@ -133,14 +101,12 @@ impl JointSink for LogTable<'_> {
     }
 }
 
-/// The parts of the table, in the order of its rows.
-pub fn parts(samples: Samples<'_>) -> Vec<Part> {
-    let recording = samples.recording;
+/// The parts of the table behind the joint samples, in the order of its rows.
+fn parts(input: &JoinInput) -> Vec<Part> {
     let samples = [
-        (Source::Joints, recording.joints.stamps.len()),
-        (Source::Command, samples.commands.count()),
-        (Source::Target, samples.readings.count()),
-        (Source::Temperature, recording.temperatures.stamps.len()),
+        (Source::Command, input.commands.count()),
+        (Source::Target, input.readings.count()),
+        (Source::Temperature, input.temperatures.stamps.len()),
     ];
     let of_source = |(source, samples): (Source, usize)| {
         let firsts = (0..samples).step_by(ROW_GROUP_ROWS);
@@ -152,23 +118,16 @@ pub fn parts(samples: Samples<'_>) -> Vec<Part> {
     samples.into_iter().flat_map(of_source).collect()
 }
 
-/// One part of the table.
-pub fn logs(samples: Samples<'_>, part: Part, key: &RunKey) -> Result<Table, PublishError> {
-    let Samples {
-        recording,
-        commands,
-        readings,
-    } = samples;
-    let rows = part.rows;
-    match part.source {
-        Source::Joints => {
-            let JointSamples { stamps, angles } = &recording.joints;
-            let angles = angles.of_rows(rows.clone());
-            joint_rows(rows.clone(), in_ns(&stamps[rows]), angles, key)
-        }
-        Source::Command => command_rows(&commands.read(rows.clone())?, rows, key),
-        Source::Target => target_rows(&readings.read(rows.clone())?, rows, key),
-        Source::Temperature => temperature_rows(&recording.temperatures, rows, key),
+/// One of them.
+fn rows_of(
+    input: &JoinInput,
+    Part { source, rows }: Part,
+    key: &RunKey,
+) -> Result<Table, PublishError> {
+    match source {
+        Source::Command => command_rows(&input.commands.read(rows.clone())?, rows, key),
+        Source::Target => target_rows(&input.readings.read(rows.clone())?, rows, key),
+        Source::Temperature => temperature_rows(&input.temperatures, rows, key),
     }
 }
 

@@ -74,6 +74,11 @@ impl Finder {
         }
     }
 
+    /// Forgets all samples so far: they come again.
+    pub fn begin_again(&mut self) {
+        *self = Self::new(self.samples.columns, &self.rule);
+    }
+
     /// Takes the next samples: stamps that do not decrease, and the first sample's values, then the second's.
     pub fn push(&mut self, stamps_ns: &[i64], values: &[f64]) {
         if self.samples.first == 0 && self.samples.stamps_ns.is_empty() {
@@ -121,6 +126,7 @@ impl Finder {
             threshold,
             interval_ns: pace.interval_ns,
             samples,
+            columns: self.samples.columns,
             span_ns: (self.first_ns, last_ns),
         })
     }

@@ -158,7 +158,7 @@ impl Planning {
         let plan = Plan::load(path, &overrides)?;
         let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();
         let files = files.expect("a plan of one session has its files");
-        let read = run::read(&plan, files, progress);
+        let read = run::read(&plan, files, &mut (), progress);
         Ok(read
             .and_then(|read| run::joined(&plan, files, read))
             .map_err(Box::new)?)

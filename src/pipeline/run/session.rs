@@ -4,11 +4,10 @@ use nalgebra::Isometry3;
 
 use super::RunError;
 use crate::fit::commanded::{CommandFrames, commanded};
-use crate::ingest::Recording;
 use crate::io::lake::OpenRun;
-use crate::io::log::{SessionRead, read_dwells, read_dwells_beside};
+use crate::io::log::{JointSink, SessionRead, read_session};
 use crate::io::tables::logs::LogTable;
-use crate::join::join_at_rest;
+use crate::join::join;
 use crate::pipeline::outcome::JoinedSession;
 use crate::pipeline::plan::{Plan, SessionFiles};
 use crate::pipeline::{damage, driven};
@@ -22,36 +21,31 @@ pub(super) fn read_for(
     progress: &dyn Progress,
 ) -> Result<SessionRead, RunError> {
     if !plan.logs {
-        return read(plan, files, progress);
+        return read(plan, files, &mut (), progress);
     }
-    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
     let mut samples = LogTable::new(run, &files.name);
-    let read = read_dwells_beside(logs, mapping, plan.limits, &rule, &mut samples, progress)?;
-    within(plan, files, &read.recording)?;
-    if let Some(table) = samples.finish((&read).into())? {
+    let read = read(plan, files, &mut samples, progress)?;
+    if let Some(table) = samples.finish(&read.input)? {
         run.keep(table);
     }
     Ok(read)
 }
 
-/// Reads a session.
+/// Reads a session; its joint samples go to `sink` too.
 pub(in crate::pipeline) fn read(
     plan: &Plan,
     files: &SessionFiles,
+    sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, RunError> {
-    let rule = plan.join.arm_rule();
-    let read = read_dwells(&files.logs, &plan.mapping, plan.limits, &rule, progress)?;
-    within(plan, files, &read.recording)?;
-    Ok(read)
-}
-
-/// That no more of the logs was lost than the pipeline file allows.
-fn within(plan: &Plan, files: &SessionFiles, recording: &Recording) -> Result<(), RunError> {
-    damage::within(&recording.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
+    let (logs, mapping, rule) = (&files.logs, &plan.mapping, plan.join.arm_rule());
+    let read = read_session(logs, mapping, plan.limits, &rule, sink, progress)?;
+    // No more of the logs may be lost than the pipeline file allows.
+    damage::within(&read.counts, plan.max_lost_share).map_err(|damage| RunError::Damaged {
         session: files.name.clone(),
         damage,
-    })
+    })?;
+    Ok(read)
 }
 
 /// Joins a session that was read.
@@ -64,17 +58,7 @@ pub(in crate::pipeline) fn joined(
         session: files.name.clone(),
         source: Box::new(source),
     };
-    let SessionRead {
-        recording,
-        joints,
-        commands,
-        readings,
-    } = read;
-    let (commands, readings) = (&*commands, &*readings);
-    let joined = join_at_rest(
-        &recording, &joints, commands, readings, &plan.arm, &plan.join,
-    );
-    let joined = joined.map_err(wrong)?;
+    let joined = join(&read.input, &plan.arm, &plan.join).map_err(wrong)?;
     let no_commands = CommandFrames {
         base_from_command: Isometry3::identity(),
         flange_from_tool: None,
@@ -86,10 +70,10 @@ pub(in crate::pipeline) fn joined(
     );
     Ok(JoinedSession {
         name: files.name.clone(),
-        sampling_plan: recording.metadata.get("session.plan").cloned(),
+        sampling_plan: read.metadata.get("session.plan").cloned(),
         driven_by: driven::driven_by(files, &joined.stations, plan.limits)?,
-        log_rejects: recording.rejects,
-        counts: recording.counts,
+        log_rejects: read.rejects,
+        counts: read.counts,
         joined,
         commanded,
     })

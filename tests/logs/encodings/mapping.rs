@@ -1,10 +1,10 @@
 //! Messages of no common type, read by the field paths of a pipeline file.
 
-use posegrid::ingest::{ControllerSettings, Mapping, Recording, TrackerSettings};
+use posegrid::ingest::{ControllerSettings, Mapping, TrackerSettings};
 use posegrid::io::log::LogError;
 
 use super::proto::{Field, Proto, describe, file, set};
-use crate::build::{Cdr, Log, mapping, read_as};
+use crate::build::{Cdr, Log, WholeSession, mapping, read_as};
 
 /// The mapping of a pipeline file with these sections.
 fn mapped(controller: &str, tracker: &str) -> Mapping {
@@ -79,7 +79,7 @@ fn joint_state(i: u64) -> String {
     )
 }
 
-fn read(log: &[u8], controller: &str, tracker: &str) -> Result<Recording, LogError> {
+fn read(log: &[u8], controller: &str, tracker: &str) -> Result<WholeSession, LogError> {
     read_as(log, &mapped(controller, tracker))
 }
 

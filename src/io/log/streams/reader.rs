@@ -56,13 +56,13 @@ pub struct Reader {
 /// What one block gives.
 #[derive(Debug, Default)]
 pub struct Part {
-    pub(super) joints: DecodedJoints,
+    pub joints: DecodedJoints,
     /// One for each stream: its messages are alike.
     rows: [Row; 4],
     order: JointOrder,
-    pub(super) commands: DecodedPoses,
-    pub(super) readings: DecodedPoses,
-    pub(super) temperatures: DecodedTemperatures,
+    pub commands: DecodedPoses,
+    pub readings: DecodedPoses,
+    pub temperatures: DecodedTemperatures,
     pub(super) faults: BTreeMap<(Stream, RowFault), Tally>,
     /// How many of each stream.
     pub(super) messages: [u64; 4],

@@ -1,0 +1,55 @@
+//! Temperatures that are buffered.
+
+use std::ops::Range;
+
+use super::super::rows::{Place, RowFault, Rows};
+use super::super::{DecodedTemperatures, SpanClock};
+use super::{Buffer, reordered};
+
+/// Temperatures, in °C.
+#[derive(Debug, Default)]
+pub struct TemperatureBuffer {
+    stamps: Vec<i64>,
+    celsius: Vec<f64>,
+}
+
+impl TemperatureBuffer {
+    /// Stamps of some samples, and their temperatures.
+    pub fn rows(&self, rows: Range<usize>) -> (&[i64], &[f64]) {
+        (&self.stamps[rows.clone()], &self.celsius[rows])
+    }
+}
+
+impl Buffer for TemperatureBuffer {
+    type Block = DecodedTemperatures;
+
+    fn stamps_of(block: &DecodedTemperatures) -> &[i64] {
+        &block.stamps
+    }
+
+    fn judge(&self, block: &DecodedTemperatures, place: &Place<'_>) -> Rows {
+        Rows::judge(&block.stamps, place, SpanClock::Tracker, |row| {
+            (!block.celsius[row].is_finite()).then_some(RowFault::Temperature)
+        })
+    }
+
+    fn take(&mut self, rows: &Rows, block: &DecodedTemperatures) -> bool {
+        rows.append(&block.stamps, &mut self.stamps);
+        rows.append(&block.celsius, &mut self.celsius);
+        true
+    }
+
+    fn stamps(&self) -> &[i64] {
+        &self.stamps
+    }
+
+    fn reorder(&mut self, order: &[usize]) {
+        self.stamps = reordered(&self.stamps, order);
+        self.celsius = reordered(&self.celsius, order);
+    }
+
+    fn evict(&mut self, count: usize) {
+        self.stamps.drain(..count);
+        self.celsius.drain(..count);
+    }
+}

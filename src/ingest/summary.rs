@@ -1,0 +1,137 @@
+//! The read summary of one stream: what became of each of its messages.
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+use super::LogReject;
+
+/// How many rows of a stream were kept and why not all.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct StreamCounts {
+    pub kept: u64,
+    pub rejected: u64,
+    pub backward_stamps: u64,
+    pub duplicate_stamps: u64,
+}
+
+/// What became of the messages of one stream, once all of them were read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StreamSummary {
+    pub(super) topic: String,
+    /// Those that have the topic, earliest first.
+    pub(super) files: Vec<String>,
+    pub(super) counts: StreamCounts,
+    /// Name and number of further counts.
+    pub(super) further: Vec<(&'static str, u64)>,
+    pub(super) rejects: Vec<LogReject>,
+    /// Whether some stamp is not 0.
+    pub(super) stamped: bool,
+    /// Whether all rows have the same columns.
+    pub(super) alike: bool,
+    pub(super) in_order: bool,
+}
+
+/// Why a stream cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum IngestError {
+    /// Nothing of a stream is left.
+    #[error(
+        "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
+         see `posegrid inspect`"
+    )]
+    NoSamples {
+        /// The file.
+        file: String,
+        /// The topic.
+        topic: String,
+        /// Rows that were decoded.
+        decoded: u64,
+        /// Of the first reject, with a leading colon, or empty.
+        first_reason: String,
+    },
+    /// Header stamps that nobody set.
+    #[error(
+        "{file}: all {messages} messages of topic {topic:?} have the header stamp 0: the publisher does not set it; \
+         try time = \"publish\" or time = \"log\""
+    )]
+    StampsUnset {
+        /// The file.
+        file: String,
+        /// The topic.
+        topic: String,
+        /// How many messages.
+        messages: u64,
+    },
+    /// A topic with messages of several kinds.
+    #[error(
+        "{file}: topic {topic:?} carries messages with and without orientation or covariance; name one publisher's topic, or set \
+         ignore_orientation = true for [tracker]"
+    )]
+    Mixed {
+        /// The file.
+        file: String,
+        /// The topic.
+        topic: String,
+    },
+}
+
+impl StreamSummary {
+    /// Whether every sample was emitted in its place: none was further out of order than the buffer reaches.
+    pub const fn is_in_order(&self) -> bool {
+        self.in_order
+    }
+
+    /// That there are samples, all with a stamp and the same columns; `undecoded` are the rejects of messages that did not
+    /// become rows.
+    pub fn check(&self, undecoded: &[LogReject]) -> Result<(), IngestError> {
+        let (file, topic) = (self.files.join(", "), self.topic.clone());
+        if !self.alike {
+            return Err(IngestError::Mixed { file, topic });
+        }
+        let decoded = self.counts.kept + self.counts.rejected;
+        if decoded > 1 && !self.stamped {
+            return Err(IngestError::StampsUnset {
+                file,
+                topic,
+                messages: decoded,
+            });
+        }
+        if self.counts.kept > 0 {
+            return Ok(());
+        }
+        let of_stream = |reject: &&LogReject| {
+            let of_topic = reject.topic.as_ref().is_none_or(|of| *of == topic);
+            of_topic && self.files.contains(&reject.file)
+        };
+        let undecoded = undecoded.iter().filter(of_stream);
+        let first = self.rejects.iter().chain(undecoded).next();
+        let first_reason = first.map(|reject| format!(": {}", reject.reason));
+        Err(IngestError::NoSamples {
+            file,
+            topic,
+            decoded,
+            first_reason: first_reason.unwrap_or_default(),
+        })
+    }
+
+    /// Adds its numbers to the counts of a session, as those of `stream`, and moves its rejects to those of the session.
+    pub fn add_to(
+        self,
+        stream: &str,
+        counts: &mut BTreeMap<String, u64>,
+        rejects: &mut Vec<LogReject>,
+    ) {
+        let mut add = |name: &str, count: u64| {
+            *counts.entry(format!("{stream}.{name}")).or_default() += count;
+        };
+        add("kept", self.counts.kept);
+        add("rejected", self.counts.rejected);
+        add("duplicate_stamps", self.counts.duplicate_stamps);
+        add("backward_stamps", self.counts.backward_stamps);
+        for (name, count) in self.further {
+            add(name, count);
+        }
+        rejects.extend(self.rejects);
+    }
+}

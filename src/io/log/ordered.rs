@@ -1,0 +1,214 @@
+//! The streams of a session while its logs are read: blocks of decoded rows → samples in order of time, each where they
+//! belong.
+//!
+//! 1. The rows of a block wait ([`OrderedStream::take`]) until the next blocks are being opened; meanwhile
+//!    ([`OrderedStream::work`]) they are put in order of time ([`InOrder`]);
+//! 2. joint samples go to who wants them ([`JointSink`]), commanded poses and readings are spilled to disk
+//!    ([`SpillingPoses`]), because the join looks at them again, and temperatures, which are few, stay in memory.
+
+use std::ops::Range;
+
+use super::LogError;
+use super::block::Extent;
+use super::replay::JointSink;
+use super::spilled::{SpilledPoses, SpillingPoses};
+use super::streams::{Part, Stream};
+use crate::ingest::{
+    Buffer, InOrder, JointBuffer, Mapping, PoseBuffer, StreamSummary, TemperatureBuffer,
+    TemperatureSamples,
+};
+use crate::io::table::ROW_GROUP_ROWS;
+use crate::units::{Controller, Stamp, Tracker};
+
+/// Joint samples that are emitted together: those of a row group, so that a table needs no copy of its own.
+const JOINTS_TOGETHER: usize = ROW_GROUP_ROWS;
+/// Poses that are spilled together, and temperatures that are kept together.
+const TOGETHER: usize = 4096;
+
+/// Takes the samples of a stream, in order of time.
+pub trait Emit<B> {
+    /// Takes some samples of the buffer; they go on from those before.
+    fn emit(&mut self, buffer: &B, rows: Range<usize>);
+}
+
+/// One stream, being put in order of time.
+pub struct OrderedStream<B: Buffer, T> {
+    in_order: InOrder<B>,
+    /// Where the samples go.
+    to: T,
+    /// Rows of blocks and the bytes that they come from, in the order of the file.
+    waiting: Vec<(B::Block, (u64, u64))>,
+    /// Buffers for the rows of blocks to come.
+    spare: Vec<B::Block>,
+}
+
+impl<B: Buffer, T: Emit<B>> OrderedStream<B, T>
+where
+    B::Block: Default,
+{
+    const fn new(in_order: InOrder<B>, to: T) -> Self {
+        Self {
+            in_order,
+            to,
+            waiting: Vec::new(),
+            spare: Vec::new(),
+        }
+    }
+
+    fn begin_file(&mut self, file: &str) {
+        self.work();
+        self.in_order.begin_file(file);
+    }
+
+    /// Takes the rows of a block, if there are any, and leaves a buffer for those of another.
+    fn take(&mut self, rows: &mut B::Block, extent: &Extent) {
+        if !B::stamps_of(rows).is_empty() {
+            let spare = self.spare.pop().unwrap_or_default();
+            let rows = std::mem::replace(rows, spare);
+            self.waiting.push((rows, (extent.start, extent.end)));
+        }
+    }
+
+    /// Works on the rows that wait.
+    fn work(&mut self) {
+        for (rows, bytes) in self.waiting.drain(..) {
+            let emit = |buffer: &B, rows| self.to.emit(buffer, rows);
+            self.in_order.push(&rows, bytes, emit);
+            self.spare.push(rows);
+        }
+    }
+
+    fn finish(mut self) -> (StreamSummary, T) {
+        self.work();
+        let to = &mut self.to;
+        let summary = self.in_order.finish(|buffer, rows| to.emit(buffer, rows));
+        (summary, self.to)
+    }
+}
+
+/// The streams of a session; a stream whose topic the pipeline file does not name is `None`.
+pub struct SessionStreams<'s> {
+    joints: OrderedStream<JointBuffer, &'s mut dyn JointSink>,
+    commands: Option<OrderedStream<PoseBuffer, SpillingPoses<Controller>>>,
+    readings: OrderedStream<PoseBuffer, SpillingPoses<Tracker>>,
+    temperatures: Option<OrderedStream<TemperatureBuffer, TemperatureSamples>>,
+}
+
+/// What the streams come to when all was read.
+pub struct Ordered {
+    /// What became of the messages of each stream, in the order of [`Stream::ALL`].
+    pub summaries: Vec<(Stream, StreamSummary)>,
+    pub commands: SpilledPoses<Controller>,
+    pub readings: SpilledPoses<Tracker>,
+    pub temperatures: TemperatureSamples,
+}
+
+impl<'s> SessionStreams<'s> {
+    /// Nothing read yet; joint samples will go to `joints`. So many samples of a stream are buffered.
+    pub fn new(mapping: &Mapping, buffered: usize, joints: &'s mut dyn JointSink) -> Self {
+        let (controller, tracker) = (&mapping.controller, &mapping.tracker);
+        let of_joints = JointBuffer::of(mapping);
+        let of_joints = InOrder::new(of_joints, &controller.topic, JOINTS_TOGETHER, buffered);
+        let of_poses = |buffer, topic| InOrder::new(buffer, topic, TOGETHER, buffered);
+        let commands = mapping.commanded.as_ref().map(|commanded| {
+            let in_order = of_poses(PoseBuffer::commands(commanded), &commanded.topic);
+            OrderedStream::new(in_order, SpillingPoses::default())
+        });
+        let readings = of_poses(PoseBuffer::readings(tracker), &tracker.topic);
+        let temperatures = tracker.temperature.as_ref().map(|topic| {
+            // All of them are buffered: they stay in memory anyway.
+            let in_order = InOrder::new(TemperatureBuffer::default(), topic, TOGETHER, usize::MAX);
+            OrderedStream::new(in_order, TemperatureSamples::default())
+        });
+        Self {
+            joints: OrderedStream::new(of_joints, joints),
+            commands,
+            readings: OrderedStream::new(readings, SpillingPoses::default()),
+            temperatures,
+        }
+    }
+
+    /// The blocks of a stream that follow are of this file.
+    pub fn begin_file(&mut self, stream: Stream, file: &str) {
+        match stream {
+            Stream::Joints => self.joints.begin_file(file),
+            Stream::Commands => self.commands.iter_mut().for_each(|s| s.begin_file(file)),
+            Stream::Readings => self.readings.begin_file(file),
+            Stream::Temperatures => self
+                .temperatures
+                .iter_mut()
+                .for_each(|s| s.begin_file(file)),
+        }
+    }
+
+    /// Takes the rows of a block, and leaves buffers for those of another.
+    pub fn take(&mut self, part: &mut Part, extent: &Extent) {
+        self.joints.take(&mut part.joints, extent);
+        if let Some(stream) = &mut self.commands {
+            stream.take(&mut part.commands, extent);
+        }
+        self.readings.take(&mut part.readings, extent);
+        if let Some(stream) = &mut self.temperatures {
+            stream.take(&mut part.temperatures, extent);
+        }
+    }
+
+    /// Works on the rows that wait, in the order they came in.
+    pub fn work(&mut self) {
+        self.joints.work();
+        if let Some(stream) = &mut self.commands {
+            stream.work();
+        }
+        self.readings.work();
+        if let Some(stream) = &mut self.temperatures {
+            stream.work();
+        }
+    }
+
+    /// Emits what is still buffered. Poses that found no room on the disk are an error.
+    pub fn finish(self) -> Result<Ordered, LogError> {
+        let (joints, _) = self.joints.finish();
+        let mut summaries = vec![(Stream::Joints, joints)];
+        let mut commands = SpilledPoses::default();
+        if let Some((summary, poses)) = self.commands.map(OrderedStream::finish) {
+            summaries.push((Stream::Commands, summary));
+            commands = poses.finish()?;
+        }
+        let (summary, readings) = self.readings.finish();
+        summaries.push((Stream::Readings, summary));
+        let readings = readings.finish()?;
+        let mut temperatures = TemperatureSamples::default();
+        if let Some((summary, samples)) = self.temperatures.map(OrderedStream::finish) {
+            summaries.push((Stream::Temperatures, summary));
+            temperatures = samples;
+        }
+        Ok(Ordered {
+            summaries,
+            commands,
+            readings,
+            temperatures,
+        })
+    }
+}
+
+impl Emit<JointBuffer> for &mut dyn JointSink {
+    fn emit(&mut self, buffer: &JointBuffer, rows: Range<usize>) {
+        let (stamps_ns, angles) = buffer.rows(rows);
+        self.take(stamps_ns, angles);
+    }
+}
+
+impl<C> Emit<PoseBuffer> for SpillingPoses<C> {
+    fn emit(&mut self, buffer: &PoseBuffer, rows: Range<usize>) {
+        self.append(&buffer.rows(rows));
+    }
+}
+
+impl Emit<TemperatureBuffer> for TemperatureSamples {
+    fn emit(&mut self, buffer: &TemperatureBuffer, rows: Range<usize>) {
+        let (stamps, celsius) = buffer.rows(rows);
+        self.stamps
+            .extend(stamps.iter().copied().map(Stamp::from_ns));
+        self.celsius.extend_from_slice(celsius);
+    }
+}
