@@ -90,7 +90,6 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "progress",
             "report",
             "similarity",
-            "simulate",
             "units",
         ],
     ),
