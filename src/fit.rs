@@ -8,6 +8,8 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 //!
+//! What every model of errors can be asked is one trait ([`model`]), and which models there are stands in one list ([`registry`]).
+//!
 //! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
 //! visits of one pose ([`visits`]), and whether the instrument's length unit agrees with the arm's lengths ([`scale`]).
 

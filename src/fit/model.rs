@@ -73,12 +73,18 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         &[]
     }
 
+    /// How many numbers it identified.
+    fn parameter_count(&self) -> usize {
+        0
+    }
+
     /// What each station of the training counted for, in their order; none of a model that was read.
     fn weights(&self) -> &[f64] {
         &[]
     }
 
-    /// The model as JSON, which its line of the registry reads back ([`super::registry::About::load`]); `names` are the sessions'.
+    /// The model as JSON, which its line of the registry reads back ([`super::registry::About::load`]); `names` are the sessions'. It
+    /// says its version, arm and sessions as [`super::saved::SavedHead`] has them.
     /// `None` of a model that is stored otherwise: a table is its own file, and a model that was read is where it was read from.
     fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>>;
 }

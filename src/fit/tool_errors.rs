@@ -1,6 +1,7 @@
 //! Errors of the tool point at commands, as a model predicts them.
 
 use nalgebra::{Matrix3, Point3, Vector3};
+use rayon::prelude::*;
 
 use super::gap::Gap;
 use super::gauge::Gauge;
@@ -30,6 +31,16 @@ impl<'m> ToolErrors<'m> {
         let axes = self.gauge.arm().axes(joints);
         let tool = self.model.position(&self.at(&axes))?;
         Ok(self.in_gauge(joints, &tool))
+    }
+
+    /// [`Self::error`] at many joint angles, on all cores.
+    pub fn errors(&self, many: &[&[f64]]) -> Vec<Result<Vector3<f64>, Gap>> {
+        let axes: Vec<Vec<f64>> = many.iter().map(|q| self.gauge.arm().axes(q)).collect();
+        let at: Vec<At<'_>> = axes.iter().map(|axes| self.at(axes)).collect();
+        let tools = self.model.positions(&at);
+        let in_gauge =
+            |(q, tool): (&&[f64], Result<Point3<f64>, Gap>)| Ok(self.in_gauge(q, &tool?));
+        many.par_iter().zip(tools).map(in_gauge).collect()
     }
 
     /// [`Self::error`] with its covariance for a command of some day, mm².

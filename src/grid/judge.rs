@@ -274,14 +274,18 @@ pub fn by_nodes(
 
 /// The model's error at every node.
 pub fn node_errors(grid: &PlacedGrid, model: &ToolErrors<'_>) -> Vec<NodeError> {
-    let value = |joints: &Result<Vec<f64>, Refusal>| {
-        let joints = joints.as_ref().map_err(|refusal| *refusal)?;
-        model.error(joints).map_err(|gap| gap.refusal())
+    let nodes = || grid.nodes.iter().map(|node| node.joints.as_deref());
+    let mut found = model
+        .errors(&nodes().flatten().collect::<Vec<_>>())
+        .into_iter();
+    let error = |joints: Result<&[f64], &Refusal>| {
+        joints.map_err(|refusal| *refusal)?;
+        let found = found
+            .next()
+            .expect("an error for each node with joint angles");
+        found.map_err(|gap| gap.refusal())
     };
-    grid.nodes
-        .par_iter()
-        .map(|node| value(&node.joints))
-        .collect()
+    nodes().map(error).collect()
 }
 
 /// A place in the unit cell, different for each station and evenly spread over all (Halton 1960, bases 2, 3, 5).

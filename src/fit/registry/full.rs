@@ -91,6 +91,10 @@ impl PoseModel for FullModel {
         &self.parts
     }
 
+    fn parameter_count(&self) -> usize {
+        self.layout().size()
+    }
+
     fn weights(&self) -> &[f64] {
         &self.weights
     }

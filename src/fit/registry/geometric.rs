@@ -61,6 +61,10 @@ impl PoseModel for Calibration {
         }
     }
 
+    fn parameter_count(&self) -> usize {
+        self.unknowns.len()
+    }
+
     fn weights(&self) -> &[f64] {
         &self.solution.weights
     }

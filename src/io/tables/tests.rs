@@ -1,6 +1,7 @@
 //! Every table of a small run written, read back, and held against what it was made of.
 
 mod example;
+mod models;
 
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::Float64Type;

@@ -13,8 +13,8 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, At, Blocks, Calibration, FitSettings, Frames, Freedom, Gap, Gauge, Noise, PoseModel,
-    Prediction, ToolErrors, TrackerUncertainty,
+    self, At, Blocks, Calibration, FitSettings, Frames, Freedom, Gap, Gauge, Models, Noise,
+    Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
@@ -200,8 +200,8 @@ impl PoseModel for Identified {
     }
 }
 
-fn outcome() -> Outcome<'static> {
-    let session = session(stations());
+/// The stations of the session as fits take them.
+fn observations(session: &JoinedSession) -> Vec<Observation> {
     let noise = Noise {
         tracker: TrackerUncertainty {
             range_um: 10.0,
@@ -220,6 +220,24 @@ fn outcome() -> Outcome<'static> {
             .shortfall
             .clone_from(&session.commanded.shortfalls[observation.station]);
     }
+    observations
+}
+
+/// The models that a training makes of the session, and the stations that it was made from.
+pub(super) fn trained() -> (Models, Vec<Observation>) {
+    let observations = observations(&session(stations()));
+    let settings = TrainingSettings {
+        fit: &FIT,
+        full: &FULL,
+        up: Some(Vector3::z_axis()),
+    };
+    let models = fit::models::train_all(&ARM, &observations, 1, &settings);
+    (models.expect("a fit"), observations)
+}
+
+fn outcome() -> Outcome<'static> {
+    let session = session(stations());
+    let observations = observations(&session);
     let identify = |freedom| fit::identify(&ARM, &observations, 1, freedom, &FIT).expect("a fit");
     let base_target = identify(Freedom::BaseAndTarget);
     let geometric = identify(Freedom::Geometry);
