@@ -27,10 +27,12 @@ pub mod validity;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 pub use identified::{ArmModel, IdentifiedArm};
-pub use refused::{Gap, Reason, Refused};
+pub use refused::{Reason, Refused};
 pub use table::{CompensationTable, Known, Misfit, Terms};
 pub use validity::{Conditions, Term, UsedWith, Validity};
 
+pub use crate::fit::Gap;
+use crate::fit::{At, PoseModel};
 use crate::geometry::{Command, Position};
 
 /// Where the controller's own tool point shall be: a position, joint angles, or both.
@@ -143,7 +145,7 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     let admitted = table.terms().admit(target);
     let corrected = admitted.and_then(|()| {
         let wanted = target.position.ok_or(Reason::NoPosition)?;
-        by_table(table, target, &wanted)
+        by_pose(table, target, &wanted)
     });
     corrected.map_err(|reason| Refused {
         target: target.name.clone(),
@@ -151,22 +153,27 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     })
 }
 
-fn by_table(
-    table: &CompensationTable,
+/// By a model that answers for tool poses.
+fn by_pose(
+    model: &dyn PoseModel,
     target: &Target,
     wanted: &Position<Command>,
 ) -> Result<Corrected, Reason> {
     let mut first = true;
     let settled = fixed_point::settle(wanted.point(), |command| {
-        let found = table.error_at(&Position::claim(*command));
+        let predicted = model.predict(&At::Tool {
+            position: *command,
+            orientation: target.orientation,
+        });
         let gap = if first {
-            Reason::Target
+            Reason::at_target
         } else {
             Reason::Command
         };
         first = false;
-        let estimate = found.map_err(gap)?;
-        Ok((estimate.error, estimate.covariance))
+        let predicted = predicted.map_err(gap)?;
+        let covariance = model.spread(0, &predicted).covariance();
+        Ok((predicted.error_from(command), covariance))
     })?;
     Ok(Corrected {
         target: *wanted,

@@ -8,37 +8,47 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 //!
+//! What every model of errors can be asked is one trait ([`model`]), and which models there are stands in one list ([`registry`]).
+//!
 //! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
 //! visits of one pose ([`visits`]), and whether the instrument's length unit agrees with the arm's lengths ([`scale`]).
 
 pub mod commanded;
 pub mod full;
+mod gap;
 pub mod gauge;
 pub mod holdout;
 pub mod loss;
+pub mod model;
 pub mod models;
 pub mod observation;
 pub mod problem;
 pub mod rank;
+pub mod registry;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;
 pub mod solve;
 pub mod start;
+mod tool_errors;
 pub mod visits;
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use gauge::{ErrorModel, Gauge};
+pub use gap::{Gap, Refusal};
+pub use gauge::Gauge;
 pub use holdout::Blocks;
 pub use loss::Loss;
-pub use models::{IdentifiedGeometry, Models, Predictor, ToolErrors, TrainingSettings};
+pub use model::{Angles, At, PoseModel, Prediction};
+pub use models::{Models, TrainingSettings};
 pub use observation::{Noise, Observation, TrackerUncertainty, add_commands, observations};
 pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
+pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
+pub use tool_errors::ToolErrors;
 
 use crate::kinematics::{Arm, Chain};
 
@@ -137,6 +147,8 @@ pub struct Calibration {
     pub covariance: DMatrix<f64>,
     /// Offsets of the arm's own chain, in its order.
     pub geometry: Vec<f64>,
+    /// The identified chain from base to flange: the arm's own with these offsets.
+    pub chain: Chain,
     /// The frames of each session.
     pub frames: Vec<Frames>,
     /// The structure at the nominal arm.
@@ -152,11 +164,6 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// The identified chain of the arm.
-    pub fn chain(&self, arm: &Arm) -> Chain {
-        arm.chain().with_offsets(&self.geometry)
-    }
-
     /// The standard error of unknown `place`.
     pub fn standard_error(&self, place: usize) -> f64 {
         self.covariance[(place, place)].max(0.0).sqrt()
@@ -227,6 +234,7 @@ pub fn identify_from(
     let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);
     let structure = Structure::of(&problem, &solution.offsets);
+    let geometry = problem.geometry(&solution.offsets);
     Calibration {
         freedom,
         unknowns: problem.unknowns().to_vec(),
@@ -236,7 +244,8 @@ pub fn identify_from(
             .map(|&p| (p > 0.0).then(|| p.sqrt().recip()))
             .collect(),
         covariance: covariance(&problem, &solution, nominal_structure.rank),
-        geometry: problem.geometry(&solution.offsets),
+        chain: arm.chain().with_offsets(&geometry),
+        geometry,
         frames: problem.frames(&solution.offsets),
         nominal_structure,
         structure,

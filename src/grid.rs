@@ -31,7 +31,7 @@ pub use node::{GridStation, PlacedGrid, Reach, Refusal};
 pub use settings::GridSettings;
 
 use crate::figures::Figures;
-use crate::fit::ErrorModel;
+use crate::fit::ToolErrors;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
 
@@ -193,10 +193,10 @@ pub enum GridError {
 pub struct GridInput<'a> {
     /// The stations, with their errors and folds.
     pub stations: &'a [GridStation],
-    /// For each fold, a model that did not see its stations.
-    pub folds: &'a [&'a dyn ErrorModel],
-    /// The model of all stations, for the published table.
-    pub model: &'a dyn ErrorModel,
+    /// For each fold, the errors by a model that did not see its stations.
+    pub folds: &'a [ToolErrors<'a>],
+    /// The errors by the model of all stations, for the published table.
+    pub model: ToolErrors<'a>,
     /// Expanded uncertainty (k = 2) of the measurement that judges, mm: verdicts are guarded by it.
     pub guard_mm: f64,
 }
@@ -208,7 +208,7 @@ impl Grids {
         &mut self,
         session: &str,
         stations: &[GridStation],
-        model: &dyn ErrorModel,
+        model: &ToolErrors<'_>,
         tolerance: &Tolerance,
     ) -> &Judged {
         let held_out = self.table.judged_by(stations, model);

@@ -53,9 +53,11 @@
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
 //!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that measures distances has no place yet: a
 //!   station has one measured point or pose ([`join::Attained`]).
-//! - *A model*: a further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
-//!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]). A model of another kind implements
-//!   [`fit::ErrorModel`] for grids and compensation, and is a variant of [`report::Model`] for figures and tables.
+//! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
+//!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
+//!   `schemas/` (`accuracy`, `residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
+//!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
+//!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
 //! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].

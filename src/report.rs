@@ -20,34 +20,9 @@ use std::collections::BTreeSet;
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use crate::figures::{Counted, Figures, PoseErrors};
+pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
 use tip::Turn;
-
-/// The models that are held side by side.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Model {
-    /// The command as it is, where command and target are one point and the base is surveyed or said to be fitted.
-    RawCommand,
-    /// The nominal arm, base and target fitted.
-    BaseTarget,
-    /// The identified geometry.
-    Geometric,
-    /// The whole error model.
-    Full,
-    /// The chosen compensation table.
-    Table,
-}
-
-/// The joint angles a prediction was given.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Angles {
-    /// As the controller reported them.
-    Reported,
-    /// Between reported and commanded, as the model finds.
-    Blended,
-    /// As commanded: all an off-line programmer has.
-    Commanded,
-}
 
 /// How stations that judge were kept from training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

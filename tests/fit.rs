@@ -12,7 +12,7 @@ use posegrid::kinematics::Arm;
 fn held_out(arm: &Arm, train: &[Observation], test: &[Observation], freedom: Freedom) -> Figures {
     let calibration =
         fit::identify(arm, train, 1, freedom, &FitSettings::default()).expect("a fit");
-    let chain = calibration.chain(arm);
+    let chain = &calibration.chain;
     let frames = calibration.frames[0];
     println!(
         "{frames:?} {:?} {:?}",

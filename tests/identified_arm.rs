@@ -8,7 +8,7 @@ use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJ
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{self, FitSettings, TrainingSettings};
+use posegrid::fit::{self, FitSettings, Model, TrainingSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::kinematics::Arm;
 use posegrid::simulate::{Poses, SimulateSettings, Simulated, simulate};
@@ -60,8 +60,9 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
         frames: models.base_target.frames[0],
         flange_from_tool: Transform::claim(tool),
         command_from_base: Transform::identity(),
-        model: ArmModel::Full {
-            model: Box::new(models.full.expect("a whole model")),
+        model: ArmModel {
+            model: Model::Full,
+            predicts: Box::new(models.full.expect("a whole model")),
             session: 0,
         },
         measured: radians(LOWER_DEG)

@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use posegrid::figures::{Coverage, Figures, share_interval};
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::{FitSettings, KnownTarget, Observation, start};
-use posegrid::grid::judge::by_nodes;
+use posegrid::grid::judge::{NodeError, by_nodes};
 use posegrid::grid::{GridStation, TableNode, Verdict};
 use posegrid::ingest::Recording;
 use posegrid::kinematics::Arm;
@@ -379,10 +379,10 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
     let table = &found.grids.table;
     let placed = placer.grid(table.lattice, table.orientation);
     let error = |node: &TableNode| {
-        node.error
-            .map_or_else(|_| Vector3::zeros(), |(error, _)| error)
+        let error = node.error.map(|(error, _)| error);
+        Ok(error.unwrap_or_else(|_| Vector3::zeros()))
     };
-    let errors: Vec<Vector3<f64>> = table.nodes.iter().map(error).collect();
+    let errors: Vec<NodeError> = table.nodes.iter().map(error).collect();
     let another_day = SimulateSettings {
         seed: 80_000 + number,
         ..cell

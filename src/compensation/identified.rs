@@ -9,14 +9,15 @@
 //!    ([`crate::method::compensation`]), just as for the nodes of a grid: what both say at a node is the same;
 //! 4. the error's covariance at the joint command is that of the correction.
 
+use std::any::Any;
+
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
 use super::fixed_point::settle;
 use super::pose::{Poses, Wanted};
 use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
-use crate::fit::full::FullModel;
-use crate::fit::{ErrorModel, Frames, Gauge, IdentifiedGeometry, Predictor, ToolErrors};
+use crate::fit::{Frames, Gauge, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
@@ -48,30 +49,22 @@ pub struct IdentifiedArm {
     pub validity: Validity,
 }
 
-/// The best model that a run has of an arm.
+/// A model that a run has of an arm.
 #[derive(Debug)]
-pub enum ArmModel {
-    /// The whole error model.
-    Full {
-        /// The model.
-        model: Box<FullModel>,
-        /// The session in whose gauge errors are stated.
-        session: usize,
-    },
-    /// The identified geometry.
-    Geometric(IdentifiedGeometry),
+pub struct ArmModel {
+    /// Which of the registry it is.
+    pub model: Model,
+    /// What predicts.
+    pub predicts: Box<dyn PoseModel>,
+    /// The session in whose gauge errors are stated: its place in the model.
+    pub session: usize,
 }
 
 impl ArmModel {
-    /// What predicts, for the errors of a gauge.
-    pub fn predictor(&self) -> Predictor<'_> {
-        match self {
-            Self::Full { model, session } => Predictor::Full {
-                model,
-                session: *session,
-            },
-            Self::Geometric(geometry) => Predictor::Geometric(geometry.clone()),
-        }
+    /// The model as what it is, for what is asked of one kind of model alone; `None` where it is another.
+    pub fn is<M: PoseModel>(&self) -> Option<&M> {
+        let any: &dyn Any = &*self.predicts;
+        any.downcast_ref()
     }
 }
 
@@ -91,12 +84,12 @@ impl IdentifiedArm {
         allow: Option<Exception>,
     ) -> Vec<Result<Corrected, Refused>> {
         let gauge = self.gauge();
-        let errors = ToolErrors::new(self.model.predictor(), &gauge);
+        let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &gauge);
         let reach = Reach::new(&self.arm, *self.flange_from_tool.isometry());
         let poses = Poses::new(self, &gauge, &reach);
         let correction = Correction {
             identified: self,
-            errors: &errors,
+            errors,
             reach: &reach,
             allow,
         };
@@ -135,7 +128,7 @@ impl IdentifiedArm {
 /// Corrections of one arm.
 struct Correction<'a> {
     identified: &'a IdentifiedArm,
-    errors: &'a dyn ErrorModel,
+    errors: ToolErrors<'a>,
     reach: &'a Reach<'a>,
     allow: Option<Exception>,
 }
@@ -152,10 +145,12 @@ impl Correction<'_> {
         let settled = settle(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
             joints = self.reach.solve(&pose, &joints)?;
-            Ok((self.errors.error(&joints), joints.clone()))
+            let error = self.errors.error(&joints).map_err(Reason::at_target)?;
+            Ok((error, joints.clone()))
         })?;
         let at_command = self.exception(&settled.found)?;
-        let (_, covariance) = self.errors.error_with_covariance(&settled.found);
+        let error = self.errors.error_with_covariance(&settled.found);
+        let (_, covariance) = error.map_err(Reason::at_target)?;
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();

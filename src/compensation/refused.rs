@@ -1,9 +1,8 @@
 //! Why a target is not corrected, by how much, and what to try.
 
-use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
-use crate::grid::Refusal;
+use crate::fit::Gap;
 use crate::kinematics::InverseError;
 
 /// A target without a corrected command.
@@ -150,34 +149,21 @@ pub enum Reason {
     },
 }
 
-/// Why a table has no error at a position.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum Gap {
-    /// The position is not in the table's box.
-    #[error("lies {} the table's box", beyond(beyond_mm))]
-    Outside {
-        /// From the nearest point of the box to the position, in the frame of commands, mm.
-        beyond_mm: Vector3<f64>,
-    },
-    /// A node of the position's cell has no value.
-    #[error("lies in a cell whose node {node} at ({:.3}, {:.3}, {:.3}) mm has no value: {}", at.x, at.y, at.z, words(*why))]
-    Node {
-        /// The node's number in the table.
-        node: usize,
-        /// Where the node is, in the frame of commands, mm.
-        at: Point3<f64>,
-        /// Why it has no value.
-        why: Refusal,
-    },
-    /// The cell's nodes are reached in ways too different to interpolate between.
-    #[error(
-        "lies in a cell with no values between its nodes: {}",
-        words(Refusal::Branches)
-    )]
-    Branches,
-}
-
 impl Reason {
+    /// Why a model has no prediction at the target itself.
+    pub(super) const fn at_target(gap: Gap) -> Self {
+        match gap {
+            Gap::Orientation {
+                angle_deg,
+                limit_deg,
+            } => Self::Orientation {
+                angle_deg,
+                limit_deg,
+            },
+            gap => Self::Target(gap),
+        }
+    }
+
     /// The word for tables.
     pub const fn name(&self) -> &'static str {
         match self {
@@ -199,41 +185,5 @@ impl Reason {
             Self::Tool { .. } => "tool",
             Self::NoConvergence { .. } => "no_convergence",
         }
-    }
-}
-
-impl Gap {
-    const fn name(&self) -> &'static str {
-        match self {
-            Self::Outside { .. } => "outside",
-            Self::Node { .. } => "refused_node",
-            Self::Branches => "branches",
-        }
-    }
-}
-
-/// Less than this beyond the box along an axis is rounding, mm.
-const ROUNDING_MM: f64 = 1e-9;
-
-fn beyond(beyond_mm: &Vector3<f64>) -> String {
-    let part = |(axis, mm): (char, &f64)| {
-        let sign = if *mm < 0.0 { '−' } else { '+' };
-        (mm.abs() > ROUNDING_MM).then(|| format!("{:.4} mm along {sign}{axis}", mm.abs()))
-    };
-    let parts: Vec<String> = "xyz"
-        .chars()
-        .zip(beyond_mm.iter())
-        .filter_map(part)
-        .collect();
-    format!("{} beyond", parts.join(" and "))
-}
-
-const fn words(refusal: Refusal) -> &'static str {
-    match refusal {
-        Refusal::OutOfReach => "the arm does not reach it within its joint limits",
-        Refusal::Singularity => "the arm is at a singularity there",
-        Refusal::OtherConfiguration => "the arm reaches it in another configuration only",
-        Refusal::Unmeasured => "no station was measured at it",
-        Refusal::Branches => "the arm stands there on different branches of its joint angles",
     }
 }

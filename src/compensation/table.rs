@@ -4,14 +4,17 @@
 //! is `Σ w_i C_i`: node errors come from one model and are alike, how much is not in the table, and as the weights are
 //! positive and sum to one this is an upper bound of the covariance of `ê` whatever their correlation (Jensen).
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-use super::{Gap, Reason, Target, Validity};
+use super::{Reason, Target, Validity};
+use crate::fit::model::{Open, Spread};
+use crate::fit::{At, Frames, Gap, PoseModel, Prediction};
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
 use crate::grid::{self, Interpolation, Lattice, Refusal};
+use crate::kinematics::Arm;
 
 /// What a table says of itself beside its nodes.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,11 +101,15 @@ impl Terms {
             });
         }
         self.validity.admit(target)?;
-        let angle = target
-            .orientation
-            .map_or(0.0, |turned| self.orientation.angle_to(&turned));
+        let turned = self.serves(target.orientation.as_ref());
+        turned.map_err(Reason::at_target)
+    }
+
+    /// Whether a tool's orientation, where it is stated, is near enough to the table's.
+    fn serves(&self, orientation: Option<&UnitQuaternion<f64>>) -> Result<(), Gap> {
+        let angle = orientation.map_or(0.0, |turned| self.orientation.angle_to(turned));
         if angle > self.orientation_tolerance_rad {
-            return Err(Reason::Orientation {
+            return Err(Gap::Orientation {
                 angle_deg: angle.to_degrees(),
                 limit_deg: self.orientation_tolerance_rad.to_degrees(),
             });
@@ -256,5 +263,43 @@ impl CompensationTable {
         Gap::Outside {
             beyond_mm: self.command_from_base.isometry().rotation * beyond,
         }
+    }
+}
+
+impl PoseModel for CompensationTable {
+    /// None: a table knows the frame of commands and no tracker.
+    fn frames(&self) -> &[Frames] {
+        &[]
+    }
+
+    fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
+        let At::Tool {
+            position,
+            orientation,
+        } = at
+        else {
+            return Err(Gap::NoPosition);
+        };
+        self.terms.serves(orientation.as_ref())?;
+        let found = self.error_at(&Position::claim(*position))?;
+        Ok(Prediction {
+            position: position + found.error,
+            flange: orientation.unwrap_or(self.terms.orientation),
+            error: Some(found.error),
+            open: Some(Open {
+                rows: DMatrix::zeros(3, 0),
+                alone: found.covariance,
+            }),
+        })
+    }
+
+    fn spread(&self, _: usize, prediction: &Prediction) -> Spread {
+        let open = prediction.open.as_ref();
+        Spread::Of(open.map_or_else(Matrix3::zeros, |open| open.alone))
+    }
+
+    /// None: its nodes are rows of a table of their own.
+    fn saved(&self, _: &Arm, _: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        None
     }
 }

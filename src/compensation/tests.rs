@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::fit::model::{Known as Angles, Query};
 use crate::geometry::{Base, Transform};
 use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
@@ -98,6 +99,41 @@ fn a_linear_field_is_undone_exactly() {
     assert!((found.correction - (expected - Vector3::new(751.0, 20.0, 450.0))).norm() < 1e-8);
     // 1 mm shrinks by 0.002 an iteration: 1, 2e-3, 5e-6, 1e-8 mm, the last below a nanometre and a half.
     assert_eq!(found.iterations, 4);
+}
+
+#[test]
+fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_nothing_else() {
+    let table = table(Interpolation::Trilinear, stretch);
+    let at = |x: f64, turned_deg: f64| At::Tool {
+        position: Point3::new(x, 20.0, 450.0),
+        orientation: Some(UnitQuaternion::from_scaled_axis(
+            Vector3::z() * turned_deg.to_radians(),
+        )),
+    };
+    let found = table.predict(&at(751.0, 4.0)).unwrap();
+    let expected = stretch(&Point3::new(751.0, 20.0, 450.0));
+    assert!((found.error.unwrap() - expected).norm() < 1e-12);
+    assert!((found.position - Point3::new(751.0, 20.0, 450.0) - expected).norm() < 1e-12);
+    // Eight positive weights that sum to one: the variance of every node.
+    let covariance = table.spread(0, &found).covariance();
+    assert!((covariance - Matrix3::identity() * 0.0004).abs().max() < 1e-15);
+    assert!(matches!(
+        table.predict(&at(751.0, 6.0)),
+        Err(Gap::Orientation { angle_deg, limit_deg }) if (angle_deg - 6.0).abs() < 1e-9 && (limit_deg - 5.0).abs() < 1e-9
+    ));
+    assert!(matches!(
+        table.predict(&at(901.0, 0.0)),
+        Err(Gap::Outside { .. })
+    ));
+    let joints = At::Joints(Query {
+        axes: &[0.1; 6],
+        known: Angles::Commanded,
+        lever: Vector3::zeros(),
+        session: 0,
+        own: true,
+        station: None,
+    });
+    assert!(matches!(table.predict(&joints), Err(Gap::NoPosition)));
 }
 
 #[test]

@@ -36,7 +36,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 
 use rayon::prelude::*;
 
-use super::commanded::Shortfall;
+pub use super::model::{Known, Query};
 use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
 use super::scale::ScaleEvidence;
@@ -108,57 +108,6 @@ impl Ready {
         Self {
             curves: Tabulated::new(layout, mean, chains.len()),
             chains,
-        }
-    }
-}
-
-/// What the axis variables of a query are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Known<'q> {
-    /// Reported angles, the command not known.
-    Reported,
-    /// Reported angles, with what they fell short of the command.
-    Both(&'q Shortfall),
-    /// Commanded angles: all an off-line programmer has.
-    Commanded,
-}
-
-/// A pose to predict at.
-#[derive(Debug, Clone, Copy)]
-pub struct Query<'q> {
-    /// Axis variables, rad.
-    pub axes: &'q [f64],
-    /// What the axis variables are.
-    pub known: Known<'q>,
-    /// From the target to the predicted point, along the flange's axes, mm.
-    pub lever: Vector3<f64>,
-    /// The session whose frames are used.
-    pub session: usize,
-    /// Whether the session's own parts apply (base as fitted, drift, scale, changes); otherwise the base is the nominal one and
-    /// predictions are those for any session.
-    pub own: bool,
-    /// The station's number, for drift, warm-up and the session's scale; `None` for a command that is given some day.
-    pub station: Option<usize>,
-}
-
-impl<'q> Known<'q> {
-    /// All that is known of a station.
-    pub fn of(observation: &'q Observation) -> Self {
-        let shortfall = observation.shortfall.as_ref();
-        shortfall.map_or(Self::Reported, Self::Both)
-    }
-}
-
-impl<'q> Query<'q> {
-    /// The measured target at a station of a session that the model was trained on, with all that is known of it.
-    pub fn of(observation: &'q Observation) -> Self {
-        Self {
-            axes: &observation.axes,
-            known: Known::of(observation),
-            lever: Vector3::zeros(),
-            session: observation.session,
-            own: true,
-            station: Some(observation.station),
         }
     }
 }

@@ -4,19 +4,11 @@
 //! controller's tool point follows from it by the lever between the two, turned as the flange really is where the
 //! target's orientation was measured, and as the nominal arm says where it was not.
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use super::problem::Frames;
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
-
-/// What predicts the error of the tool point at given joint angles.
-pub trait ErrorModel: Sync {
-    /// Attained minus commanded position of the tool point in the base frame, mm.
-    fn error(&self, joints: &[f64]) -> Vector3<f64>;
-    /// The same with its covariance, mm².
-    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>);
-}
 
 /// The gauge of one session.
 #[derive(Debug, Clone)]

@@ -1,12 +1,13 @@
-//! The models that are held side by side, trained on the same observations.
+//! Models that are held side by side, trained on the same observations.
 
-use nalgebra::{Matrix3, Point3, UnitVector3, Vector3};
+use nalgebra::UnitVector3;
 
-use super::full::{FullModel, FullSettings, Known, Query};
-use super::gauge::{ErrorModel, Gauge};
+use super::full::{FullModel, FullSettings};
+use super::model::PoseModel;
 use super::observation::Observation;
-use super::{Calibration, FitError, FitSettings, Frames, Freedom, identify_from, start};
-use crate::kinematics::{Arm, Chain};
+use super::registry::{Made, Model};
+use super::{Calibration, FitError, FitSettings, Freedom, identify_from, start};
+use crate::kinematics::Arm;
 
 /// What a training is set to.
 #[derive(Debug, Clone, Copy)]
@@ -19,7 +20,7 @@ pub struct TrainingSettings<'s> {
     pub up: Option<UnitVector3<f64>>,
 }
 
-/// Base + target, geometry and the whole error model of the same observations.
+/// The models of one training.
 #[derive(Debug)]
 pub struct Models {
     /// The nominal arm, base and target fitted: the gauge of errors.
@@ -28,9 +29,22 @@ pub struct Models {
     pub geometric: Calibration,
     /// The whole error model, unless it is switched off or could not be factored.
     pub full: Option<FullModel>,
+    /// Those made on top of these, where they were asked for.
+    pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
 }
 
-/// Trains all models on the observations of `sessions` sessions.
+/// What a model that is made on top of others is made from.
+#[derive(Debug, Clone, Copy)]
+pub struct Training<'t> {
+    /// The nominal arm.
+    pub arm: &'t Arm,
+    /// The stations.
+    pub observations: &'t [Observation],
+    /// The models that every training makes.
+    pub models: &'t Models,
+}
+
+/// Trains base + target, geometry and the whole error model on the observations of `sessions` sessions.
 pub fn train(
     arm: &Arm,
     observations: &[Observation],
@@ -64,121 +78,49 @@ pub fn train(
         base_target,
         geometric,
         full,
+        on_top: Vec::new(),
     })
 }
 
-/// The geometry that one session identified, in its own frames.
-#[derive(Debug, Clone)]
-pub struct IdentifiedGeometry {
-    /// The identified chain from base to flange.
-    pub chain: Chain,
-    /// The frames that belong to it.
-    pub frames: Frames,
-    /// Root mean square of measured minus predicted, per axis, mm.
-    pub misfit_mm: f64,
+/// Trains every model of the registry on the observations of `sessions` sessions.
+pub fn train_all(
+    arm: &Arm,
+    observations: &[Observation],
+    sessions: usize,
+    settings: &TrainingSettings<'_>,
+) -> Result<Models, FitError> {
+    let mut models = train(arm, observations, sessions, settings)?;
+    let training = Training {
+        arm,
+        observations,
+        models: &models,
+    };
+    let on_top = |model: &Model| match model.about().made {
+        Made::OnTop(make) => Some((*model, make(&training)?)),
+        Made::Elsewhere | Made::Always(_) => None,
+    };
+    models.on_top = Model::ALL.iter().filter_map(on_top).collect();
+    Ok(models)
 }
 
-/// What predicts where the target is attained in one session, from commanded angles.
-#[derive(Debug)]
-pub enum Predictor<'m> {
-    /// The whole error model.
-    Full {
-        /// The model.
-        model: &'m FullModel,
-        /// The session's place in it.
-        session: usize,
-    },
-    /// The identified geometry, where there is no whole model.
-    Geometric(IdentifiedGeometry),
-}
-
-impl<'m> Predictor<'m> {
-    /// The best of `models` for `session`.
-    pub fn of(models: &'m Models, arm: &Arm, session: usize) -> Self {
-        let geometric = &models.geometric;
-        models.full.as_ref().map_or_else(
-            || {
-                Self::Geometric(IdentifiedGeometry {
-                    chain: geometric.chain(arm),
-                    frames: geometric.frames[session],
-                    misfit_mm: geometric.misfit_mm,
-                })
-            },
-            |model| Self::Full { model, session },
-        )
-    }
-}
-
-/// Errors of the tool point as a model predicts them, from commanded angles, in a session's gauge.
-#[derive(Debug)]
-pub struct ToolErrors<'m> {
-    predictor: Predictor<'m>,
-    gauge: &'m Gauge<'m>,
-}
-
-impl<'m> ToolErrors<'m> {
-    /// The errors that `predictor` sees in its session's `gauge`.
-    pub const fn new(predictor: Predictor<'m>, gauge: &'m Gauge<'m>) -> Self {
-        Self { predictor, gauge }
-    }
-
-    fn query<'q>(&self, axes: &'q [f64], session: usize) -> Query<'q> {
-        Query {
-            axes,
-            known: Known::Commanded,
-            lever: self.gauge.lever(),
-            session,
-            own: true,
-            station: None,
-        }
-    }
-
-    /// A point in the tracker's frame as an error in the gauge.
-    fn in_gauge(&self, joints: &[f64], tool: &Point3<f64>) -> Vector3<f64> {
-        let base = self.gauge.frames().tracker_from_base.isometry();
-        base.inverse_transform_point(tool).coords
-            - self.gauge.nominal_tool(joints).translation.vector
-    }
-
-    /// The predicted tool point in the tracker's frame.
-    fn tool(&self, axes: &[f64]) -> Point3<f64> {
-        match &self.predictor {
-            Predictor::Full { model, session } => model.position(&self.query(axes, *session)),
-            Predictor::Geometric(arm) => {
-                let target = arm.frames.flange_from_target.isometry().translation.vector;
-                let at_flange = Point3::from(target + self.gauge.lever());
-                arm.frames.tracker_from_base.isometry() * arm.chain.nominal(axes) * at_flange
+impl Models {
+    /// A model by its place in the registry; `None` where this training has none.
+    pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
+        match model.about().made {
+            Made::Elsewhere => None,
+            Made::Always(of) => of(self),
+            Made::OnTop(_) => {
+                let made = self.on_top.iter().find(|(own, _)| *own == model);
+                made.map(|(_, model)| &**model)
             }
         }
     }
-}
 
-impl ErrorModel for ToolErrors<'_> {
-    fn error(&self, joints: &[f64]) -> Vector3<f64> {
-        self.in_gauge(joints, &self.tool(&self.gauge.arm().axes(joints)))
-    }
-
-    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
-        let (model, session) = match &self.predictor {
-            Predictor::Full { model, session } => (model, *session),
-            // What the geometry cannot explain is its error's variance, the same along each axis.
-            Predictor::Geometric(arm) => {
-                let variance = Matrix3::identity() * arm.misfit_mm.powi(2);
-                return (self.error(joints), variance);
-            }
-        };
-        let axes = self.gauge.arm().axes(joints);
-        let predicted = model.predict(&self.query(&axes, session));
-        let base = self.gauge.frames().tracker_from_base.isometry().rotation;
-        let rotation = base.to_rotation_matrix();
-        // A command is given some day: where the base then stands is not known.
-        let drift = Matrix3::identity() * model.any_time_variance();
-        // And by which scale it was told: corrections are those of the mean scale of all sessions.
-        let scale = model.any_scale_covariance(session, &predicted.position);
-        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing + drift + scale;
-        (
-            self.in_gauge(joints, &predicted.position),
-            rotation.transpose() * covariance * rotation,
-        )
+    /// The best model for grids and compensation: the whole one, or without it the geometry.
+    pub fn best(&self) -> (Model, &dyn PoseModel) {
+        let mut serving = Model::serving().filter_map(|model| Some((model, self.get(model)?)));
+        serving
+            .next()
+            .unwrap_or((Model::Geometric, &self.geometric))
     }
 }

@@ -64,6 +64,11 @@ pub enum SavedError {
         /// What is wrong with it.
         problem: &'static str,
     },
+    /// A geometry of which is not known how well it fits.
+    #[error(
+        "the saved model has no covariance of its own, and no misfit (misfit_mm) stands beside it"
+    )]
+    NoMisfit,
     /// Joints that make no arm.
     #[error("the saved model is damaged: {0}")]
     Arm(#[from] ArmError),
@@ -81,6 +86,22 @@ pub struct SavedArm {
     pub axes_from_joints: Vec<Vec<f64>>,
     /// The chain from base to flange, on axis variables.
     pub elements: Vec<SavedElement>,
+}
+
+/// What every saved model says first: what it is of.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct SavedHead {
+    /// The nominal arm.
+    pub arm: SavedArm,
+    /// The frames of each session.
+    pub sessions: Vec<SavedSession>,
+}
+
+impl SavedHead {
+    /// Reads what a JSON text is of, whichever model it is.
+    pub fn read(text: &str) -> Result<Self, SavedError> {
+        read(text)
+    }
 }
 
 /// One joint.

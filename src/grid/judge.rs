@@ -14,7 +14,7 @@ use super::interpolation::Interpolation;
 use super::lattice::InCell;
 use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use crate::figures::{Counted, PoseErrors};
-use crate::fit::ErrorModel;
+use crate::fit::ToolErrors;
 
 /// Errors that are left on held-out stations, and the stations that could not be judged.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -75,6 +75,27 @@ impl HeldOut {
         self.left.push(left);
         self.uncorrected.push(station.error.norm());
         self.blocks.insert(station.fold);
+    }
+
+    /// Adds what a table `found` at a station beside what `model` predicts there; or counts why there is nothing to add.
+    pub(super) fn add_found(
+        &mut self,
+        station: &GridStation,
+        found: Option<NodeError>,
+        model: &ToolErrors<'_>,
+    ) {
+        let Some(found) = found else {
+            self.outside += 1;
+            return;
+        };
+        let predicted = |interpolated| {
+            let error = model.error(&station.joints);
+            Ok((interpolated, error.map_err(|gap| gap.refusal())?))
+        };
+        match found.and_then(predicted) {
+            Err(refusal) => *self.refused.entry(refusal).or_default() += 1,
+            Ok((interpolated, predicted)) => self.add_beside(station, &interpolated, &predicted),
+        }
     }
 
     /// Adds the same beside what the model predicts without a grid.
@@ -160,7 +181,7 @@ pub fn local_cells(reach: &Reach<'_>, stations: &[GridStation], step: [f64; 3]) 
 pub fn by_local_cell(
     stations: &[GridStation],
     cells: &[LocalCell],
-    folds: &[&dyn ErrorModel],
+    folds: &[ToolErrors<'_>],
     step: &[f64; 3],
     interpolation: Interpolation,
     power: f64,
@@ -168,11 +189,16 @@ pub fn by_local_cell(
     let interpolated = |(station, cell): (&GridStation, &LocalCell)| {
         let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
         let weights = interpolation.weights(&cell.fraction, step, power);
-        let errors = vertices
-            .iter()
-            .map(|joints| folds[station.fold].error(joints));
-        let errors = errors.zip(weights).map(|(error, weight)| error * weight);
-        Ok([errors.sum(), folds[station.fold].error(&station.joints)])
+        let error = |joints: &Vec<f64>| {
+            let error = folds[station.fold].error(joints);
+            error.map_err(|gap| gap.refusal())
+        };
+        let errors = vertices.iter().zip(weights);
+        let errors = errors.map(|(joints, weight)| Ok(error(joints)? * weight));
+        Ok([
+            errors.sum::<Result<Vector3<f64>, Refusal>>()?,
+            error(&station.joints)?,
+        ])
     };
     let found: Vec<Result<[Vector3<f64>; 2], Refusal>> =
         stations.par_iter().zip(cells).map(interpolated).collect();
@@ -193,7 +219,7 @@ pub fn by_table(
     stations: &[GridStation],
     grid: &PlacedGrid,
     like: impl Fn(&GridStation) -> bool,
-    folds: &[&dyn ErrorModel],
+    folds: &[ToolErrors<'_>],
     interpolation: Interpolation,
     power: f64,
 ) -> HeldOut {
@@ -203,9 +229,9 @@ pub fn by_table(
         used.dedup();
         used
     };
-    let tables: BTreeMap<usize, Vec<Vector3<f64>>> = used
+    let tables: BTreeMap<usize, Vec<NodeError>> = used
         .into_iter()
-        .map(|fold| (fold, node_errors(grid, folds[fold])))
+        .map(|fold| (fold, node_errors(grid, &folds[fold])))
         .collect();
     let mut held_out = HeldOut::default();
     for station in stations {
@@ -213,28 +239,25 @@ pub fn by_table(
             held_out.unlike += 1;
             continue;
         }
-        match by_nodes(
+        let found = by_nodes(
             grid,
             &tables[&station.fold],
             &station.position,
             interpolation,
             power,
-        ) {
-            None => held_out.outside += 1,
-            Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
-            Some(Ok(interpolated)) => {
-                let predicted = folds[station.fold].error(&station.joints);
-                held_out.add_beside(station, &interpolated, &predicted);
-            }
-        }
+        );
+        held_out.add_found(station, found, &folds[station.fold]);
     }
     held_out
 }
 
+/// The error at a node, base frame, mm, or why there is none.
+pub type NodeError = Result<Vector3<f64>, Refusal>;
+
 /// The error at a point by those at the nodes; `None` outside the grid, or why its cell cannot serve.
 pub fn by_nodes(
     grid: &PlacedGrid,
-    errors: &[Vector3<f64>],
+    errors: &[NodeError],
     point: &Point3<f64>,
     interpolation: Interpolation,
     power: f64,
@@ -243,23 +266,26 @@ pub fn by_nodes(
         let weights = interpolation.weights(&cell.fraction, &grid.lattice.step, power);
         let weighted = cell.vertices.iter().zip(weights);
         weighted
-            .map(|(&vertex, weight)| errors[vertex] * weight)
+            .map(|(&vertex, weight)| Ok(errors[vertex]? * weight))
             .sum()
     };
-    Some(grid.cell(point)?.map(interpolated))
+    Some(grid.cell(point)?.and_then(interpolated))
 }
 
-/// The model's error at every node; zero where the node was refused, which no usable cell touches.
-pub fn node_errors(grid: &PlacedGrid, model: &dyn ErrorModel) -> Vec<Vector3<f64>> {
-    let value = |joints: &Result<Vec<f64>, Refusal>| {
-        joints
-            .as_ref()
-            .map_or_else(|_| Vector3::zeros(), |q| model.error(q))
+/// The model's error at every node.
+pub fn node_errors(grid: &PlacedGrid, model: &ToolErrors<'_>) -> Vec<NodeError> {
+    let nodes = || grid.nodes.iter().map(|node| node.joints.as_deref());
+    let mut found = model
+        .errors(&nodes().flatten().collect::<Vec<_>>())
+        .into_iter();
+    let error = |joints: Result<&[f64], &Refusal>| {
+        joints.map_err(|refusal| *refusal)?;
+        let found = found
+            .next()
+            .expect("an error for each node with joint angles");
+        found.map_err(|gap| gap.refusal())
     };
-    grid.nodes
-        .par_iter()
-        .map(|node| value(&node.joints))
-        .collect()
+    nodes().map(error).collect()
 }
 
 /// A place in the unit cell, different for each station and evenly spread over all (Halton 1960, bases 2, 3, 5).

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::lattice::{InCell, Lattice};
 use crate::fit::Gauge;
+pub use crate::fit::Refusal;
 use crate::join::Station;
 use crate::kinematics::{
     Arm, Configuration, InverseError, InverseSettings, SingularityFactors, inverse,
@@ -67,34 +68,6 @@ impl GridStation {
         self.another_day
             .iter()
             .map(move |moved| (left + moved).norm())
-    }
-}
-
-/// Why a node or a cell has no value.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Refusal {
-    /// The arm does not reach it, or only beyond a joint limit.
-    OutOfReach,
-    /// It lies at a singularity or across one.
-    Singularity,
-    /// The arm would reach it in another configuration only.
-    OtherConfiguration,
-    /// No station was measured at it.
-    Unmeasured,
-    /// Its vertices are on different branches of the joint angles.
-    Branches,
-}
-
-impl Refusal {
-    /// The word for tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::OutOfReach => "out_of_reach",
-            Self::Singularity => "singularity",
-            Self::OtherConfiguration => "other_configuration",
-            Self::Unmeasured => "unmeasured",
-            Self::Branches => "branches",
-        }
     }
 }
 

@@ -9,7 +9,7 @@ use super::measured::MeasuredGrid;
 use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
 use super::settings::{GridPlan, GridSettings};
 use super::{GridError, GridInput, Judged, Source, Table, TableNode};
-use crate::fit::ErrorModel;
+use crate::fit::ToolErrors;
 
 /// The nodes of the chosen row, with their values and covariances.
 pub(super) fn table(
@@ -39,20 +39,14 @@ pub(super) fn table(
 
 impl Table {
     /// Judges the table by stations of another session, beside what the model predicts there.
-    pub(super) fn judged_by(&self, stations: &[GridStation], model: &dyn ErrorModel) -> HeldOut {
+    pub(super) fn judged_by(&self, stations: &[GridStation], model: &ToolErrors<'_>) -> HeldOut {
         let mut held_out = HeldOut::default();
         for station in stations {
             if !self.is_like(station) {
                 held_out.unlike += 1;
                 continue;
             }
-            match self.error_at(&station.position) {
-                None => held_out.outside += 1,
-                Some(Err(refusal)) => *held_out.refused.entry(refusal).or_default() += 1,
-                Some(Ok(interpolated)) => {
-                    held_out.add_beside(station, &interpolated, &model.error(&station.joints));
-                }
-            }
+            held_out.add_found(station, self.error_at(&station.position), model);
         }
         held_out
     }
@@ -100,15 +94,21 @@ fn model_nodes(
         Lattice::new(&plan.bounds, [step_mm; 3]).ok_or_else(|| plan.too_large(step_mm))?;
     let grid = PlacedGrid::new(reach, lattice, plan.orientation, like);
     let nodes = grid.nodes.into_par_iter().map(|node| TableNode {
-        error: node
-            .joints
-            .as_ref()
-            .map(|joints| input.model.error_with_covariance(joints))
-            .map_err(|refusal| *refusal),
+        error: error_at(&input.model, &node.joints),
         joints: node.joints,
         nearest_mm: node.nearest_mm,
     });
     Ok((lattice, nodes.collect()))
+}
+
+/// The model's error at the joint angles of a node, with its covariance, or why there is none.
+fn error_at(
+    model: &ToolErrors<'_>,
+    joints: &Result<Vec<f64>, Refusal>,
+) -> Result<(Vector3<f64>, Matrix3<f64>), Refusal> {
+    let joints = joints.as_ref().map_err(|refusal| *refusal)?;
+    let error = model.error_with_covariance(joints);
+    error.map_err(|gap| gap.refusal())
 }
 
 fn measured_nodes(

@@ -2,7 +2,7 @@
 //!
 //! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
 //! 2. The row `base_target` has the nominal arm and the frames that are the gauge of errors: those of the last session.
-//! 3. The row `full` has the model that predicts; without one it is the geometry of row `geometric`.
+//! 3. The best model that there is a row of predicts ([`Model::serving`]): `full`, or without it `geometric`.
 //! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
 
 use std::path::{Path, PathBuf};
@@ -15,10 +15,8 @@ use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Table};
 use crate::compensation::{ArmModel, IdentifiedArm};
-use crate::fit::IdentifiedGeometry;
-use crate::fit::full::FullModel;
-use crate::fit::full::saved::SavedFull;
-use crate::fit::saved::{SavedArm, SavedCalibration, SavedError, SavedSession};
+use crate::fit::Model;
+use crate::fit::saved::{SavedError, SavedHead, SavedSession};
 use crate::manifest::RunKey;
 
 /// An identified arm as a run published it.
@@ -76,36 +74,31 @@ pub enum CalibrationsTableError {
 
 /// Reads the arm that a run identified, with the best model it has.
 pub fn read(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_model(path, Wanted::Best)
+    read_model(path, &Model::serving().collect::<Vec<_>>())
 }
 
 /// Reads the arm that a run identified, with the geometry alone.
 pub fn read_geometry(path: &Path) -> Result<PublishedArm, CalibrationsTableError> {
-    read_model(path, Wanted::Geometry)
+    read_model(path, &[Model::Geometric])
 }
 
-/// Which model of a run is wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Wanted {
-    Best,
-    Geometry,
-}
-
-fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsTableError> {
+/// Reads the arm with the first of the `wanted` models that there is.
+fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, CalibrationsTableError> {
     let table = read_given(path, schema::find("calibrations")?)?;
     let file = CalibrationsFile {
         path,
         table: &table,
     };
+    let base_target = Model::BaseTarget.about().word;
     let base = file
-        .model("base_target", SavedCalibration::read)?
-        .ok_or_else(|| file.absent("base_target"))?;
-    let wrong = |source| file.wrong("base_target", source);
+        .head(base_target)?
+        .ok_or_else(|| file.absent(base_target))?;
+    let wrong = |source| file.wrong(base_target, source);
     let arm = base.arm.arm().map_err(wrong)?;
     let session = base
         .sessions
         .last()
-        .ok_or_else(|| file.absent("base_target"))?;
+        .ok_or_else(|| file.absent(base_target))?;
     let frames = session.frames().map_err(wrong)?;
     let said = file.said();
     let key = said.key()?;
@@ -115,10 +108,7 @@ fn read_model(path: &Path, wanted: Wanted) -> Result<PublishedArm, CalibrationsT
         frames,
         flange_from_tool: said.placement("flange_from_tool")?,
         command_from_base: said.placement("command_from_base")?,
-        model: match wanted {
-            Wanted::Best => file.best(&base)?,
-            Wanted::Geometry => file.geometric(&base)?,
-        },
+        model: file.first(wanted, &base)?,
         measured: said.joint_ranges(arm.joints().len())?,
         configurations: said.texts("configurations")?,
         validity: said.validity()?,
@@ -161,50 +151,51 @@ impl CalibrationsFile<'_> {
         }
     }
 
-    /// The saved model of a kind, where there is a row of it.
-    fn model<T>(
+    /// The saved text of a kind of model, where there is a row of it.
+    fn text(&self, kind: &str) -> Option<&str> {
+        Some(self.table.text("model").value(self.row(kind)?))
+    }
+
+    /// What the saved model of a kind is of, where there is a row of it.
+    fn head(&self, kind: &'static str) -> Result<Option<SavedHead>, CalibrationsTableError> {
+        let head = self.text(kind).map(SavedHead::read).transpose();
+        head.map_err(|source| self.wrong(kind, source))
+    }
+
+    /// The first of the `wanted` models that there is a row of.
+    fn first(
         &self,
-        kind: &'static str,
-        read: fn(&str) -> Result<T, SavedError>,
-    ) -> Result<Option<T>, CalibrationsTableError> {
-        let row = self.row(kind);
-        let text = row.map(|row| self.table.text("model").value(row));
-        let model = text.map(read).transpose();
-        model.map_err(|source| self.wrong(kind, source))
-    }
-
-    /// The whole error model, or the geometry.
-    fn best(&self, base: &SavedCalibration) -> Result<ArmModel, CalibrationsTableError> {
-        let Some(saved) = self.model("full", SavedFull::read)? else {
-            return self.geometric(base);
-        };
-        self.same("full", base, &saved.arm, &saved.sessions)?;
-        let model = FullModel::from_saved(&saved).map_err(|source| self.wrong("full", source))?;
-        Ok(ArmModel::Full {
-            session: saved.sessions.len() - 1,
-            model: Box::new(model),
-        })
-    }
-
-    fn geometric(&self, base: &SavedCalibration) -> Result<ArmModel, CalibrationsTableError> {
-        const KIND: &str = "geometric";
-        let saved = self.model(KIND, SavedCalibration::read)?;
-        let (Some(saved), Some(row)) = (saved, self.row(KIND)) else {
-            return Err(self.absent(KIND));
-        };
-        self.same(KIND, base, &saved.arm, &saved.sessions)?;
-        let wrong = |source| self.wrong(KIND, source);
-        let misfit = self.table.f64("misfit_mm");
-        if misfit.is_null(row) {
-            let problem = format!("null in row {row}, whose model says no covariance of its own");
-            return Err(self.said().value_error("misfit_mm", problem).into());
+        wanted: &[Model],
+        base: &SavedHead,
+    ) -> Result<ArmModel, CalibrationsTableError> {
+        for &model in wanted {
+            if let Some(found) = self.model(model, base)? {
+                return Ok(found);
+            }
         }
-        Ok(ArmModel::Geometric(IdentifiedGeometry {
-            chain: saved.chain().map_err(wrong)?,
-            frames: saved.sessions[saved.sessions.len() - 1]
-                .frames()
-                .map_err(wrong)?,
-            misfit_mm: misfit.value(row),
+        let last = wanted.last().map_or("", |model| model.about().word);
+        Err(self.absent(last))
+    }
+
+    fn model(
+        &self,
+        model: Model,
+        base: &SavedHead,
+    ) -> Result<Option<ArmModel>, CalibrationsTableError> {
+        let kind = model.about().word;
+        let (Some(row), Some(load)) = (self.row(kind), model.about().load) else {
+            return Ok(None);
+        };
+        let misfit = self.table.f64("misfit_mm");
+        let misfit = (!misfit.is_null(row)).then(|| misfit.value(row));
+        let predicts = load(self.table.text("model").value(row), misfit);
+        let predicts = predicts.map_err(|source| self.wrong(kind, source))?;
+        let own = self.head(kind)?.ok_or_else(|| self.absent(kind))?;
+        self.same(kind, base, &own)?;
+        Ok(Some(ArmModel {
+            model,
+            predicts,
+            session: own.sessions.len() - 1,
         }))
     }
 
@@ -212,9 +203,8 @@ impl CalibrationsFile<'_> {
     fn same(
         &self,
         kind: &'static str,
-        base: &SavedCalibration,
-        arm: &SavedArm,
-        sessions: &[SavedSession],
+        base: &SavedHead,
+        own: &SavedHead,
     ) -> Result<(), CalibrationsTableError> {
         let names = |sessions: &[SavedSession]| -> Vec<String> {
             sessions
@@ -222,9 +212,9 @@ impl CalibrationsFile<'_> {
                 .map(|session| session.session.clone())
                 .collect()
         };
-        let what = if base.arm != *arm {
+        let what = if base.arm != own.arm {
             "arm"
-        } else if names(&base.sessions) != names(sessions) {
+        } else if names(&base.sessions) != names(&own.sessions) {
             "sessions"
         } else {
             return Ok(());

@@ -3,7 +3,7 @@
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Gauge};
+use crate::fit::{Calibration, Gauge, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::io::targets::driving::DrivingFile;
@@ -77,6 +77,10 @@ pub struct Outcome<'a> {
     pub calibrations: Vec<(Model, Calibration)>,
     /// The whole error model, unless it is switched off.
     pub full: Option<FullModel>,
+    /// Models made on top of these.
+    pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
+    /// The model that grids are of.
+    pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
     /// The gauge of the first training session.

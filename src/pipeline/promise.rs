@@ -10,7 +10,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::tables::sampling_plan::promise;
 use crate::manifest::RunKey;
 use crate::report::promise::{PromiseKept, Verified, held_against};
-use crate::report::{Angles, Model, ResidualSet, Split};
+use crate::report::{Model, ResidualSet, Split};
 
 /// What became of a plan's promise.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,12 +67,7 @@ pub(super) fn held(
 
 /// Errors of the session's stations by a model that did not see them, from commands where they are known.
 fn errors<'o>(outcome: &'o Outcome<'_>, session: &JoinedSession) -> Option<&'o ResidualSet> {
-    let wanted = [
-        (Model::Full, Angles::Commanded),
-        (Model::Full, Angles::Blended),
-        (Model::Geometric, Angles::Reported),
-    ];
-    wanted.into_iter().find_map(|(model, angles)| {
+    Model::judging().find_map(|(model, angles)| {
         outcome.residuals.iter().find(|set| {
             let subject = &set.subject;
             (subject.model, subject.angles, subject.split) == (model, angles, Split::Blocks)

@@ -24,7 +24,7 @@ use crate::io::store::Place;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::manifest::{Replaced, RunKey};
 use crate::progress::Progress;
-use crate::report::{Angles, Model, Split};
+use crate::report::{Angles, Split};
 
 pub use error::RunError;
 pub(super) use inputs::{input, work};
@@ -211,11 +211,7 @@ fn context<'a>(
         full: &plan.stages.full,
         tolerance: plan.stages.tolerance,
         grid: GridBasis {
-            model: if outcome.full.is_some() {
-                Model::Full
-            } else {
-                Model::Geometric
-            },
+            model: outcome.best,
             angles: Angles::Commanded,
             split: Split::Blocks,
             guard_mm: outcome.grids.guard_mm,

@@ -100,7 +100,7 @@ pub fn run<'a>(
         full: &settings.full,
         up: settings.up,
     };
-    let models = fit::models::train(arm, &observed.all, training.len(), &train)?;
+    let models = fit::models::train_all(arm, &observed.all, training.len(), &train)?;
     check_pool(arm, &observed, &models, &training, settings)?;
     let folds = train_folds(arm, &observed, training.len(), &train, progress)?;
     let judged = Judged {
@@ -162,6 +162,7 @@ pub fn run<'a>(
         residuals.extend(driven.sets().cloned());
     }
     Ok(Outcome {
+        best: models.best().0,
         training,
         test,
         calibrations: vec![
@@ -169,6 +170,7 @@ pub fn run<'a>(
             (Model::Geometric, models.geometric),
         ],
         full: models.full,
+        on_top: models.on_top,
         scales,
         gauge,
         residuals,
@@ -234,12 +236,6 @@ fn semivariograms(
         let samples: Vec<_> = set.residuals.iter().filter_map(sample).collect();
         Some((model, similarity::semivariograms(&samples, settings)))
     };
-    [
-        (Model::BaseTarget, Angles::Reported),
-        (Model::Geometric, Angles::Reported),
-        (Model::Full, Angles::Blended),
-    ]
-    .into_iter()
-    .filter_map(|(model, angles)| of(model, angles))
-    .collect()
+    let of_each = |model: &Model| of(*model, *model.about().angles.first()?);
+    Model::ALL.iter().filter_map(of_each).collect()
 }

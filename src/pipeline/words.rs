@@ -3,10 +3,11 @@
 use super::damage;
 use super::outcome::{JoinedSession, Outcome};
 use super::stages::scales;
+use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::join::{Pairing, Station};
 use crate::report::verdict::{self, Judge, figure_of_model};
-use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Split};
+use crate::report::{Accuracy, BaseRefit, Moment, Split};
 use crate::units::NS_PER_S;
 
 /// What a page has no section for: damage of logs, scales that are named, and stations that the whole model hardly believes.
@@ -135,25 +136,17 @@ fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
 /// Figures on stations that took no part, and the command as it is.
 fn is_headline(accuracy: &Accuracy) -> bool {
     let subject = &accuracy.subject;
-    subject.model == Model::RawCommand
+    subject.model.about().corrects == Corrects::Nothing
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }
 
 fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
     let figures = accuracy.figures?;
     let subject = &accuracy.subject;
-    let model = match subject.model {
-        Model::RawCommand => "error against the raw command",
-        Model::BaseTarget => "base and target fitted",
-        Model::Geometric => "geometry identified",
-        Model::Full => "whole model",
-        Model::Table => "compensation table",
-    };
-    let angles = if subject.model == Model::Full && subject.angles == Angles::Commanded {
-        " from commands alone"
-    } else {
-        ""
-    };
+    let mut model = subject.model.name_at(subject.angles);
+    if subject.model.about().corrects == Corrects::Nothing {
+        model.insert_str(0, "error against the ");
+    }
     let judged = match (subject.split, subject.base_refit) {
         (Split::None, _) => String::new(),
         _ if accuracy.moment == Moment::MeasuredAfter => {
@@ -174,7 +167,7 @@ fn figure_words(accuracy: &Accuracy, pooled: bool) -> Option<String> {
         |bound| format!("bound {bound:.3} mm"),
     );
     Some(format!(
-        "{model}{angles}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} ({})",
+        "{model}{judged}: mean {:.3}, p95 {:.3}, max {:.3} mm, {bound} ({})",
         figures.mean, figures.p95, figures.max, accuracy.counted
     ))
 }

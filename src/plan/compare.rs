@@ -18,7 +18,7 @@ use super::steps::{Grid, test_poses};
 use super::{PlanError, Trial, sight};
 use crate::figures::Figures;
 use crate::fit::full::FullModel;
-use crate::fit::{ErrorModel, Frames, Observation, Predictor, ToolErrors};
+use crate::fit::{Frames, Observation, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::Lattice;
 use crate::kinematics::Arm;
@@ -383,10 +383,10 @@ pub fn left_at(
 ) -> RobotOutcome {
     let visits = robot.session(tests);
     let errors = fitted.true_errors(&visits, settings);
-    let predictor = Predictor::of(&fitted.models, fitted.gauge.arm(), 0);
-    let model = ToolErrors::new(predictor, &fitted.gauge);
+    let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.gauge);
     let left = |(test, error): (&Commanded, &Vector3<f64>)| {
-        Some(Ok((error - model.error(&test.joints)).norm()))
+        let predicted = model.error(&test.joints).map_err(|gap| gap.refusal());
+        Some(predicted.map(|predicted| (error - predicted).norm()))
     };
     RobotOutcome::of(tests.iter().zip(&errors).map(left), &settings.tolerance)
 }

@@ -18,8 +18,8 @@ use super::robots::{Fitted, Robot, stations};
 use super::settings::PlanSettings;
 use super::{PlanError, Trial};
 use crate::fit::full::FullSettings;
-use crate::fit::{FitError, Predictor, ToolErrors};
-use crate::grid::judge::{by_nodes, node_errors};
+use crate::fit::{FitError, ToolErrors};
+use crate::grid::judge::{NodeError, by_nodes, node_errors};
 use crate::grid::{Interpolation, Lattice, PlacedGrid, Refusal, Source};
 use crate::simulate::{Commanded, Visit};
 
@@ -147,8 +147,8 @@ pub fn families(settings: &PlanSettings) -> Vec<(Source, Interpolation)> {
 pub struct Measured<'a> {
     fitted: Fitted<'a>,
     /// Errors at the nodes, by source; zero at nodes that were refused, which no usable cell touches.
-    by_model: Vec<Vector3<f64>>,
-    at_stations: Vec<Vector3<f64>>,
+    by_model: Vec<NodeError>,
+    at_stations: Vec<NodeError>,
 }
 
 impl<'a> Measured<'a> {
@@ -164,14 +164,11 @@ impl<'a> Measured<'a> {
         };
         let stations = stations(robot.session(&grid.commands));
         let fitted = robot.fit(&stations, settings, &geometric)?;
-        let predictor = Predictor::of(&fitted.models, fitted.gauge.arm(), 0);
-        let by_model = {
-            let model = ToolErrors::new(predictor, &fitted.gauge);
-            node_errors(&grid.placed, &model)
-        };
-        let mut at_stations = vec![Vector3::zeros(); grid.placed.nodes.len()];
+        let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.gauge);
+        let by_model = node_errors(&grid.placed, &model);
+        let mut at_stations = vec![Ok(Vector3::zeros()); grid.placed.nodes.len()];
         for (number, error) in fitted.errors(&stations) {
-            at_stations[grid.visited[number]] = error;
+            at_stations[grid.visited[number]] = Ok(error);
         }
         Ok(Self {
             fitted,

@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use nalgebra::Vector3;
 
 use super::evaluate::mahalanobis_squared;
-use super::{Accuracy, Calibrated, Model, Moment, Point, ResidualSet, Split};
+use super::{Accuracy, Calibrated, Moment, Point, ResidualSet, Split};
 use crate::figures::{Counted, Figures};
+use crate::fit::Corrects;
 use crate::grid::{Tolerance, Verdict};
 
 /// The 95 % quantile of chi squared with three degrees of freedom.
@@ -27,11 +28,12 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
             told(set, counted, tolerance.verdict(bound, counted, guard_mm))
         }
     };
-    let moment = match set.subject.model {
-        Model::RawCommand | Model::BaseTarget => Moment::Before,
-        Model::Geometric | Model::Full => Moment::After,
+    let corrects = set.subject.model.about().corrects;
+    let (point, moment) = match corrects {
+        Corrects::Nothing | Corrects::Frames => (Point::Measured, Moment::Before),
+        Corrects::Predicted => (Point::Measured, Moment::After),
         // A table has residuals only in a session that it drove.
-        Model::Table => Moment::MeasuredAfter,
+        Corrects::Commands => (Point::Tool, Moment::MeasuredAfter),
     };
     let blocks: BTreeSet<_> = judged.iter().filter_map(|residual| residual.fold).collect();
     let distances: Vec<f64> = judged
@@ -40,12 +42,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
         .collect();
     Accuracy {
         subject: set.subject.clone(),
-        point: match set.subject.model {
-            Model::Table => Point::Tool,
-            Model::RawCommand | Model::BaseTarget | Model::Geometric | Model::Full => {
-                Point::Measured
-            }
-        },
+        point,
         moment,
         driven_by: None,
         figures: Figures::of(&norms),
@@ -114,7 +111,7 @@ mod tests {
     use nalgebra::Point3;
 
     use super::*;
-    use crate::report::{Angles, BaseRefit, Residual, Subject};
+    use crate::report::{Angles, BaseRefit, Model, Residual, Subject};
 
     const TOLERANCE: Tolerance = Tolerance {
         mm: 0.5,

@@ -1,13 +1,12 @@
 //! Residuals of every model on every set of stations that judges it.
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Vector3};
 
 use super::refit::{self, Placed, Refit};
 use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::fit::full::{FullModel, Known, Query};
-use crate::fit::{Models, Observation};
-use crate::kinematics::Arm;
+use crate::fit::model::{Known, Query};
+use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction};
 use crate::units::MM_PER_M;
 
 /// A held-out session or the training session itself, as observations.
@@ -28,61 +27,50 @@ pub struct RefitSettings {
     pub with_target: bool,
 }
 
-/// One predicted target in the tracker's frame, with its rows where the model has a covariance.
-struct Prediction {
-    position: Point3<f64>,
-    flange: UnitQuaternion<f64>,
-    rows: Option<DMatrix<f64>>,
-    /// Covariance by not knowing where joints stand against their command, mm².
-    standing: Matrix3<f64>,
+/// A target as a model predicts it at a station, in the tracker's frame.
+struct Predicted {
+    /// What the model says of it.
+    target: Prediction,
     /// How the flange stood and is predicted to, in the tracker's axes, where its orientation was measured.
     turn: Option<Turn>,
 }
 
-/// Models with the angles each is given.
-const COMPARED: [(Model, Angles); 4] = [
-    (Model::BaseTarget, Angles::Reported),
-    (Model::Geometric, Angles::Reported),
-    (Model::Full, Angles::Blended),
-    (Model::Full, Angles::Commanded),
-];
-
 /// Residuals of `models` on stations of a session they were trained on: all of them, or those a fold holds out.
 pub fn own_session(
-    arm: &Arm,
     models: &Models,
     stations: Stations<'_>,
     split: Split,
     fold: Option<usize>,
 ) -> Vec<ResidualSet> {
     let mut sets = Vec::new();
-    for (model, angles) in COMPARED {
-        let Some(predictions) =
-            predictions(arm, models, model, angles, stations.observations, true)
+    for (model, angles) in Model::compared() {
+        let Some((it, predictions)) =
+            predictions(models, model, angles, stations.observations, true)
         else {
             continue;
         };
-        let covariances = own_covariances(models, &predictions, stations.observations);
-        let base = frames_of(
+        let covariances = own_covariances(it, &predictions, stations.observations);
+        let base = stated_in(
             models,
             model,
             stations.observations.first().map_or(0, |o| o.session),
         );
-        let residual =
-            |(place, (observation, prediction)): (usize, (&Observation, &Prediction))| Residual {
+        let residual = |(place, (observation, predicted)): (usize, (&Observation, &Predicted))| {
+            let target = predicted.target.position;
+            Residual {
                 station: observation.station,
                 pose: observation.pose,
                 fold,
                 used_for_refit: false,
-                predicted: base.inverse_transform_point(&prediction.position),
-                residual: base
-                    .inverse_transform_vector(&(observation.position - prediction.position)),
+                predicted: base.inverse_transform_point(&target),
+                residual: base.inverse_transform_vector(&(observation.position - target)),
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
                 weight: None,
-                turn: prediction
+                turn: predicted
                     .turn
                     .map(|turn| turn.seen_from(&base.rotation.inverse())),
-            };
+            }
+        };
         let residuals = stations
             .observations
             .iter()
@@ -104,20 +92,21 @@ pub fn own_session(
 
 /// Residuals of `models` on a session they never saw, with each way to find its base.
 pub fn unseen_session(
-    arm: &Arm,
     models: &Models,
     stations: Stations<'_>,
     settings: RefitSettings,
 ) -> Vec<ResidualSet> {
     let mut sets = Vec::new();
-    for (model, angles) in COMPARED {
-        let Some(predictions) =
-            predictions(arm, models, model, angles, stations.observations, false)
+    for (model, angles) in Model::compared() {
+        let Some((it, predictions)) =
+            predictions(models, model, angles, stations.observations, false)
         else {
             continue;
         };
-        let to_base = frames_of_arm(models, model);
-        let placed: Vec<Placed> = predictions.iter().map(|p| placed(p, &to_base)).collect();
+        // An unseen session is predicted with the frames of the first.
+        let to_base = it.frames()[0].tracker_from_base.isometry().inverse();
+        let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
+        let placed: Vec<Placed> = placed.collect();
         // A session with a mounting of its own has no base without a refit.
         let refits = [BaseRefit::None, BaseRefit::First, BaseRefit::All];
         for &base_refit in &refits[usize::from(settings.with_target)..] {
@@ -133,10 +122,9 @@ pub fn unseen_session(
                 BaseRefit::First => settings.first.min(stations.observations.len()),
                 BaseRefit::All => stations.observations.len(),
             };
-            let scale_sd = models.full.as_ref().filter(|_| model == Model::Full);
             let unseen = Unseen {
-                models,
-                scale_sd: scale_sd.map_or(0.0, FullModel::scale_sd),
+                model: it,
+                scale_sd: it.scale_sd(),
                 predictions: &predictions,
                 placed: &placed,
                 to_base: &to_base,
@@ -154,10 +142,10 @@ pub fn unseen_session(
 
 /// An unseen session's predictions by one model, and which first stations its base is found from.
 struct Unseen<'u> {
-    models: &'u Models,
+    model: &'u dyn PoseModel,
     /// Standard deviation of the session's own scale, a share; 0 of a model that knows no scales.
     scale_sd: f64,
-    predictions: &'u [Prediction],
+    predictions: &'u [Predicted],
     placed: &'u [Placed],
     to_base: &'u Isometry3<f64>,
     settings: RefitSettings,
@@ -239,15 +227,14 @@ impl Unseen<'_> {
         observations: &[Observation],
         found: &Refit,
     ) -> Option<Vec<Matrix3<f64>>> {
-        let full = self.models.full.as_ref()?;
         let to_tracker = self.to_base.inverse();
+        let mut rows = stacked(self.predictions, self.to_base)?;
         let noise: Vec<Matrix3<f64>> = self
             .predictions
             .iter()
             .zip(observations)
-            .map(|(prediction, o)| turned(&(full.noise(o) + prediction.standing), &to_tracker))
+            .map(|(predicted, o)| turned(&(self.model.noise(o) + predicted.alone()), &to_tracker))
             .collect();
-        let mut rows = stacked(self.predictions, self.to_base)?;
         // What a scale moves is one more column of rows.
         let last = rows.ncols();
         rows = rows.insert_column(last, 0.0);
@@ -262,8 +249,8 @@ impl Unseen<'_> {
         };
         let by_scale: Vec<Matrix3<f64>> = (0..observations.len()).map(by_scale).collect();
         let rows = rows.remove_column(last);
-        let drift = Matrix3::identity() * full.drift_variance();
-        let own = full.covariances(&rows).into_iter().zip(&noise);
+        let drift = Matrix3::identity() * self.model.drift_variance();
+        let own = self.model.covariances(&rows).into_iter().zip(&noise);
         let own = own.zip(by_scale);
         let own = own.map(|((model, noise), scale)| model + noise + drift + scale);
         Some(match frames.filter(|_| self.used < observations.len()) {
@@ -342,17 +329,17 @@ fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>) -> Placed
     }
 }
 
-/// Predictions in the tracker's frame: of the session itself, or with the frames of the first one where it is unseen.
+/// A model with its predictions in the tracker's frame: of the session itself, or with the frames of the first one where it is unseen.
 ///
-/// `None` where the model has none at these angles.
-fn predictions(
-    arm: &Arm,
-    models: &Models,
+/// `None` where there is no such model, or it has no prediction at these angles: figures of other stations would not compare.
+fn predictions<'m>(
+    models: &'m Models,
     model: Model,
     angles: Angles,
     observations: &[Observation],
     own: bool,
-) -> Option<Vec<Prediction>> {
+) -> Option<(&'m dyn PoseModel, Vec<Predicted>)> {
+    let model = models.get(model)?;
     let commanded = |o: &Observation| -> Option<Vec<f64>> {
         Some(
             o.axes
@@ -377,109 +364,80 @@ fn predictions(
             own,
             station: Some(o.station),
         };
-        let predicted = predict(arm, models, model, &query)?;
-        Some(Prediction {
-            turn: turn(models, model, &query, &predicted, o),
-            ..predicted
+        Some(Predicted {
+            target: model.predict(&At::Joints(query)).ok()?,
+            turn: turn(model, &query, o).ok()?,
         })
     };
-    observations.iter().map(of).collect()
+    let predicted: Option<Vec<Predicted>> = observations.iter().map(of).collect();
+    Some((model, predicted?))
 }
 
 /// How the flange stood at a station and is predicted to, in the tracker's axes; `None` where no orientation was measured.
 fn turn(
-    models: &Models,
-    model: Model,
+    model: &dyn PoseModel,
     query: &Query<'_>,
-    predicted: &Prediction,
     observation: &Observation,
-) -> Option<Turn> {
-    let (measured, _) = observation.orientation?;
-    let (frames, wanted) = match (model, &models.full) {
-        (Model::Full, Some(full)) => (full.frames(), full.flange(query)),
-        (Model::BaseTarget, _) => (&*models.base_target.frames, predicted.flange),
-        _ => (&*models.geometric.frames, predicted.flange),
+) -> Result<Option<Turn>, Gap> {
+    let Some((measured, _)) = observation.orientation else {
+        return Ok(None);
     };
-    let flange_from_target = frames[query.session].flange_from_target.isometry();
-    Some(Turn {
+    let flange_from_target = model.frames()[query.session].flange_from_target.isometry();
+    Ok(Some(Turn {
         attained: measured * flange_from_target.rotation.inverse(),
-        wanted,
-    })
+        wanted: model.flange(query)?,
+    }))
 }
 
-fn predict(arm: &Arm, models: &Models, model: Model, query: &Query<'_>) -> Option<Prediction> {
-    let calibration = match model {
-        Model::Full => {
-            let predicted = models.full.as_ref()?.predict(query);
-            return Some(Prediction {
-                position: predicted.position,
-                flange: predicted.flange,
-                rows: Some(predicted.rows),
-                standing: predicted.standing,
-                turn: None,
-            });
-        }
-        Model::BaseTarget => &models.base_target,
-        Model::Geometric => &models.geometric,
-        Model::RawCommand | Model::Table => return None,
-    };
-    let frames = &calibration.frames[query.session];
-    let flange = frames.tracker_from_base.isometry()
-        * arm.chain().forward(query.axes, &calibration.geometry);
-    let position = flange * frames.flange_from_target.origin().point();
-    Some(Prediction {
-        position,
-        flange: flange.rotation,
-        rows: None,
-        standing: Matrix3::zeros(),
-        turn: None,
-    })
-}
-
-/// `tracker_from_base` as fitted for a session.
-fn frames_of(models: &Models, model: Model, session: usize) -> Isometry3<f64> {
-    let calibration = if model == Model::BaseTarget {
-        &models.base_target
-    } else {
-        &models.geometric
+/// `tracker_from_base` in which a model's residuals of a training session are stated: that of base + target for its own, and the
+/// geometry's for all others, so that they stand side by side.
+fn stated_in(models: &Models, model: Model, session: usize) -> Isometry3<f64> {
+    let calibration = match model.about().corrects {
+        Corrects::Frames => &models.base_target,
+        Corrects::Nothing | Corrects::Predicted | Corrects::Commands => &models.geometric,
     };
     *calibration.frames[session].tracker_from_base.isometry()
 }
 
-/// `base_from_tracker` of the frames in which an unseen session is predicted.
-fn frames_of_arm(models: &Models, model: Model) -> Isometry3<f64> {
-    match (model, &models.full) {
-        (Model::Full, Some(full)) => full.frames()[0].tracker_from_base.isometry().inverse(),
-        _ => frames_of(models, model, 0).inverse(),
-    }
-}
-
 fn own_covariances(
-    models: &Models,
-    predictions: &[Prediction],
+    model: &dyn PoseModel,
+    predictions: &[Predicted],
     observations: &[Observation],
 ) -> Option<Vec<Matrix3<f64>>> {
-    let full = models.full.as_ref()?;
     let rows = stacked(predictions, &Isometry3::identity())?;
     Some(
-        full.covariances(&rows)
+        model
+            .covariances(&rows)
             .into_iter()
             .zip(predictions)
             .zip(observations)
-            .map(|((model, prediction), o)| model + prediction.standing + full.noise(o))
+            .map(|((open, predicted), o)| open + predicted.alone() + model.noise(o))
             .collect(),
     )
 }
 
+impl Predicted {
+    /// Covariance of what this point has alone, mm².
+    fn alone(&self) -> Matrix3<f64> {
+        let open = self.target.open.as_ref();
+        open.map_or_else(Matrix3::zeros, |open| open.alone)
+    }
+
+    /// How the point moves with the model's unknowns; `None` where the model has no covariance.
+    fn rows(&self) -> Option<&DMatrix<f64>> {
+        Some(&self.target.open.as_ref()?.rows)
+    }
+}
+
 /// All rows below each other, turned into another frame; `None` where the model has no rows or there are no stations.
-fn stacked(predictions: &[Prediction], to: &Isometry3<f64>) -> Option<DMatrix<f64>> {
-    let columns = predictions.first()?.rows.as_ref()?.ncols();
+fn stacked(predictions: &[Predicted], to: &Isometry3<f64>) -> Option<DMatrix<f64>> {
+    let columns = predictions.first()?.rows()?.ncols();
     let turn = to.rotation.to_rotation_matrix();
     let mut stacked = DMatrix::zeros(3 * predictions.len(), columns);
     for (place, prediction) in predictions.iter().enumerate() {
         stacked
             .rows_mut(3 * place, 3)
-            .copy_from(&(turn.matrix() * prediction.rows.as_ref()?));
+            .copy_from(&(turn.matrix() * prediction.rows()?));
     }
     Some(stacked)
 }

@@ -7,7 +7,7 @@
 //!   all of them, and the table at those it answers for. One that is shown is enough, as a table answers for one orientation;
 //!   where neither is, the session shows nothing.
 
-use super::{Accuracy, Angles, BaseRefit, Model, Point, Split};
+use super::{Accuracy, BaseRefit, Model, Point, Split};
 use crate::grid::{Tolerance, Verdict};
 
 /// What judges a run, and the worst of what they say.
@@ -163,12 +163,7 @@ impl RunVerdict {
 /// The figures by which a session that took no part judges the model, its base from its first stations: from commands alone, which
 /// is all that a program has, where they are known. `None` where its base cannot be found.
 pub fn figure_of_model<'a>(accuracy: &'a [Accuracy], session: &str) -> Option<&'a Accuracy> {
-    let wanted = [
-        (Model::Full, Angles::Commanded),
-        (Model::Full, Angles::Blended),
-        (Model::Geometric, Angles::Reported),
-    ];
-    wanted.into_iter().find_map(|(model, angles)| {
+    Model::judging().find_map(|(model, angles)| {
         accuracy.iter().find(|own| {
             let subject = &own.subject;
             (subject.model, subject.angles, subject.split) == (model, angles, Split::Session)
@@ -198,12 +193,10 @@ pub const fn word(verdict: &Verdict) -> &'static str {
 
 /// What a figure is of, its bound against the tolerance, and what the bound counts.
 fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
-    let what = match (of.subject.model, of.subject.angles) {
-        (Model::Table, _) => "compensation table where it answers",
-        (Model::Full, Angles::Commanded) => "whole model from commands alone",
-        (Model::Full, _) => "whole model",
-        _ => "geometry identified",
-    };
+    let mut what = of.subject.model.name_at(of.subject.angles);
+    if of.subject.model == Model::Table {
+        what.push_str(" where it answers");
+    }
     let guard_mm = of.expanded_uncertainty_mm;
     match (&of.verdict, of.bound) {
         (Verdict::NotShown(reason), _) => format!("{what} not shown: {reason}"),
@@ -225,7 +218,7 @@ fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
 mod tests {
     use super::*;
     use crate::figures::Counted;
-    use crate::report::{Moment, Subject};
+    use crate::report::{Angles, Moment, Subject};
 
     const TOLERANCE: Tolerance = Tolerance {
         mm: 0.5,

@@ -148,8 +148,9 @@ impl Identified {
             frames: *found.gauge.frames(),
             flange_from_tool: Transform::claim(tool()),
             command_from_base: Transform::identity(),
-            model: ArmModel::Full {
-                model: Box::new(found.full.expect("a whole model")),
+            model: ArmModel {
+                model: Model::Full,
+                predicts: Box::new(found.full.expect("a whole model")),
                 session: 0,
             },
             measured,

@@ -1,10 +1,10 @@
 //! Whether a table still holds, by the session that it drove, where it is known what happened to the arm meanwhile.
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use posegrid::compensation::{ArmModel, Corrected};
+use posegrid::compensation::Corrected;
 use posegrid::figures::share_interval;
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::full::FullSettings;
+use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::models::train;
 use posegrid::fit::{self, FitSettings, Gauge, Models, TrainingSettings};
 use posegrid::history::between;
@@ -147,10 +147,8 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         after: Some(&measured.after),
         outside: vec![],
     };
-    let ArmModel::Full { model, .. } = &own.by.model else {
-        panic!("a whole model")
-    };
-    let earlier = Estimate::of_full(model).expect("a covariance");
+    let model = own.by.model.is::<FullModel>();
+    let earlier = Estimate::of_full(model.expect("a whole model")).expect("a covariance");
     let state = shown.state(|| {
         let models = identified(own, &stations, &full(true));
         let later = models.full.as_ref().and_then(Estimate::of_full);

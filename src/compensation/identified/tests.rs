@@ -4,6 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::compensation::TargetJoints;
+use crate::fit::IdentifiedGeometry;
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
 
@@ -52,11 +53,15 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             [100.0, -50.0, 20.0],
             [0.0, 0.0, std::f64::consts::FRAC_PI_2],
         )),
-        model: ArmModel::Geometric(IdentifiedGeometry {
-            chain: arm.chain().with_offsets(&offsets),
-            frames,
-            misfit_mm: 0.02,
-        }),
+        model: ArmModel {
+            model: Model::Geometric,
+            predicts: Box::new(IdentifiedGeometry {
+                chain: arm.chain().with_offsets(&offsets),
+                frames: vec![frames],
+                misfit_mm: 0.02,
+            }),
+            session: 0,
+        },
         measured: ranges.map(<[f64; 2]>::from).collect(),
         configurations: ["+", "-"]
             .iter()
@@ -115,9 +120,8 @@ fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> 
 fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_target() {
     let identified = cell();
     let found = one(&identified, at_joints(JOINTS)).expect("inside");
-    let ArmModel::Geometric(geometry) = &identified.model else {
-        unreachable!("made so")
-    };
+    let geometry = identified.model.is::<IdentifiedGeometry>();
+    let geometry = geometry.expect("made so");
     let joints = found.joints.as_ref().expect("joint angles");
     assert_eq!(joints.target, radians(JOINTS));
     let tool = identified.flange_from_tool.isometry();

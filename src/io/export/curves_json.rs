@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::ExportError;
-use crate::compensation::{ArmModel, Conditions, Validity};
+use crate::compensation::{Conditions, Validity};
 use crate::fit::full::FullModel;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::common::Common;
@@ -62,7 +62,7 @@ struct Curve {
 /// Writes the curves that a file of table `calibrations` holds.
 pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError> {
     let PublishedArm { key, arm } = calibrations_table::read(path)?;
-    let ArmModel::Full { model, .. } = &arm.model else {
+    let Some(model) = arm.model.is::<FullModel>() else {
         return Err(ExportError::NoCurves(path.to_owned()));
     };
     let target = arm.frames.flange_from_target.origin().coords();

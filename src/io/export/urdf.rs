@@ -16,7 +16,8 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::ExportError;
-use crate::compensation::{ArmModel, IdentifiedArm};
+use crate::compensation::IdentifiedArm;
+use crate::fit::IdentifiedGeometry;
 use crate::fit::saved::axes_from_joints;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
@@ -47,12 +48,13 @@ impl Pieces {
         if axes_from_joints(&arm.arm) != nalgebra::DMatrix::identity(count, count) {
             return Err("has coupled joints");
         }
-        let ArmModel::Geometric(own) = &arm.model else {
+        let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
             return Err("has more than a geometry");
         };
-        let base_from_root = arm.frames.tracker_from_base.isometry().inverse()
-            * own.frames.tracker_from_base.isometry();
-        let target = own.frames.flange_from_target.isometry().translation.vector
+        let frames = &own.frames[arm.model.session];
+        let base_from_root =
+            arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
+        let target = frames.flange_from_target.isometry().translation.vector
             - arm.frames.flange_from_target.isometry().translation.vector;
         let cut = Self::cut(base_from_root, &own.chain)?;
         Ok(Self {

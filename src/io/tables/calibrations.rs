@@ -5,8 +5,8 @@ use nalgebra::Isometry3;
 use super::validity::{self, configurations, joint_ranges, learnt_from};
 use super::{PublishContext, PublishError, words};
 use crate::fit::full::{FullModel, PartEvidence};
-use crate::fit::saved::{SavedCalibration, VERSION};
-use crate::fit::{Calibration, Convergence, Frames, Loss, Observability, Unknown};
+use crate::fit::saved::VERSION;
+use crate::fit::{Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown};
 use crate::io::schema;
 use crate::io::table::{Columns, Table};
 use crate::kinematics::{Motion, Parameter};
@@ -19,7 +19,7 @@ const CONVENTION: &str = "standard_dh";
 /// A station below this weight counts as weighted down.
 const DOWN: f64 = 0.5;
 
-/// One row: a calibration of geometry or frames, or the full model.
+/// One row: a calibration of geometry or frames, the full model, or one made on top of these.
 struct Row<'a> {
     model: Model,
     of: Of<'a>,
@@ -29,6 +29,7 @@ struct Row<'a> {
 enum Of<'a> {
     Calibration(&'a Calibration),
     Full(&'a FullModel),
+    OnTop(&'a dyn PoseModel),
 }
 
 /// The table of all models.
@@ -101,6 +102,10 @@ fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
         .iter()
         .map(calibration)
         .chain(full)
+        .chain(outcome.on_top.iter().map(|(model, of)| Row {
+            model: *model,
+            of: Of::OnTop(&**of),
+        }))
         .collect()
 }
 
@@ -108,7 +113,16 @@ impl<'a> Row<'a> {
     const fn calibration(&self) -> Option<&'a Calibration> {
         match self.of {
             Of::Calibration(calibration) => Some(calibration),
-            Of::Full(_) => None,
+            Of::Full(_) | Of::OnTop(_) => None,
+        }
+    }
+
+    /// What every model can be asked.
+    fn model(&self) -> &'a dyn PoseModel {
+        match self.of {
+            Of::Calibration(calibration) => calibration,
+            Of::Full(full) => full,
+            Of::OnTop(model) => model,
         }
     }
 
@@ -117,40 +131,28 @@ impl<'a> Row<'a> {
         context: &PublishContext<'_>,
         names: &[&str],
     ) -> Result<String, serde_json::Error> {
-        match self.of {
-            Of::Calibration(of) => {
-                serde_json::to_string(&SavedCalibration::of(of, context.arm, names))
-            }
-            Of::Full(full) => serde_json::to_string(&full.saved(context.arm, names)),
-        }
+        let saved = self.model().saved(context.arm, names);
+        saved.expect("a model that was trained here is saved as text")
     }
 
     /// Parts that were kept, or those that were dropped.
     fn parts(&self, kept: bool) -> Vec<&'static str> {
-        let mut parts = match (self.model, kept) {
-            (_, false) | (Model::BaseTarget, true) => Vec::new(),
-            (Model::Full, true) => vec!["geometry", "joint_curves"],
-            (_, true) => vec!["geometry"],
-        };
-        if let Of::Full(full) = self.of {
-            let own = full.parts.iter().filter(|part| part.kept == kept);
-            parts.extend(own.map(|part| part_name(part.name)));
-        }
-        parts
+        let model = self.model();
+        let always = model.parts().iter().copied().filter(|_| kept);
+        let optional = model.optional_parts().iter();
+        let own = optional.filter(|part| part.kept == kept);
+        always.chain(own.map(|part| part_name(part.name))).collect()
     }
 
     /// `of` each optional part that the evidence was asked about.
     fn tried<T>(&self, of: impl Fn(&PartEvidence) -> T) -> Vec<T> {
-        match self.of {
-            Of::Calibration(_) => Vec::new(),
-            Of::Full(full) => full.parts.iter().map(of).collect(),
-        }
+        self.model().optional_parts().iter().map(of).collect()
     }
 
     fn angles(&self) -> Angles {
         match self.of {
             Of::Full(_) if self.blends() => Angles::Blended,
-            Of::Full(_) | Of::Calibration(_) => Angles::Reported,
+            Of::Full(_) | Of::Calibration(_) | Of::OnTop(_) => Angles::Reported,
         }
     }
 
@@ -159,10 +161,7 @@ impl<'a> Row<'a> {
     }
 
     fn weights(&self) -> &'a [f64] {
-        match self.of {
-            Of::Calibration(calibration) => &calibration.solution.weights,
-            Of::Full(full) => &full.weights,
-        }
+        self.model().weights()
     }
 
     /// The frames where there is one session, and whether the target's orientation was fitted.
@@ -170,21 +169,19 @@ impl<'a> Row<'a> {
         let (frames, unknowns) = match self.of {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
+            Of::OnTop(model) => (model.frames().to_vec(), &[][..]),
         };
         (frames.len() == 1).then(|| (frames[0], is_turned(unknowns)))
     }
 
     fn parameters(&self) -> usize {
-        match self.of {
-            Of::Calibration(calibration) => calibration.unknowns.len(),
-            Of::Full(full) => full.layout().size(),
-        }
+        self.model().parameter_count()
     }
 
     fn loss(&self, context: &PublishContext<'_>) -> &'static str {
         match (self.of, context.fit.loss) {
             (Of::Full(_), _) if context.full.student_t > 0.0 => "student_t",
-            (Of::Full(_), _) | (Of::Calibration(_), Loss::Squares) => "squares",
+            (Of::Full(_) | Of::OnTop(_), _) | (Of::Calibration(_), Loss::Squares) => "squares",
             (Of::Calibration(_), Loss::Huber { .. }) => "huber",
             (Of::Calibration(_), Loss::Cauchy { .. }) => "cauchy",
         }
@@ -258,13 +255,13 @@ fn solution(columns: Columns, rows: &[Row<'_>], context: &PublishContext<'_>) ->
             .map(|row| row.calibration().map(|calibration| &calibration.solution))
     };
     let some = |value: f64| (value > 0.0).then_some(value);
-    let convergence = |row: &Row<'_>| {
-        row.calibration().map_or("a fixed number of rounds", |c| {
-            in_words(c.solution.convergence)
-        })
+    let convergence = |row: &Row<'_>| match row.of {
+        Of::Calibration(own) => in_words(own.solution.convergence),
+        Of::Full(_) => "a fixed number of rounds",
+        Of::OnTop(_) => "made on top of the others",
     };
     let evidence = |row: &Row<'_>| match row.of {
-        Of::Calibration(_) => None,
+        Of::Calibration(_) | Of::OnTop(_) => None,
         Of::Full(full) => Some(full.log_evidence()),
     };
     columns

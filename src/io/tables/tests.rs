@@ -1,6 +1,7 @@
 //! Every table of a small run written, read back, and held against what it was made of.
 
 mod example;
+mod models;
 
 use arrow::array::{Array, AsArray};
 use arrow::datatypes::Float64Type;
@@ -8,10 +9,10 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::validity::learnt_from;
 use super::*;
+use crate::fit::ToolErrors;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{ErrorModel, Predictor, ToolErrors};
 use crate::io::lake::Lake;
 use crate::manifest::canonical;
 use example::{ARM, OUTCOME, SESSION, context};
@@ -91,12 +92,12 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let expected = example::command_from_base().to_homogeneous();
     assert!((command_from_base - expected).abs().max() < 1e-9);
     let (model, session) = (OUTCOME.full.as_ref().unwrap(), OUTCOME.training.len() - 1);
-    let own = ToolErrors::new(Predictor::Full { model, session }, &OUTCOME.gauge);
+    let own = ToolErrors::new(model, session, &OUTCOME.gauge);
     let gauge = back.arm.gauge();
-    let read = ToolErrors::new(back.arm.model.predictor(), &gauge);
+    let read = ToolErrors::new(&*back.arm.model.predicts, back.arm.model.session, &gauge);
     let station = learnt_from(&OUTCOME).next().unwrap();
-    let (error, covariance) = own.error_with_covariance(&station.joints);
-    let (read_error, read_covariance) = read.error_with_covariance(&station.joints);
+    let (error, covariance) = own.error_with_covariance(&station.joints).unwrap();
+    let (read_error, read_covariance) = read.error_with_covariance(&station.joints).unwrap();
     assert!(error.norm() > 0.1, "an error worth the name");
     assert!((error - read_error).norm() < 1e-9);
     assert!((covariance - read_covariance).abs().max() < 1e-12);
@@ -287,7 +288,7 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
     let (_, calibration) = &OUTCOME.calibrations[1];
     let joints = &OUTCOME.training[0].joined.stations[0].joints;
     let (there, back) = (
-        calibration.chain(&ARM).nominal(joints),
+        calibration.chain.nominal(joints),
         saved.chain().unwrap().nominal(joints),
     );
     assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);

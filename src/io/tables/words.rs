@@ -21,13 +21,7 @@ pub(super) fn subjects<'s, S: Iterator<Item = &'s Subject>>(
 }
 
 pub(super) const fn model(model: Model) -> &'static str {
-    match model {
-        Model::RawCommand => "raw_command",
-        Model::BaseTarget => "base_target",
-        Model::Geometric => "geometric",
-        Model::Full => "full",
-        Model::Table => "table",
-    }
+    model.about().word
 }
 
 pub(super) const fn angles(angles: Angles) -> &'static str {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::compensation::{ArmModel, IdentifiedArm};
+use crate::compensation::IdentifiedArm;
 use crate::fit::full::FullModel;
 use crate::fit::full::next::{Mounted, Mounting};
 use crate::fit::saved::SavedArm;
@@ -196,13 +196,13 @@ pub(super) fn read(
         });
     }
     same_nominal(path, &past, arm)?;
-    let ArmModel::Full { model, session } = &past.model else {
+    let Some(model) = past.model.is::<FullModel>() else {
         return Err(KnownError::GeometryAlone {
             path: path.to_owned(),
         });
     };
     let known = section.known.clone().unwrap_or_default();
-    let mounting = mounting(path, &known, model, *session, settings)?;
+    let mounting = mounting(path, &known, model, past.model.session, settings)?;
     let most = settings.poses.iter().copied().max().unwrap_or(0);
     let stations = 2 * most + settings.verify_poses;
     let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);

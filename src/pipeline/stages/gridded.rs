@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{ErrorModel, Gauge, Models, Predictor, ToolErrors};
+use crate::fit::{Gauge, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
 use crate::join::Station;
 use crate::pipeline::outcome::JoinedSession;
@@ -34,31 +34,24 @@ pub(super) fn grid_stations(
 /// A station with its command and the place of the station that its pose is named by.
 type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
-pub(super) fn grids(
+pub(super) fn grids<'m>(
     stations: &[GridStation],
-    gauge: &Gauge<'_>,
-    models: &Models,
-    folds: &[Option<Models>],
+    gauge: &'m Gauge<'_>,
+    models: &'m Models,
+    folds: &'m [Option<Models>],
     session: usize,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
-    let errors = |models| ToolErrors::new(Predictor::of(models, gauge.arm(), session), gauge);
-    let own = errors(models);
+    let errors = |models: &'m Models| ToolErrors::new(models.best().1, session, gauge);
     // A fold that holds nothing out is never asked.
-    let of_folds: Vec<ToolErrors<'_>> = folds
-        .iter()
-        .map(|fold| errors(fold.as_ref().unwrap_or(models)))
-        .collect();
-    let folds: Vec<&dyn ErrorModel> = of_folds
-        .iter()
-        .map(|errors| errors as &dyn ErrorModel)
-        .collect();
+    let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
+    let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();
     let guard_mm = guard_mm(stations, gauge, settings);
     let input = GridInput {
         stations,
         folds: &folds,
-        model: &own,
+        model: errors(models),
         guard_mm,
     };
     let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());

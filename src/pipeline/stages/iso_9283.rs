@@ -13,7 +13,7 @@ use nalgebra::Point3;
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{Frames, Gauge, Models};
+use crate::fit::{Corrects, Frames, Gauge, Models};
 use crate::geometry::Transform;
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
@@ -154,10 +154,10 @@ impl Sources<'_> {
         driven_by: Option<&str>,
     ) -> Option<Iso9283> {
         let subject = &set.subject;
-        let (says, moment) = match subject.model {
-            Model::RawCommand => (Says::Everything, Moment::Before),
-            Model::Table => (Says::Everything, Moment::MeasuredAfter),
-            Model::BaseTarget | Model::Geometric | Model::Full => (Says::Accuracy, Moment::After),
+        let (says, moment) = match subject.model.about().corrects {
+            Corrects::Nothing => (Says::Everything, Moment::Before),
+            Corrects::Commands => (Says::Everything, Moment::MeasuredAfter),
+            Corrects::Frames | Corrects::Predicted => (Says::Accuracy, Moment::After),
         };
         let is_evidence = says == Says::Everything || subject.split != Split::None;
         if !is_evidence

@@ -30,8 +30,8 @@ pub(super) fn train_folds(
     progress.begin("folds", holdout::FOLDS as u64);
     let train = |fold: usize| {
         let held_out = observed.folds.contains(&fold);
-        let models =
-            held_out.then(|| fit::models::train(arm, &observed.without(fold), sessions, settings));
+        let models = held_out
+            .then(|| fit::models::train_all(arm, &observed.without(fold), sessions, settings));
         progress.advance(1);
         models.transpose()
     };
@@ -80,12 +80,13 @@ impl Judged<'_> {
                 session: &session.name,
                 observations: &own,
             };
-            let mut sets =
-                evaluate::own_session(self.arm, self.models, stations, Split::None, None);
+            let mut sets = evaluate::own_session(self.models, stations, Split::None, None);
             let first = self.observed.all.partition_point(|o| o.session < place);
             for set in &mut sets {
-                let weights = &weights(self.models, set.subject.model)[first..];
-                for (residual, weight) in set.residuals.iter_mut().zip(weights) {
+                let model = self.models.get(set.subject.model);
+                let weights = model.map_or(&[][..], |model| model.weights());
+                let own = weights.iter().skip(first);
+                for (residual, weight) in set.residuals.iter_mut().zip(own) {
                     residual.weight = Some(*weight);
                 }
             }
@@ -109,9 +110,7 @@ impl Judged<'_> {
                     session: &session.name,
                     observations: &own,
                 };
-                for set in
-                    evaluate::own_session(self.arm, models, stations, Split::Blocks, Some(fold))
-                {
+                for set in evaluate::own_session(models, stations, Split::Blocks, Some(fold)) {
                     merge(&mut sets, set);
                 }
             }
@@ -135,14 +134,14 @@ impl Judged<'_> {
         progress.begin("sessions left out", self.training.len() as u64);
         let judge = |(place, session): (usize, &JoinedSession)| {
             let train = self.observed.without_session(place);
-            let models = fit::models::train(self.arm, &train, others, settings)?;
+            let models = fit::models::train_all(self.arm, &train, others, settings)?;
             let own = self.observed.own(place);
             let stations = Stations {
                 session: &session.name,
                 observations: &own,
             };
             progress.advance(1);
-            Ok(evaluate::unseen_session(self.arm, &models, stations, refit))
+            Ok(evaluate::unseen_session(&models, stations, refit))
         };
         let sessions = self.training.par_iter().enumerate();
         let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
@@ -162,19 +161,9 @@ impl Judged<'_> {
                 session: &session.name,
                 observations: &own,
             };
-            evaluate::unseen_session(self.arm, self.models, stations, settings.refit)
+            evaluate::unseen_session(self.models, stations, settings.refit)
         };
         test.iter().flat_map(of).collect()
-    }
-}
-
-/// What each station of the training counted for in a model.
-fn weights(models: &Models, model: Model) -> &[f64] {
-    match model {
-        Model::BaseTarget => &models.base_target.solution.weights,
-        Model::Geometric => &models.geometric.solution.weights,
-        Model::Full => models.full.as_ref().map_or(&[], |full| &full.weights),
-        Model::RawCommand | Model::Table => &[],
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) fn why_no_turns(
     session: &JoinedSession,
     model: Model,
 ) -> Verdict {
-    let against_command = matches!(model, Model::RawCommand | Model::Table);
+    let against_command = model.is_against_commands();
     Verdict::NotShown(match session.commanded.trust {
         _ if !settings.noise.orientations => {
             "orientations were not taken into the fit; of a 6-DoF target they are with [fit] orientations = true and [tracker] \

@@ -13,7 +13,7 @@ use super::gridded::grid_stations;
 use super::observed::observations;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{ErrorModel, Frames, Gauge, Models, Predictor, ToolErrors};
+use crate::fit::{Frames, Gauge, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::kinematics::Arm;
@@ -39,8 +39,7 @@ pub(super) struct Judges<'j> {
 impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
-        let predictor = Predictor::of(self.models, self.arm, self.own.1);
-        let errors = ToolErrors::new(predictor, self.gauge);
+        let errors = ToolErrors::new(self.models.best().1, self.own.1, self.gauge);
         for session in self.test {
             let stations = self.stations(session, &errors);
             let tolerance = &self.settings.tolerance;
@@ -49,7 +48,7 @@ impl Judges<'_> {
     }
 
     /// The stations of a test session that judge, in the table's frame; none where its base cannot be found.
-    fn stations(&self, session: &JoinedSession, errors: &dyn ErrorModel) -> Vec<GridStation> {
+    fn stations(&self, session: &JoinedSession, errors: &ToolErrors<'_>) -> Vec<GridStation> {
         // Blocks are of training sessions: a test session is one whole.
         let folds = vec![0; session.joined.stations.len()];
         let commanded = grid_stations(session, self.gauge, &folds);
@@ -68,21 +67,22 @@ impl Judges<'_> {
         &self,
         session: &JoinedSession,
         first: &[GridStation],
-        errors: &dyn ErrorModel,
+        errors: &ToolErrors<'_>,
     ) -> Option<Gauge<'_>> {
         let paired = session.joined.stations.iter().filter_map(|s| s.measured());
         let measured: Vec<Point3<f64>> = paired.take(first.len()).map(|a| a.position).collect();
         let flange_from_tool = *self.gauge.flange_from_tool();
         let placed = first.iter().map(|station| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
-            let tool = station.position + errors.error(&station.joints);
-            Placed {
+            let tool = station.position + errors.error(&station.joints).ok()?;
+            Some(Placed {
                 position: tool - flange * self.gauge.lever(),
                 flange,
-            }
+            })
         });
+        let placed: Vec<Placed> = placed.collect::<Option<_>>()?;
         let with_target = self.settings.refit.with_target;
-        let found = refit::refit(&measured, &placed.collect::<Vec<_>>(), with_target)?;
+        let found = refit::refit(&measured, &placed, with_target)?;
         let mut target = *self.gauge.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = Frames {
@@ -132,7 +132,8 @@ impl Judges<'_> {
     fn remark(&self, session: &JoinedSession, residuals: &[ResidualSet]) -> Option<String> {
         // Without the whole model all that can be asked is whether it improves anything.
         let full = self.models.full.is_some();
-        let of = |name: &str, split, refit| left_by(residuals, full, name, split, refit);
+        let best = self.models.best().0;
+        let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
         let target = self
             .gauge
@@ -195,12 +196,13 @@ fn table_figure(row: &Judged, session: &str, guard_mm: f64) -> Accuracy {
 /// Median distances that the model and the nominal arm leave at the stations of a session.
 fn left_by(
     residuals: &[ResidualSet],
-    full: bool,
+    best: Model,
     session: &str,
     split: Split,
     base_refit: BaseRefit,
 ) -> Option<LeftBy> {
-    let of = |model: Model, angles: Angles| {
+    let of = |model: Model| {
+        let angles = *model.about().angles.first()?;
         let set = residuals.iter().find(|set| {
             let subject = &set.subject;
             (subject.model, subject.angles, subject.split) == (model, angles, split)
@@ -210,11 +212,7 @@ fn left_by(
         median(&norms.collect::<Vec<_>>())
     };
     Some(LeftBy {
-        identified: if full {
-            of(Model::Full, Angles::Blended)?
-        } else {
-            of(Model::Geometric, Angles::Reported)?
-        },
-        nominal: of(Model::BaseTarget, Angles::Reported)?,
+        identified: of(best)?,
+        nominal: of(Model::BaseTarget)?,
     })
 }

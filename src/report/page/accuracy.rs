@@ -6,6 +6,7 @@ use maud::{Markup, html};
 
 use super::content::{Content, Figure, Subject};
 use super::words;
+use crate::report::Model;
 
 /// The figures of error norms that a row of the table has, mm.
 const COLUMNS: [(&str, &str); 6] = [
@@ -52,8 +53,7 @@ fn subjects(figures: &[Figure]) -> Vec<&Subject> {
         .iter()
         .filter(|figure| figure.quantity == "position_error");
     let mut subjects: Vec<&Subject> = own.map(|figure| &figure.subject).collect();
-    let order = ["raw_command", "base_target", "geometric", "full", "table"];
-    let rank = |subject: &Subject| order.iter().position(|model| *model == subject.model);
+    let rank = |subject: &Subject| Model::of_word(&subject.model);
     subjects.sort_by(|a, b| {
         (&a.split, &a.of_session, &a.base_refit, rank(a), &a.angles).cmp(&(
             &b.split,

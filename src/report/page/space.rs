@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::content::{Content, Residual, Residuals, Subject};
 use super::words;
+use crate::report::Model;
 use crate::report::chart::{Arrow, Axis, Chart, Limit, Series, Vectors, vectors};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -66,8 +67,9 @@ fn arrows<const N: usize>(sets: [(&str, &Residuals, &str); N]) -> [Vectors; N] {
 
 fn predicted(content: &Content) -> Option<Markup> {
     let judged = judged(content)?;
-    let before = set(content, judged, &["base_target"])?;
-    let after = set(content, judged, &["full", "geometric"])?;
+    let before = set(content, judged, &[Model::BaseTarget.about().word])?;
+    let best: Vec<&str> = Model::serving().map(|model| model.about().word).collect();
+    let after = set(content, judged, &best)?;
     let sets = [
         (
             "Before",
@@ -99,6 +101,11 @@ fn driven(content: &Content) -> Option<&Subject> {
     subjects.find(|subject| subject.model == "table")
 }
 
+/// Whether a table's word is that of a model which predicts where the arm stands.
+fn predicts(word: &str) -> bool {
+    Model::of_word(word).is_none_or(|model| !model.is_against_commands())
+}
+
 /// The stations that judge: of an unseen session where there is one, otherwise of held-out blocks.
 fn judged(content: &Content) -> Option<&Subject> {
     let ways = [
@@ -108,7 +115,7 @@ fn judged(content: &Content) -> Option<&Subject> {
     ];
     let subjects = || {
         let sets = content.residuals.iter().rev().map(|set| &set.subject);
-        sets.filter(|subject| !matches!(subject.model.as_str(), "table" | "raw_command"))
+        sets.filter(|subject| predicts(&subject.model))
     };
     let of_way = |(split, refit): (&str, &str)| {
         subjects().find(|s| s.split == split && s.base_refit == refit)
@@ -163,14 +170,15 @@ fn distribution(content: &Content, judged: &Subject) -> Markup {
         let name = words::subject(&set.subject);
         Some(Series::distribution(&name, &norms).looking(words::look(model)))
     };
-    let models = ["base_target", "geometric", "full"];
+    let models = Model::ALL.iter().map(|model| model.about());
+    let models = models.filter(|about| !about.angles.is_empty());
     Chart {
         title: "Distribution of errors".to_owned(),
         description: "Share of held-out stations whose error is not above a value, by model."
             .to_owned(),
         x: Axis::new("error norm", "mm").including(&[0.0]),
         y: Axis::new("stations not above it", "%").including(&[0.0, 100.0]),
-        series: models.into_iter().filter_map(series).collect(),
+        series: models.filter_map(|about| series(about.word)).collect(),
         limits: vec![Limit {
             name: format!("{} %", words::percent(content.tolerance.share)),
             value: 100.0 * content.tolerance.share,

@@ -3,34 +3,23 @@
 use maud::{Markup, html};
 
 use super::content::Subject;
+use crate::report::{Angles, Model};
 
 /// What corrects the error.
 pub(super) fn model(word: &str) -> &str {
-    match word {
-        "raw_command" => "raw command",
-        "base_target" => "base and target fitted",
-        "geometric" => "geometry identified",
-        "full" => "whole model",
-        "table" => "compensation table",
-        other => other,
-    }
+    Model::of_word(word).map_or(word, |model| model.about().name)
 }
 
 /// The look of a model in every chart.
 pub(super) fn look(model: &str) -> usize {
-    match model {
-        "base_target" | "raw_command" => 1,
-        "geometric" => 2,
-        "full" => 0,
-        _ => 3,
-    }
+    Model::of_word(model).map_or(3, |model| model.about().look)
 }
 
 /// The model of a subject, with the angles where they make a difference.
 pub(super) fn subject(subject: &Subject) -> String {
-    match (subject.model.as_str(), subject.angles.as_str()) {
-        ("full", "commanded") => "whole model from commands alone".to_owned(),
-        (word, _) => model(word).to_owned(),
+    match (Model::of_word(&subject.model), subject.angles.as_str()) {
+        (Some(model), "commanded") => model.name_at(Angles::Commanded),
+        _ => model(&subject.model).to_owned(),
     }
 }
 

@@ -10,9 +10,11 @@ use crate::compensation::Conditions;
 use crate::figures::{Counted, Figures};
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::{FullModel, FullSettings};
+use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, Blocks, Calibration, ErrorModel, FitSettings, Freedom, Gauge, Noise, TrackerUncertainty,
+    self, At, Blocks, Calibration, FitSettings, Frames, Freedom, Gap, Gauge, Models, Noise,
+    Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
@@ -174,32 +176,32 @@ fn clock() -> ClockEstimate {
     }
 }
 
-/// The identified arm against the nominal one.
-struct Identified<'a> {
-    gauge: &'a Gauge<'a>,
-    calibration: &'a Calibration,
-}
+/// The identified arm with a covariance that differs along the axes of the base.
+#[derive(Debug)]
+struct Identified(Calibration);
 
-impl ErrorModel for Identified<'_> {
-    fn error(&self, joints: &[f64]) -> Vector3<f64> {
-        let frames = &self.calibration.frames[0];
-        let flange = self.calibration.chain(&ARM).nominal(&ARM.axes(joints));
-        let target =
-            frames.tracker_from_base.isometry() * flange * frames.flange_from_target.isometry();
-        let base_from_tracker = self.gauge.frames().tracker_from_base.isometry().inverse();
-        (base_from_tracker * target).translation.vector - self.gauge.nominal_target(joints).coords
+impl PoseModel for Identified {
+    fn frames(&self) -> &[Frames] {
+        self.0.frames()
     }
 
-    fn error_with_covariance(&self, joints: &[f64]) -> (Vector3<f64>, Matrix3<f64>) {
-        (
-            self.error(joints),
-            Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)),
-        )
+    fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
+        self.0.predict(at)
+    }
+
+    fn spread(&self, session: usize, _: &Prediction) -> Spread {
+        let base = self.0.frames[session].tracker_from_base.isometry().rotation;
+        let covariance = Spread::Of(Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)));
+        Spread::Of(covariance.seen_from(&base))
+    }
+
+    fn saved(&self, _: &Arm, _: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        None
     }
 }
 
-fn outcome() -> Outcome<'static> {
-    let session = session(stations());
+/// The stations of the session as fits take them.
+fn observations(session: &JoinedSession) -> Vec<Observation> {
     let noise = Noise {
         tracker: TrackerUncertainty {
             range_um: 10.0,
@@ -218,6 +220,24 @@ fn outcome() -> Outcome<'static> {
             .shortfall
             .clone_from(&session.commanded.shortfalls[observation.station]);
     }
+    observations
+}
+
+/// The models that a training makes of the session, and the stations that it was made from.
+pub(super) fn trained() -> (Models, Vec<Observation>) {
+    let observations = observations(&session(stations()));
+    let settings = TrainingSettings {
+        fit: &FIT,
+        full: &FULL,
+        up: Some(Vector3::z_axis()),
+    };
+    let models = fit::models::train_all(&ARM, &observations, 1, &settings);
+    (models.expect("a fit"), observations)
+}
+
+fn outcome() -> Outcome<'static> {
+    let session = session(stations());
+    let observations = observations(&session);
     let identify = |freedom| fit::identify(&ARM, &observations, 1, freedom, &FIT).expect("a fit");
     let base_target = identify(Freedom::BaseAndTarget);
     let geometric = identify(Freedom::Geometry);
@@ -255,6 +275,8 @@ fn outcome() -> Outcome<'static> {
             (Model::Geometric, geometric),
         ],
         full: Some(full.expect("positive definite")),
+        on_top: Vec::new(),
+        best: Model::Full,
         training: vec![session],
         test: Vec::new(),
         gauge,
@@ -298,11 +320,12 @@ fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> 
         another_day: Vec::new(),
     };
     let stations: Vec<GridStation> = (0..attained.len()).map(station).collect();
-    let model = Identified { gauge, calibration };
+    let model = Identified(calibration.clone());
+    let errors = ToolErrors::new(&model, 0, gauge);
     let input = GridInput {
         stations: &stations,
-        folds: &[&model as &dyn ErrorModel; 8],
-        model: &model,
+        folds: &[errors; 8],
+        model: errors,
         guard_mm: 0.05,
     };
     let settings: GridSettings = toml::from_str("steps_mm = [100.0, 200.0]").expect("[grid]");

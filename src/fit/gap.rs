@@ -1,0 +1,126 @@
+//! Why a model has no prediction, and why a node of a grid has no value.
+
+use nalgebra::{Point3, Vector3};
+use thiserror::Error;
+
+/// Why a node or a cell has no value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Refusal {
+    /// The arm does not reach it, or only beyond a joint limit.
+    OutOfReach,
+    /// It lies at a singularity or across one.
+    Singularity,
+    /// The arm would reach it in another configuration only.
+    OtherConfiguration,
+    /// No station was measured at it.
+    Unmeasured,
+    /// Its vertices are on different branches of the joint angles.
+    Branches,
+}
+
+/// Why a model has no prediction.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Gap {
+    /// A tool pose alone, asked of a model of the arm.
+    #[error("states no joint angles, and an arm's error depends on how it stands")]
+    NoJoints,
+    /// Joint angles alone, asked of a table of tool poses.
+    #[error("states joint angles alone, and a compensation table knows positions only")]
+    NoPosition,
+    /// A tool turned further from a table's orientation than the table serves.
+    #[error(
+        "is turned {angle_deg:.3}° from the table's tool orientation, which is valid up to {limit_deg:.3}°"
+    )]
+    Orientation {
+        /// Angle between the orientation asked for and the table's, degrees.
+        angle_deg: f64,
+        /// The largest for which the table is valid, degrees.
+        limit_deg: f64,
+    },
+    /// A position that is not in a table's box.
+    #[error("lies {} the table's box", beyond(beyond_mm))]
+    Outside {
+        /// From the nearest point of the box to the position, in the frame of commands, mm.
+        beyond_mm: Vector3<f64>,
+    },
+    /// A cell of which one node has no value.
+    #[error("lies in a cell whose node {node} at ({:.3}, {:.3}, {:.3}) mm has no value: {}", at.x, at.y, at.z, words(*why))]
+    Node {
+        /// The node's number in the table.
+        node: usize,
+        /// Where the node is, in the frame of commands, mm.
+        at: Point3<f64>,
+        /// Why it has no value.
+        why: Refusal,
+    },
+    /// A cell whose nodes are reached in ways too different to interpolate between.
+    #[error(
+        "lies in a cell with no values between its nodes: {}",
+        words(Refusal::Branches)
+    )]
+    Branches,
+}
+
+impl Refusal {
+    /// The word for tables.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::OutOfReach => "out_of_reach",
+            Self::Singularity => "singularity",
+            Self::OtherConfiguration => "other_configuration",
+            Self::Unmeasured => "unmeasured",
+            Self::Branches => "branches",
+        }
+    }
+}
+
+impl Gap {
+    /// The word for tables.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::NoJoints => "joints",
+            Self::NoPosition => "no_position",
+            Self::Orientation { .. } => "orientation",
+            Self::Outside { .. } => "outside",
+            Self::Node { .. } => "refused_node",
+            Self::Branches => "branches",
+        }
+    }
+
+    /// Why a node has no value where the model that fills it has none.
+    pub const fn refusal(&self) -> Refusal {
+        match self {
+            Self::Node { why, .. } => *why,
+            Self::Branches => Refusal::Branches,
+            Self::NoJoints | Self::NoPosition | Self::Orientation { .. } | Self::Outside { .. } => {
+                Refusal::Unmeasured
+            }
+        }
+    }
+}
+
+/// Less than this beyond the box along an axis is rounding, mm.
+const ROUNDING_MM: f64 = 1e-9;
+
+fn beyond(beyond_mm: &Vector3<f64>) -> String {
+    let part = |(axis, mm): (char, &f64)| {
+        let sign = if *mm < 0.0 { '−' } else { '+' };
+        (mm.abs() > ROUNDING_MM).then(|| format!("{:.4} mm along {sign}{axis}", mm.abs()))
+    };
+    let parts: Vec<String> = "xyz"
+        .chars()
+        .zip(beyond_mm.iter())
+        .filter_map(part)
+        .collect();
+    format!("{} beyond", parts.join(" and "))
+}
+
+const fn words(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::OutOfReach => "the arm does not reach it within its joint limits",
+        Refusal::Singularity => "the arm is at a singularity there",
+        Refusal::OtherConfiguration => "the arm reaches it in another configuration only",
+        Refusal::Unmeasured => "no station was measured at it",
+        Refusal::Branches => "the arm stands there on different branches of its joint angles",
+    }
+}

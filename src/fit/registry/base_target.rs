@@ -1,0 +1,15 @@
+//! Base + target: the nominal arm, with the frames that fit it best.
+
+use super::{About, Corrects, Made, geometric};
+use crate::fit::model::Angles;
+
+pub(super) const ABOUT: About = About {
+    word: "base_target",
+    name: "base and target fitted",
+    look: 1,
+    corrects: Corrects::Frames,
+    angles: &[Angles::Reported],
+    serves: false,
+    made: Made::Always(|models| Some(&models.base_target)),
+    load: Some(geometric::load),
+};

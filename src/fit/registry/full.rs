@@ -1,0 +1,105 @@
+//! The full error model: its line of the registry, and its answers to what every model is asked.
+
+use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
+
+use super::{About, Corrects, Made};
+use crate::fit::Frames;
+use crate::fit::full::saved::SavedFull;
+use crate::fit::full::{FullModel, PartEvidence};
+use crate::fit::gap::Gap;
+use crate::fit::model::{Angles, At, Open, PoseModel, Prediction, Query, Spread};
+use crate::fit::observation::Observation;
+use crate::fit::saved::SavedError;
+use crate::kinematics::Arm;
+
+pub(super) const ABOUT: About = About {
+    word: "full",
+    name: "whole model",
+    look: 0,
+    corrects: Corrects::Predicted,
+    angles: &[Angles::Blended, Angles::Commanded],
+    serves: true,
+    made: Made::Always(|models| models.full.as_ref().map(|full| full as &dyn PoseModel)),
+    load: Some(load),
+};
+
+fn load(text: &str, _: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
+    Ok(Box::new(FullModel::from_saved(&SavedFull::read(text)?)?))
+}
+
+impl PoseModel for FullModel {
+    fn frames(&self) -> &[Frames] {
+        self.frames()
+    }
+
+    fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
+        let predicted = self.predict(at.joints()?);
+        Ok(Prediction {
+            position: predicted.position,
+            flange: predicted.flange,
+            error: None,
+            open: Some(Open {
+                rows: predicted.rows,
+                alone: predicted.standing,
+            }),
+        })
+    }
+
+    fn position(&self, at: &At<'_>) -> Result<Point3<f64>, Gap> {
+        Ok(self.position(at.joints()?))
+    }
+
+    fn flange(&self, query: &Query<'_>) -> Result<UnitQuaternion<f64>, Gap> {
+        Ok(self.flange(query))
+    }
+
+    fn spread(&self, session: usize, prediction: &Prediction) -> Spread {
+        let open = prediction
+            .open
+            .as_ref()
+            .map_or_else(Matrix3::zeros, |open| {
+                self.covariances(&open.rows)[0] + open.alone
+            });
+        // A command is given some day: where the base then stands is not known.
+        let drift = Matrix3::identity() * self.any_time_variance();
+        // And by which scale it was told: corrections are those of the mean scale of all sessions.
+        let scale = self.any_scale_covariance(session, &prediction.position);
+        Spread::Of(open + drift + scale)
+    }
+
+    fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
+        self.covariances(rows)
+    }
+
+    fn noise(&self, observation: &Observation) -> Matrix3<f64> {
+        self.noise(observation)
+    }
+
+    fn drift_variance(&self) -> f64 {
+        self.drift_variance()
+    }
+
+    fn scale_sd(&self) -> f64 {
+        self.scale_sd()
+    }
+
+    fn parts(&self) -> &'static [&'static str] {
+        &["geometry", "joint_curves"]
+    }
+
+    fn optional_parts(&self) -> &[PartEvidence] {
+        &self.parts
+    }
+
+    fn parameter_count(&self) -> usize {
+        self.layout().size()
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        Some(serde_json::to_string(&self.saved(arm, names)))
+    }
+}

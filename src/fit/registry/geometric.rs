@@ -1,0 +1,111 @@
+//! The identified geometry, and with it base + target: a chain of which parameters were identified, in its frames.
+
+use nalgebra::Point3;
+
+use super::{About, Corrects, Made};
+use crate::fit::gap::Gap;
+use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
+use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::fit::{Calibration, Frames, Freedom};
+use crate::kinematics::{Arm, Chain};
+
+pub(super) const ABOUT: About = About {
+    word: "geometric",
+    name: "geometry identified",
+    look: 2,
+    corrects: Corrects::Predicted,
+    angles: &[Angles::Reported],
+    serves: true,
+    made: Made::Always(|models| Some(&models.geometric)),
+    load: Some(load),
+};
+
+/// A geometry that was identified, as it was saved: without what its fit says of itself.
+#[derive(Debug, Clone)]
+pub struct IdentifiedGeometry {
+    /// The identified chain from base to flange.
+    pub chain: Chain,
+    /// The frames of each session that belong to it.
+    pub frames: Vec<Frames>,
+    /// Root mean square of measured minus predicted, per axis, mm.
+    pub misfit_mm: f64,
+}
+
+pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
+    let saved = SavedCalibration::read(text)?;
+    let frames = saved.sessions.iter().map(|session| session.frames());
+    Ok(Box::new(IdentifiedGeometry {
+        chain: saved.chain()?,
+        frames: frames.collect::<Result<_, _>>()?,
+        misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
+    }))
+}
+
+impl PoseModel for Calibration {
+    fn frames(&self) -> &[Frames] {
+        &self.frames
+    }
+
+    fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
+        Ok(predict(&self.chain, &self.frames, at.joints()?))
+    }
+
+    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+        unexplained(self.misfit_mm)
+    }
+
+    fn parts(&self) -> &'static [&'static str] {
+        match self.freedom {
+            Freedom::BaseAndTarget | Freedom::Base => &[],
+            Freedom::Geometry => &["geometry"],
+        }
+    }
+
+    fn parameter_count(&self) -> usize {
+        self.unknowns.len()
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.solution.weights
+    }
+
+    fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        let saved = SavedCalibration::of(self, arm, names);
+        Some(serde_json::to_string(&saved))
+    }
+}
+
+impl PoseModel for IdentifiedGeometry {
+    fn frames(&self) -> &[Frames] {
+        &self.frames
+    }
+
+    fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap> {
+        Ok(predict(&self.chain, &self.frames, at.joints()?))
+    }
+
+    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+        unexplained(self.misfit_mm)
+    }
+
+    fn saved(&self, _: &Arm, _: &[&str]) -> Option<Result<String, serde_json::Error>> {
+        None
+    }
+}
+
+fn predict(chain: &Chain, frames: &[Frames], query: &Query<'_>) -> Prediction {
+    let frames = &frames[query.session];
+    let flange = frames.tracker_from_base.isometry() * chain.nominal(query.axes);
+    let target = frames.flange_from_target.isometry().translation.vector;
+    Prediction {
+        position: flange * Point3::from(target + query.lever),
+        flange: flange.rotation,
+        error: None,
+        open: None,
+    }
+}
+
+/// What a geometry cannot explain is its error's variance, the same along each axis.
+fn unexplained(misfit_mm: f64) -> Spread {
+    Spread::Isotropic(misfit_mm.powi(2))
+}

@@ -1,0 +1,14 @@
+//! The command as it is.
+
+use super::{About, Corrects, Made};
+
+pub(super) const ABOUT: About = About {
+    word: "raw_command",
+    name: "raw command",
+    look: 1,
+    corrects: Corrects::Nothing,
+    angles: &[],
+    serves: false,
+    made: Made::Elsewhere,
+    load: None,
+};
