@@ -18,14 +18,14 @@ use thiserror::Error;
 use super::plan::{PlanError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::page::{self, plan::About};
 use crate::io::store::Place;
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Outcome, Replaced, RunKey, StageCount, Work};
+use crate::page::plan::{self as page, About};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
-use crate::report;
+
 use cell::Placed;
 pub use known::KnownError;
 pub use so_far::{SoFar, SoFarError};
@@ -209,7 +209,7 @@ impl Planning {
             counts: &counts,
             written: run.written(),
         };
-        let html = report::page::plan::html(&page::plan::content(&tables, &about));
+        let html = page::html(&page::content(&tables, &about));
         run.publish_page(&html)?;
         let row = self
             .work

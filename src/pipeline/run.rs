@@ -14,15 +14,16 @@ use super::fetch::Fetched;
 use super::outcome::Outcome;
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
+use super::publish::publish;
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
-use crate::io::page::Said;
 use crate::io::store::Place;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::manifest::{Replaced, RunKey};
+use crate::page::Said;
 use crate::progress::Progress;
 use crate::report::{Angles, Model, Split};
 
@@ -109,7 +110,7 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
     let driven = driven::words(&outcome, &plan.arm, &plan.valid_for, &lake)?;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
     let said = said(plan, &outcome, &remarks, driven.state)?;
-    let commit = tables::publish(&outcome, &context, run, &work, &said)?;
+    let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),

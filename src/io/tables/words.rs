@@ -1,72 +1,110 @@
-//! Enumerations → the words that the schemas allow.
+//! Enumerations ↔ the words that the schemas allow, each pair once; and how frames and covariances stand in columns.
 
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 
-use crate::grid::Verdict;
-use crate::io::table::Columns;
-use crate::report::{Angles, BaseRefit, Model, Split, Subject};
+use crate::fit::Identifiability;
+use crate::fit::scale::ScaleVerdict;
+use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
+use crate::ingest::SpanClock;
+use crate::io::table::{Word, words};
+use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
+use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
-/// The columns that say what residuals or figures are of.
-pub(super) fn subjects<'s, S: Iterator<Item = &'s Subject>>(
-    table: Columns,
-    all: impl Fn() -> S,
-) -> Columns {
-    table
-        .column("split", all().map(|s| split(s.split)))
-        .column("model", all().map(|s| model(s.model)))
-        .column("angles", all().map(|s| angles(s.angles)))
-        .column("base_refit", all().map(|s| base_refit(s.base_refit)))
-        .column("role", all().map(|s| role(s.split)))
-        .column("of_session", all().map(|s| &s.of_session))
-}
-
-pub(super) const fn model(model: Model) -> &'static str {
-    match model {
-        Model::RawCommand => "raw_command",
-        Model::BaseTarget => "base_target",
-        Model::Geometric => "geometric",
-        Model::Full => "full",
-        Model::Table => "table",
-    }
-}
-
-pub(super) const fn angles(angles: Angles) -> &'static str {
-    match angles {
-        Angles::Reported => "reported",
-        Angles::Blended => "blended",
-        Angles::Commanded => "commanded",
-    }
-}
-
-pub(super) const fn split(split: Split) -> &'static str {
-    match split {
-        Split::None => "none",
-        Split::Blocks => "blocks",
-        Split::Session => "session",
-    }
+/// Whether a tolerance is met; where that is not shown, the reason stands in a column of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableVerdict {
+    /// It is.
+    Met,
+    /// It is not.
+    NotMet,
+    /// It could not be shown.
+    NotShown,
 }
 
 /// What part the stations of a split had in the fit.
-pub(super) const fn role(split: Split) -> &'static str {
-    match split {
-        Split::None => "training",
-        Split::Blocks | Split::Session => "held_out",
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// They were fitted to.
+    Training,
+    /// They took no part.
+    HeldOut,
+}
+
+/// Units of a column that has several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Millimetres.
+    Mm,
+    /// Radians.
+    Rad,
+    /// None: a ratio.
+    One,
+}
+
+words! {
+    Model {
+        RawCommand: "raw_command",
+        BaseTarget: "base_target",
+        Geometric: "geometric",
+        Full: "full",
+        Table: "table",
+    }
+    Angles { Reported: "reported", Blended: "blended", Commanded: "commanded" }
+    Split { None: "none", Blocks: "blocks", Session: "session" }
+    BaseRefit { None: "none", First: "first", All: "all" }
+    Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
+    Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
+    Role { Training: "training", HeldOut: "held_out" }
+    Unit { Mm: "mm", Rad: "rad", One: "1" }
+    TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
+    ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
+    Identifiability {
+        ToldApart: "told_apart",
+        Fixed: "fixed",
+        MovesNothing: "moves_nothing",
+        StructurallyDependent: "structurally_dependent",
+        Weak: "weak",
+    }
+    Judgement { LocalCell: "local_cell", Table: "table" }
+    Source { Measured: "measured", Model: "model" }
+    Interpolation { Idw: "idw", Trilinear: "trilinear" }
+    Refusal {
+        OutOfReach: "out_of_reach",
+        Singularity: "singularity",
+        OtherConfiguration: "other_configuration",
+        Unmeasured: "unmeasured",
+        Branches: "branches",
+    }
+    SpanClock { Controller: "controller", Tracker: "tracker", Log: "log" }
+    Space { Joint: "joint", Cartesian: "cartesian" }
+    Quantity { X: "x", Y: "y", Z: "z", Norm: "norm" }
+    Shape { Spherical: "spherical", Exponential: "exponential", Gaussian: "gaussian" }
+    Alikeness { Rising: "similar", Flat: "flat", TooFewPairs: "not_shown" }
+}
+
+impl From<&Verdict> for TableVerdict {
+    fn from(verdict: &Verdict) -> Self {
+        match verdict {
+            Verdict::Meets => Self::Met,
+            Verdict::DoesNotMeet => Self::NotMet,
+            Verdict::NotShown(_) => Self::NotShown,
+        }
     }
 }
 
-pub(super) const fn base_refit(refit: BaseRefit) -> &'static str {
-    match refit {
-        BaseRefit::None => "none",
-        BaseRefit::First => "first",
-        BaseRefit::All => "all",
+impl From<Split> for Role {
+    fn from(split: Split) -> Self {
+        match split {
+            Split::None => Self::Training,
+            Split::Blocks | Split::Session => Self::HeldOut,
+        }
     }
 }
 
-pub(super) const fn verdict(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Meets => "met",
-        Verdict::DoesNotMeet => "not_met",
-        Verdict::NotShown(_) => "not_shown",
+impl Unit {
+    /// The unit of this name; none is 1.
+    pub(super) fn named(name: &str) -> Self {
+        Self::of_word(name).unwrap_or(Self::One)
     }
 }
 

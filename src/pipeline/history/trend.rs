@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use super::{Figure, Kind, PastSession, RobotHistory};
 use crate::history::FALSE_ALARM;
 use crate::manifest::VERSION;
-use crate::report::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
-use crate::report::page::history::html;
+use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
+use crate::page::history::html;
 
 /// The page; `figures` are those of each session.
 pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
