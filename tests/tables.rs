@@ -15,7 +15,9 @@ use posegrid::io::lake::{CORRECTIONS, Commit, Correction, Lake};
 use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, TableSchema};
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::io::tables::logs::{logs, parts};
-use posegrid::manifest::{Outcome, RunKey, Work, canonical};
+use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::words::TableVerdict;
+use posegrid::manifest::{RunKey, Work, canonical};
 use posegrid::units::Stamp;
 
 /// Names that a log may hold and no reader should trip over.
@@ -31,9 +33,9 @@ fn hostile_work() -> Work {
     }
 }
 
-fn outcome() -> Outcome {
-    Outcome {
-        verdict: "not_shown".to_owned(),
+fn outcome() -> Ending {
+    Ending {
+        verdict: TableVerdict::NotShown,
         reason: Some("a sample".to_owned()),
         replaces: None,
     }

@@ -6,7 +6,7 @@
 //! 2. of the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
 //!    `grid_steps`, `compensation`, `accuracy`.
 //!
-//! What came into each stage and what became of it stands in `runs` ([`counts`]).
+//! What came into each stage and what became of it ([`counts`]) stands in `runs` ([`runs`]).
 
 pub mod accuracy;
 pub mod calibrations;
@@ -21,6 +21,7 @@ pub mod logs;
 pub mod parameters;
 pub mod rejects;
 pub mod residuals;
+pub mod runs;
 pub mod sampling_plan;
 pub mod scales;
 pub mod semivariograms;
@@ -34,7 +35,7 @@ use thiserror::Error;
 
 use super::lake::LakeError;
 use super::schema::SchemaError;
-use super::table::{Row, Rows, Table, TableError, Word as _};
+use super::table::{Row, Rows, Table, TableError};
 use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
@@ -42,7 +43,7 @@ use crate::geometry::{Base, Command, Transform};
 use crate::grid::Tolerance;
 use crate::ingest::PosesError;
 use crate::kinematics::Arm;
-use crate::manifest::{ManifestError, Outcome as Ending, Replaced, RunKey};
+use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::report::{Angles, Model, Split};
 use accuracy::AccuracyRow;
@@ -54,10 +55,10 @@ use joint_errors::JointErrorRow;
 use parameters::ParameterRow;
 use rejects::RejectRow;
 use residuals::ResidualRow;
+use runs::Ending;
 use scales::ScaleRow;
 use semivariograms::SemivariogramRow;
 use stations::StationRow;
-use words::TableVerdict;
 
 /// What tables say besides what the stages found.
 #[derive(Debug, Clone)]
@@ -224,9 +225,7 @@ impl RunRows {
 /// How a run ended, for its row in `runs`.
 pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     Ending {
-        verdict: TableVerdict::from(&outcome.verdict.verdict())
-            .word()
-            .to_owned(),
+        verdict: (&outcome.verdict.verdict()).into(),
         reason: outcome.verdict.reason(),
         replaces: context.replaces.clone(),
     }

@@ -80,9 +80,9 @@ fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<Sem
         noise_mm2,
         ..empty(errors, of, entry)
     };
-    let bins = of.bins.iter().map(|bin| with_bin(row(Entry::Bin), bin));
+    let bins = of.bins.iter().map(|bin| with_bin(&row(Entry::Bin), bin));
     let models = of.models.iter().enumerate();
-    let models = models.map(|(place, model)| with_model(row(Entry::Fitted), model, place == 0));
+    let models = models.map(|(place, model)| with_model(&row(Entry::Fitted), model, place == 0));
     bins.chain(models).collect()
 }
 
@@ -114,7 +114,7 @@ fn empty(errors: Model, of: &Semivariogram, entry: Entry) -> SemivariogramRow {
     }
 }
 
-fn with_bin(row: SemivariogramRow, bin: &Bin) -> SemivariogramRow {
+fn with_bin(row: &SemivariogramRow, bin: &Bin) -> SemivariogramRow {
     SemivariogramRow {
         bin: Some(number(bin)),
         separation_lower: Some(bin.from),
@@ -122,11 +122,11 @@ fn with_bin(row: SemivariogramRow, bin: &Bin) -> SemivariogramRow {
         separation: Some(bin.separation),
         pairs: bin.pairs,
         gamma_mm2: Some(bin.gamma),
-        ..row
+        ..row.clone()
     }
 }
 
-fn with_model(row: SemivariogramRow, model: &VariogramModel, best: bool) -> SemivariogramRow {
+fn with_model(row: &SemivariogramRow, model: &VariogramModel, best: bool) -> SemivariogramRow {
     SemivariogramRow {
         variogram: Some(model.shape),
         nugget_mm2: Some(model.nugget),
@@ -134,7 +134,7 @@ fn with_model(row: SemivariogramRow, model: &VariogramModel, best: bool) -> Semi
         range: Some(model.range),
         misfit_mm2: Some(model.misfit.sqrt()),
         best: Some(best),
-        ..row
+        ..row.clone()
     }
 }
 

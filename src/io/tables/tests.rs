@@ -15,11 +15,13 @@ use crate::fit::{ErrorModel, Predictor, ToolErrors};
 use crate::io::lake::Commit;
 use crate::io::lake::Lake;
 use crate::io::schema;
+use crate::io::table::Word as _;
 use crate::manifest::{Work, canonical};
 use crate::page::Said;
 use crate::pipeline::publish::publish;
 use crate::report;
 use example::{ARM, OUTCOME, SESSION, context};
+use words::TableVerdict;
 
 fn work() -> Work {
     Work {
@@ -97,6 +99,9 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
     assert_as_schema::<StepRow>();
     assert_as_schema::<NodeRow>();
     assert_as_schema::<AccuracyRow>();
+    assert_as_schema::<runs::RunRow>();
+    assert_as_schema::<history::HistoryRow>();
+    assert_as_schema::<drift::DriftRow>();
 }
 
 /// The rows where a text column has a word.

@@ -66,20 +66,31 @@ words! {
         Weak: "weak",
     }
     Judgement { LocalCell: "local_cell", Table: "table" }
-    Source { Measured: "measured", Model: "model" }
-    Interpolation { Idw: "idw", Trilinear: "trilinear" }
-    Refusal {
-        OutOfReach: "out_of_reach",
-        Singularity: "singularity",
-        OtherConfiguration: "other_configuration",
-        Unmeasured: "unmeasured",
-        Branches: "branches",
-    }
-    SpanClock { Controller: "controller", Tracker: "tracker", Log: "log" }
     Space { Joint: "joint", Cartesian: "cartesian" }
     Quantity { X: "x", Y: "y", Z: "z", Norm: "norm" }
     Shape { Spherical: "spherical", Exponential: "exponential", Gaussian: "gaussian" }
     Alikeness { Rising: "similar", Flat: "flat", TooFewPairs: "not_shown" }
+}
+
+/// Enumerations that know their names themselves.
+macro_rules! named {
+    ($($enumeration:ident { $($value:ident),+ })+) => {$(
+        impl Word for $enumeration {
+            fn word(self) -> &'static str {
+                self.name()
+            }
+
+            fn of_word(word: &str) -> Option<Self> {
+                [$(Self::$value),+].into_iter().find(|own| own.name() == word)
+            }
+        }
+    )+};
+}
+named! {
+    Source { Measured, Model }
+    Interpolation { Idw, Trilinear }
+    Refusal { OutOfReach, Singularity, OtherConfiguration, Unmeasured, Branches }
+    SpanClock { Controller, Tracker, Log }
 }
 
 impl From<&Verdict> for TableVerdict {

@@ -74,7 +74,7 @@ pub struct Point {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     /// The joint, from 1.
-    pub joint: i64,
+    pub joint: usize,
     /// In the first session.
     pub first: Vec<[f64; 3]>,
     /// In the newest.
