@@ -18,6 +18,7 @@ pub mod full;
 mod gap;
 pub mod gauge;
 pub mod holdout;
+pub mod identifiability;
 pub mod loss;
 pub mod model;
 pub mod models;
@@ -40,6 +41,7 @@ use thiserror::Error;
 pub use gap::{Gap, Refusal};
 pub use gauge::Gauge;
 pub use holdout::Blocks;
+pub use identifiability::Identifiability;
 pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
@@ -54,6 +56,8 @@ use crate::kinematics::{Arm, Chain};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
 pub const CONDITION_LIMIT: f64 = 100.0;
+/// A station counts as weighted down below this robust weight.
+pub const WEIGHTED_DOWN: f64 = 0.5;
 
 /// The `[fit]` section of a pipeline file.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
@@ -167,40 +171,6 @@ impl Calibration {
     /// The standard error of unknown `place`.
     pub fn standard_error(&self, place: usize) -> f64 {
         self.covariance[(place, place)].max(0.0).sqrt()
-    }
-
-    /// Whether unknown `place` was told apart: its standard error is below half its prior's, or, without a prior, it
-    /// takes part in no structural null direction.
-    pub fn told_apart(&self, place: usize) -> bool {
-        let structural = !self.nominal_structure.zero_columns.contains(&place);
-        match self.prior_sd[place] {
-            Some(sd) => structural && self.standard_error(place) < 0.5 * sd,
-            None => structural && self.nominal_structure.indistinguishable[place].is_empty(),
-        }
-    }
-
-    /// What unknown `place` could not be told apart from: structural partners, else those it correlates with by 0.9.
-    pub fn confounded_with(&self, place: usize) -> Vec<usize> {
-        if self.told_apart(place) {
-            return Vec::new();
-        }
-        let structural = &self.nominal_structure.indistinguishable[place];
-        if !structural.is_empty() {
-            return structural.clone();
-        }
-        (0..self.unknowns.len())
-            .filter(|&other| other != place && self.correlation(place, other).abs() > 0.9)
-            .collect()
-    }
-
-    /// The correlation of two unknowns.
-    pub fn correlation(&self, a: usize, b: usize) -> f64 {
-        let scale = self.standard_error(a) * self.standard_error(b);
-        if scale > 0.0 {
-            self.covariance[(a, b)] / scale
-        } else {
-            0.0
-        }
     }
 
     /// Observability of the poses.

@@ -11,7 +11,6 @@ pub mod log;
 pub mod log_writer;
 pub mod memory;
 pub mod message;
-pub mod page;
 pub mod schema;
 pub mod store;
 pub mod table;

@@ -20,7 +20,7 @@
 //! | [`similarity`] | errors and residuals | semivariograms |
 //! | [`grid`] | stations and error models | judged steps and the chosen table |
 //! | [`compensation`] | a table or the identified arm, target poses | commands, or reasons why there are none |
-//! | [`report`] | models and stations that judge them | residuals, accuracy figures, pages for people |
+//! | [`report`] | models and stations that judge them | residuals, accuracy figures, charts |
 //!
 //! [`simulate`] makes sessions of known truth, [`plan`] uses it before anything is measured, and [`history`] compares sessions.
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
@@ -31,7 +31,7 @@
 //! # Rings: who may use whom
 //!
 //! ```text
-//!  core  ←  stages  ←  io  ←  pipeline  ←  cli
+//!  core  ←  stages  ←  io  ←  page  ←  pipeline  ←  cli
 //! ```
 //!
 //! | ring | modules | may use |
@@ -39,7 +39,8 @@
 //! | core | [`units`], [`geometry`], [`kinematics`], [`linalg`], [`figures`], [`progress`] | core |
 //! | stages | those above, [`simulate`], [`plan`], [`history`] | core, and stages before them in the order of the data |
 //! | io | [`io`]: logs, messages, Parquet tables, schemas, the lake; [`manifest`]: provenance | core, stages |
-//! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io |
+//! | page | [`page`]: rows of tables become pages for people | core, stages, io |
+//! | pipeline | [`pipeline`]: a pipeline file becomes runs | core, stages, io, page |
 //! | cli | [`cli`]: arguments, messages, exit codes | everything |
 //!
 //! One tie still goes up: [`io::tables`] takes a run's result as [`pipeline::outcome`] has it.
@@ -61,7 +62,8 @@
 //! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
-//! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] that makes its rows.
+//! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a
+//!   test holds against the schema.
 
 // `println!` and `eprintln!` end the thread where stdout or stderr refuses: `cli::streams` has what does not.
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
@@ -98,6 +100,9 @@ pub mod simulate;
 
 // Across sessions.
 pub mod history;
+
+// Pages for people, from the rows of the tables.
+pub mod page;
 
 // Everything that reads and writes.
 pub mod cli;

@@ -10,10 +10,7 @@ use std::io::{self, Read};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::io::schema::SchemaError;
-use crate::io::table::TableError;
-
-pub use runs::{Outcome, Replaced, StageCount, Written, cpu_features, platform, row_digest};
+pub use runs::{Replaced, StageCount, Written, cpu_features, platform};
 
 /// The version of this program, part of every run's name.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -85,12 +82,6 @@ pub enum ManifestError {
     /// The settings have no canonical form.
     #[error("cannot write the settings down: {0}")]
     Settings(#[from] serde_json::Error),
-    /// No schema.
-    #[error(transparent)]
-    Schema(#[from] SchemaError),
-    /// The row of `runs` breaks its contract.
-    #[error(transparent)]
-    Table(#[from] TableError),
 }
 
 impl RunKey {
@@ -167,10 +158,10 @@ impl Work {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    pub(super) fn work() -> Work {
+    pub(crate) fn work() -> Work {
         Work {
             robot: "ur10".to_owned(),
             session: "grid".to_owned(),

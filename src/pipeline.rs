@@ -9,6 +9,7 @@ pub mod outcome;
 pub mod plan;
 pub mod planning;
 mod promise;
+pub mod publish;
 pub mod run;
 pub mod stages;
 pub mod verify;

@@ -2,14 +2,13 @@
 //!
 //! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
 //! ([`crate::method::accuracy`]): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or
-//! *after*. [`page`] tells them to people, with the charts of [`chart`].
+//! *after*. [`crate::page`] tells them to people, with the charts of [`chart`].
 
 pub mod accuracy;
 pub mod chart;
 pub mod driven;
 pub mod evaluate;
 pub mod iso_9283;
-pub mod page;
 pub mod promise;
 pub mod refit;
 pub mod tip;

@@ -7,11 +7,11 @@ use nalgebra::{Isometry3, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
 use posegrid::fit::full::{FullModel, FullSettings, Query};
-use posegrid::fit::scale::{FreeScale, ScaleEvidence};
+use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
-use posegrid::io::tables::{self, GridBasis, PublishContext};
+use posegrid::io::tables::{GridBasis, PublishContext, RunRows};
 use posegrid::kinematics::Arm;
 use posegrid::manifest::RunKey;
 use posegrid::pipeline::outcome::{JoinedSession, Outcome};
@@ -111,8 +111,8 @@ fn published(outcome: &Outcome<'_>, arm: &Arm, settings: &StageSettings) -> Resu
         replaces: None,
     };
     let key = RunKey::new("kr210", "monday", "00ff");
-    let tables = tables::of_run(outcome, &context, &key).map_err(|error| error.to_string())?;
-    assert!(tables.iter().all(|table| table.rows() > 0));
+    let rows = RunRows::of(outcome, &context, &key).map_err(|error| error.to_string())?;
+    assert!(rows.tables().iter().all(|table| table.rows() > 0));
     Ok(())
 }
 
@@ -127,7 +127,7 @@ fn a_tracker_that_is_wrong_by_a_thousandth_is_named_and_nothing_is_met() {
     };
     let free = scale.free.expect("positive definite");
     println!("sound: {scale:?}");
-    assert_eq!(scale.verdict(), "not_named", "{scale:?}");
+    assert_eq!(scale.verdict(), ScaleVerdict::NotNamed, "{scale:?}");
     // Three times 0.3 mm, or what the lengths were found to be off, over √(350² + 1150² + 41² + 1200²) mm.
     let expected_ppm = 3.0 * 176.6 * (free.length_rms_mm / 0.3).max(1.0);
     let relative = free.detectable_ppm() / expected_ppm;
@@ -148,7 +148,7 @@ fn a_tracker_that_is_wrong_by_a_thousandth_is_named_and_nothing_is_met() {
         (found.ppm - free.ppm - 1000.0).abs() < 60.0,
         "{found:?} {free:?}"
     );
-    assert_eq!(scale.verdict(), "named");
+    assert_eq!(scale.verdict(), ScaleVerdict::Named);
     let Verdict::NotShown(reason) = &wrong.grids.choice.verdict else {
         panic!("{:?}", wrong.grids.choice)
     };
@@ -169,7 +169,7 @@ fn geometry_alone_says_that_it_cannot_tell() {
     settings.full.enabled = false;
     let outcome = outcome(&arm, session(&arm, HOME_DEG, 3, 60, |_| ()), &settings);
     let scale = &outcome.scales[0];
-    assert_eq!(scale.verdict(), "not_shown");
+    assert_eq!(scale.verdict(), ScaleVerdict::NotShown);
     let reason = scale.reason().expect("why not");
     assert!(reason.contains("geometry alone"), "{reason}");
 }

@@ -15,9 +15,11 @@ use posegrid::io::schema::{self, ColumnSchema, ColumnType, KEY_COLUMNS, Role, Ta
 use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::logs::LogTable;
+use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::words::TableVerdict;
 use posegrid::join::JoinInput;
 use posegrid::join::rest::Rest;
-use posegrid::manifest::{Outcome, RunKey, Work, canonical};
+use posegrid::manifest::{RunKey, Work, canonical};
 use posegrid::units::Stamp;
 
 /// Names that a log may hold and no reader should trip over.
@@ -33,9 +35,9 @@ fn hostile_work() -> Work {
     }
 }
 
-fn outcome() -> Outcome {
-    Outcome {
-        verdict: "not_shown".to_owned(),
+fn outcome() -> Ending {
+    Ending {
+        verdict: TableVerdict::NotShown,
         reason: Some("a sample".to_owned()),
         replaces: None,
     }

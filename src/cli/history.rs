@@ -18,7 +18,7 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
-use crate::io::tables::PublishError;
+use crate::io::table::TableError;
 use crate::pipeline::history::{
     Asked, HistoryError, LeftOut, PastSession, Reason, RobotHistory, history,
 };
@@ -67,7 +67,7 @@ enum HistoryCommandError {
     #[error(transparent)]
     History(#[from] HistoryError),
     #[error(transparent)]
-    Tables(#[from] PublishError),
+    Tables(#[from] TableError),
     #[error("cannot write {}: {source}; check the space and the permissions of the folder", path.display())]
     Write { path: PathBuf, source: io::Error },
 }

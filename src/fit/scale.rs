@@ -92,6 +92,17 @@ impl FittedScale {
     }
 }
 
+/// Whether a session's scale is wrong by more than chance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ScaleVerdict {
+    /// It is, and named with how far.
+    Named,
+    /// Nothing shows that it is.
+    NotNamed,
+    /// It could not be told.
+    NotShown,
+}
+
 /// What is known of one session's scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionScale {
@@ -110,12 +121,12 @@ pub struct SessionScale {
 }
 
 impl SessionScale {
-    /// The verdict as table `scales` has it.
-    pub fn verdict(&self) -> &'static str {
+    /// Whether the scale is named.
+    pub fn verdict(&self) -> ScaleVerdict {
         match (self.is_named(), self.free) {
-            (true, _) => "named",
-            (false, Some(_)) => "not_named",
-            (false, None) => "not_shown",
+            (true, _) => ScaleVerdict::Named,
+            (false, Some(_)) => ScaleVerdict::NotNamed,
+            (false, None) => ScaleVerdict::NotShown,
         }
     }
 

@@ -37,6 +37,21 @@ pub enum Suspect {
     Anything,
 }
 
+/// What is found of a suspect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SuspectVerdict {
+    /// It did not change, as far as the covariances show.
+    NoChange,
+    /// It moved.
+    Moved,
+    /// One of several moved, which cannot be told apart.
+    OneOfSeveral,
+    /// It was set up anew and was not asked.
+    SetUpAnew,
+    /// There is nothing to hold it against.
+    NotShown,
+}
+
 /// What a suspect explains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
@@ -127,15 +142,19 @@ impl Finding {
     }
 
     /// What it says of one part, in the word of the table.
-    pub fn verdict_of(&self, part: Suspect) -> &'static str {
+    pub fn verdict_of(&self, part: Suspect) -> SuspectVerdict {
         match self {
-            Self::Moved { .. } if part == Suspect::Anything => "moved",
+            Self::Moved { .. } if part == Suspect::Anything => SuspectVerdict::Moved,
             // More than can be told apart: each part may have.
-            Self::Moved { one_of, .. } if one_of.contains(&Suspect::Anything) => "one_of_several",
-            Self::Moved { surely, .. } if surely.contains(&part) => "moved",
-            Self::Moved { one_of, .. } if one_of.contains(&part) && one_of.len() == 1 => "moved",
-            Self::Moved { one_of, .. } if one_of.contains(&part) => "one_of_several",
-            _ => "no_change",
+            Self::Moved { one_of, .. } if one_of.contains(&Suspect::Anything) => {
+                SuspectVerdict::OneOfSeveral
+            }
+            Self::Moved { surely, .. } if surely.contains(&part) => SuspectVerdict::Moved,
+            Self::Moved { one_of, .. } if one_of.contains(&part) && one_of.len() == 1 => {
+                SuspectVerdict::Moved
+            }
+            Self::Moved { one_of, .. } if one_of.contains(&part) => SuspectVerdict::OneOfSeveral,
+            _ => SuspectVerdict::NoChange,
         }
     }
 

@@ -8,7 +8,7 @@ use arrow::datatypes::Float64Type;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
-use super::table::Table;
+use super::table::{Table, Word};
 use crate::compensation::{Conditions, Validity};
 use crate::geometry::Transform;
 use crate::manifest::RunKey;
@@ -155,6 +155,12 @@ impl Common<'_> {
     pub fn text(self, column: &str) -> Result<String, CommonError> {
         let value = self.optional_text(column)?;
         Ok(value.expect("the schema has no nulls in this column"))
+    }
+
+    /// The value of an enumeration.
+    pub fn word<W: Word>(self, column: &str) -> Result<W, CommonError> {
+        let word = W::of_word(&self.text(column)?);
+        Ok(word.expect("a test holds the words that the schema allows against the enumeration"))
     }
 
     /// A number, or null.

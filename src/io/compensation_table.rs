@@ -19,6 +19,7 @@ use super::common::{Common, CommonError};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Table};
+pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::manifest::RunKey;
@@ -36,17 +37,6 @@ pub struct PublishedTable {
     pub measured: Vec<[f64; 2]>,
     /// Where the measured target sat at the flange.
     pub flange_from_target: Position<Flange>,
-}
-
-/// Whether the step of a table meets the tolerance of its pipeline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TableVerdict {
-    /// It does.
-    Met,
-    /// It does not: the best step there was.
-    NotMet,
-    /// Too few stations judged it.
-    NotShown,
 }
 
 /// Why a file cannot be read as a compensation table.

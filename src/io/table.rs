@@ -3,7 +3,8 @@
 //! 1. [`Columns`] takes whole columns by name and puts them in the order of the schema.
 //! 2. Every column is checked against its contract: type, length, nulls, finite numbers, allowed words.
 //! 3. Rows of a published table are sorted by the schema's `order`; two rows of the same name are refused.
-//! 4. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
+//! 4. A struct of typed fields is the rows of a table ([`Row`]): it makes the columns, and is read back from them.
+//! 5. [`write()`] and [`read()`] turn a [`Table`] into the bytes of a Parquet file and back; a file read is checked alike.
 //!
 //! The same values give the same bytes. Every file written carries the digest of its content (`digest`), and a published
 //! table that is read is held against it.
@@ -15,6 +16,7 @@ pub mod compare;
 mod digest;
 mod error;
 mod read;
+mod row;
 mod same;
 mod write;
 
@@ -29,6 +31,10 @@ pub use error::{FileError, TableError};
 pub use read::{
     Head, Opened, Seal, head, head_of, open, open_within, read, read_open, read_within,
 };
+#[cfg(test)]
+pub use row::FieldColumn;
+pub use row::{Field, Row, Rows, Stored, Word};
+pub(crate) use row::{names, row, words};
 pub use write::{Encoder, PartsFile, ROW_GROUP_ROWS, RowGroups, write};
 
 use super::schema::TableSchema;

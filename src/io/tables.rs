@@ -1,12 +1,12 @@
-//! What a piece of work found → its published tables: one file here for each table, one function for each file.
+//! What a piece of work found → the rows of its published tables: one file here for each table, one struct for its rows.
 //!
-//! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are
-//! checked [`Table`]s. [`publish`] writes all of a run and then the row of `runs` that makes it exist:
-//! 1. for each session: `stations`, `rejects`, `clocks`, and `logs` where asked for;
-//! 2. of the run: `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`, `grid_steps`,
-//!    `compensation`, `accuracy`;
-//! 3. the run's page, made of all these tables ([`super::page`]);
-//! 4. `runs`, with what came into each stage and what became of it ([`counts`]).
+//! Inputs are the domain structs of [`Outcome`] and what the pipeline file says besides ([`PublishContext`]); outputs are rows
+//! with their checked [`Table`]s:
+//! 1. for each session ([`SessionRows`]): `stations`, `rejects`, `clocks`; `logs` are written where they are read ([`logs`]);
+//! 2. of the run ([`RunRows`]): `calibrations`, `parameters`, `scales`, `joint_errors`, `residuals`, `semivariograms`,
+//!    `grid_steps`, `compensation`, `accuracy`.
+//!
+//! What came into each stage and what became of it ([`counts`]) stands in `runs` ([`runs`]).
 
 pub mod accuracy;
 pub mod calibrations;
@@ -21,6 +21,7 @@ pub mod logs;
 pub mod parameters;
 pub mod rejects;
 pub mod residuals;
+pub mod runs;
 pub mod sampling_plan;
 pub mod scales;
 pub mod semivariograms;
@@ -28,14 +29,13 @@ pub mod stations;
 #[cfg(test)]
 mod tests;
 mod validity;
-mod words;
+pub mod words;
 
 use thiserror::Error;
 
-use super::lake::{Commit, LakeError, OpenRun};
-use super::page::{self, About, Said};
+use super::lake::LakeError;
 use super::schema::SchemaError;
-use super::table::{Table, TableError};
+use super::table::{Row, Rows, Table, TableError};
 use crate::compensation::Conditions;
 use crate::fit::FitSettings;
 use crate::fit::full::FullSettings;
@@ -43,10 +43,22 @@ use crate::geometry::{Base, Command, Transform};
 use crate::grid::Tolerance;
 use crate::ingest::PosesError;
 use crate::kinematics::Arm;
-use crate::manifest::{ManifestError, Outcome as Ending, Replaced, RunKey, Work};
+use crate::manifest::{ManifestError, Replaced, RunKey};
 use crate::pipeline::outcome::{JoinedSession, Outcome};
-use crate::report;
 use crate::report::{Angles, Model, Split};
+use accuracy::AccuracyRow;
+use calibrations::CalibrationRow;
+use clocks::ClockRow;
+use compensation::NodeRow;
+use grid_steps::StepRow;
+use joint_errors::JointErrorRow;
+use parameters::ParameterRow;
+use rejects::RejectRow;
+use residuals::ResidualRow;
+use runs::Ending;
+use scales::ScaleRow;
+use semivariograms::SemivariogramRow;
+use stations::StationRow;
 
 /// What tables say besides what the stages found.
 #[derive(Debug, Clone)]
@@ -109,95 +121,111 @@ pub enum PublishError {
     Poses(#[from] PosesError),
 }
 
-/// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
-pub fn publish(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    mut run: OpenRun<'_>,
-    work: &Work,
-    said: &Said,
-) -> Result<Commit, PublishError> {
-    let tables = publish_tables(outcome, context, &mut run)?;
-    let counts = counts::counts(outcome);
-    let about = About {
-        work,
-        tolerance: context.tolerance,
-        choice: &outcome.grids.choice.words,
-        verdict: &outcome.verdict,
-        counts: &counts,
-        written: run.written(),
-        said,
-    };
-    let html = report::page::html(&page::content(&tables, &about));
-    run.publish_page(&html)?;
-    let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
-    Ok(run.commit(&row)?)
+/// The tables of one session, with their rows.
+#[derive(Debug, Clone)]
+pub struct SessionRows {
+    /// The session.
+    pub name: String,
+    /// `stations`.
+    pub stations: Rows<StationRow>,
+    /// `rejects`.
+    pub rejects: Rows<RejectRow>,
+    /// `clocks`.
+    pub clocks: Rows<ClockRow>,
 }
 
-/// Writes the tables and gives them for the page.
-fn publish_tables(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    run: &mut OpenRun<'_>,
-) -> Result<Vec<Table>, PublishError> {
-    let key = run.key().clone();
-    run.publish_kept()?;
-    let mut tables = Vec::new();
-    for session in outcome.training.iter().chain(&outcome.test) {
-        tables.extend(of_session(
-            session,
-            context,
-            &key.of_session(&session.name),
-        )?);
+impl SessionRows {
+    /// The tables of a session; `key` is the session's.
+    pub fn of(session: &JoinedSession, arm: &Arm, key: &RunKey) -> Result<Self, TableError> {
+        Ok(Self {
+            name: session.name.clone(),
+            stations: Row::table(stations::rows(session, arm), key)?,
+            rejects: Row::table(rejects::rows(session), key)?,
+            clocks: Row::table(vec![clocks::row(&session.joined.clock)], key)?,
+        })
     }
-    tables.extend(of_run(outcome, context, &key)?);
-    for table in &tables {
-        run.publish(table)?;
+
+    /// The tables in the order of the stages.
+    pub const fn tables(&self) -> [&Table; 3] {
+        [
+            &self.stations.table,
+            &self.rejects.table,
+            &self.clocks.table,
+        ]
     }
-    Ok(tables)
 }
 
-/// The tables of one session.
-pub fn of_session(
-    session: &JoinedSession,
-    context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<[Table; 3], PublishError> {
-    Ok([
-        stations::stations(session, context.arm, key)?,
-        rejects::rejects(session, key)?,
-        clocks::clocks(&session.joined.clock, key)?,
-    ])
+/// The tables of a run as a whole, with their rows.
+#[derive(Debug, Clone)]
+pub struct RunRows {
+    /// `calibrations`.
+    pub calibrations: Rows<CalibrationRow>,
+    /// `parameters`.
+    pub parameters: Rows<ParameterRow>,
+    /// `scales`.
+    pub scales: Rows<ScaleRow>,
+    /// `joint_errors`.
+    pub joint_errors: Rows<JointErrorRow>,
+    /// `residuals`.
+    pub residuals: Rows<ResidualRow>,
+    /// `semivariograms`.
+    pub semivariograms: Rows<SemivariogramRow>,
+    /// `grid_steps`.
+    pub steps: Rows<StepRow>,
+    /// `compensation`.
+    pub compensation: Rows<NodeRow>,
+    /// `accuracy`.
+    pub accuracy: Rows<AccuracyRow>,
 }
 
-/// The tables of the run as a whole.
-pub fn of_run(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<[Table; 9], PublishError> {
-    Ok([
-        calibrations::calibrations(outcome, context, key)?,
-        parameters::parameters(outcome, context, key)?,
-        scales::scales(&outcome.scales, key)?,
-        joint_errors::joint_errors(outcome, context, key)?,
-        residuals::residuals(&outcome.residuals, key)?,
-        semivariograms::semivariograms(&outcome.semivariograms, context.noise_mm2, key)?,
-        grid_steps::grid_steps(outcome, context, key)?,
-        compensation::compensation(outcome, context, key)?,
-        accuracy::accuracy(
+impl RunRows {
+    /// The tables of a run.
+    pub fn of(
+        outcome: &Outcome<'_>,
+        context: &PublishContext<'_>,
+        key: &RunKey,
+    ) -> Result<Self, PublishError> {
+        let semivariograms = semivariograms::rows(&outcome.semivariograms, context.noise_mm2);
+        let accuracy = accuracy::rows(
             outcome.accuracy.iter().chain(&outcome.at_tip),
             &outcome.verdict,
             &outcome.iso_9283,
             &context.tolerance,
             key,
-        )?,
-    ])
+        );
+        Ok(Self {
+            calibrations: Row::table(calibrations::rows(outcome, context)?, key)?,
+            parameters: Row::table(parameters::rows(outcome, context), key)?,
+            scales: Row::table(scales::rows(&outcome.scales), key)?,
+            joint_errors: Row::table(joint_errors::rows(outcome, context), key)?,
+            residuals: Row::table(residuals::rows(&outcome.residuals), key)?,
+            semivariograms: Row::table(semivariograms, key)?,
+            steps: Row::table(grid_steps::rows(outcome, context), key)?,
+            compensation: Row::table(compensation::rows(outcome, context, key), key)?,
+            accuracy: Row::table(accuracy, key)?,
+        })
+    }
+
+    /// The tables in the order of the stages.
+    pub const fn tables(&self) -> [&Table; 9] {
+        [
+            &self.calibrations.table,
+            &self.parameters.table,
+            &self.scales.table,
+            &self.joint_errors.table,
+            &self.residuals.table,
+            &self.semivariograms.table,
+            &self.steps.table,
+            &self.compensation.table,
+            &self.accuracy.table,
+        ]
+    }
 }
 
-fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
+/// How a run ended, for its row in `runs`.
+pub fn ending(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Ending {
     Ending {
-        verdict: words::verdict(&outcome.verdict.verdict()).to_owned(),
+        verdict: (&outcome.verdict.verdict()).into(),
         reason: outcome.verdict.reason(),
         replaces: context.replaces.clone(),
     }

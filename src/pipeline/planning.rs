@@ -18,14 +18,17 @@ use thiserror::Error;
 use super::plan::{PlanError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
-use crate::io::page::{self, plan::About};
 use crate::io::store::Place;
+use crate::io::table::Row as _;
+use crate::io::tables::runs::{Ending, RunRow};
+use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
-use crate::manifest::{self, ManifestError, Outcome, Replaced, RunKey, StageCount, Work};
+use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
+use crate::page::plan::{self as page, About};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
-use crate::report;
+
 use cell::Placed;
 pub use known::KnownError;
 pub use so_far::{SoFar, SoFarError};
@@ -173,11 +176,9 @@ impl Planning {
         }
         let row = lake.read("runs", &key)?;
         Ok(Planned {
-            is_met: row
-                .text("verdict")
+            is_met: RunRow::read(&row)
                 .iter()
-                .flatten()
-                .any(|verdict| verdict == MET),
+                .any(|row| row.verdict == TableVerdict::Met),
             page: run::page(&lake, &key).map_err(Box::new)?,
             plan: made,
             key,
@@ -209,7 +210,7 @@ impl Planning {
             counts: &counts,
             written: run.written(),
         };
-        let html = report::page::plan::html(&page::plan::content(&tables, &about));
+        let html = page::html(&page::content(&tables, &about));
         run.publish_page(&html)?;
         let row = self
             .work
@@ -217,9 +218,6 @@ impl Planning {
         Ok(run.commit(&row)?)
     }
 }
-
-/// The verdict of a plan that meets its tolerance.
-const MET: &str = "met";
 
 /// Candidates in and out: in = kept + rejected.
 fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
@@ -238,15 +236,15 @@ fn counts(plan: &SamplingPlan) -> Vec<StageCount> {
     }]
 }
 
-fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Outcome {
+fn ending(plan: &SamplingPlan, replaces: Option<Replaced>) -> Ending {
     let promise = &plan.promise;
     let verdict = match promise.bound_mm {
-        _ if plan.is_met() => MET,
-        Some(_) => "not_met",
-        None => "not_shown",
+        _ if plan.is_met() => TableVerdict::Met,
+        Some(_) => TableVerdict::NotMet,
+        None => TableVerdict::NotShown,
     };
-    Outcome {
-        verdict: verdict.to_owned(),
+    Ending {
+        verdict,
         reason: (!plan.is_met()).then(|| {
             format!(
                 "{} of {} simulated robots meet the tolerance: at least {:.3} of all, {:.3} are asked for",

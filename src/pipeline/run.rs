@@ -14,15 +14,19 @@ use super::fetch::Fetched;
 use super::outcome::Outcome;
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
+use super::publish::publish;
 use super::words::{notes, words};
 use super::{damage, driven, stages};
 use crate::geometry::Transform;
 use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
-use crate::io::page::Said;
 use crate::io::store::Place;
+use crate::io::table::Row as _;
+use crate::io::tables::runs::RunRow;
+use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::manifest::{Replaced, RunKey};
+use crate::page::Said;
 use crate::progress::Progress;
 use crate::report::{Angles, Split};
 
@@ -109,14 +113,14 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
     let driven = driven::words(&outcome, &plan.arm, &plan.valid_for, &lake)?;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
     let said = said(plan, &outcome, &remarks, driven.state)?;
-    let commit = tables::publish(&outcome, &context, run, &work, &said)?;
+    let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: commit == Commit::AlreadyThere,
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
-        rejected: rejected(plan, &lake, &key)?,
+        rejected: said.warnings,
         words: words(&outcome, plan.stages.tolerance.mm)
             .into_iter()
             .chain(remarks)
@@ -152,28 +156,25 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError>
 
 /// What the lake says of a run that it has.
 fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
-    let row = lake.read("runs", key)?;
-    let text = |column: &str| {
-        row.text(column)
-            .iter()
-            .flatten()
-            .next()
-            .unwrap_or_default()
-            .to_owned()
+    let row = RunRow::read(&lake.read(RunRow::TABLE, key)?);
+    let row = row.into_iter().next();
+    let (reason, counts) = row
+        .as_ref()
+        .map_or((None, "[]"), |row| (row.reason.clone(), &row.counts));
+    let verdict = match row.as_ref().map(|row| row.verdict) {
+        Some(TableVerdict::Met) => Verdict::Meets,
+        Some(TableVerdict::NotMet) => Verdict::DoesNotMeet,
+        Some(TableVerdict::NotShown) | None => {
+            Verdict::NotShown(reason.clone().unwrap_or_default())
+        }
     };
-    let verdict = match text("verdict").as_str() {
-        "met" => Verdict::Meets,
-        "not_met" => Verdict::DoesNotMeet,
-        _ => Verdict::NotShown(text("reason")),
-    };
-    let reason = Some(text("reason")).filter(|reason| !reason.is_empty());
     Ok(Done {
         session: key.session.clone(),
         run: key.run.clone(),
         already_there: true,
         verdict,
         reason,
-        rejected: rejected(plan, lake, key)?,
+        rejected: damage::rejected_beyond(counts, plan.max_rejected_share),
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
@@ -181,19 +182,6 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
         tables: lake.root(),
         page: page(lake, key)?,
     })
-}
-
-/// Topics of which more was rejected than the pipeline file allows, by what the run's row in `runs` counts.
-fn rejected(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Vec<String>, RunError> {
-    let row = lake.read("runs", key)?;
-    let counts = row
-        .text("counts")
-        .iter()
-        .flatten()
-        .next()
-        .unwrap_or("[]")
-        .to_owned();
-    Ok(damage::rejected_beyond(&counts, plan.max_rejected_share))
 }
 
 fn context<'a>(

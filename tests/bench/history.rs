@@ -11,8 +11,10 @@ use posegrid::fit::{self, FitSettings, Freedom, Noise, TrackerUncertainty};
 use posegrid::io::lake::Lake;
 use posegrid::io::schema::{self, ColumnType};
 use posegrid::io::table::{Columns, Table, write};
+use posegrid::io::tables::runs::Ending;
+use posegrid::io::tables::words::TableVerdict;
 use posegrid::kinematics::{Arm, RobotFile};
-use posegrid::manifest::{Input, Outcome, RunKey, Work, Written, digest};
+use posegrid::manifest::{Input, RunKey, Work, Written, digest};
 use posegrid::pipeline::history::{Asked, history};
 use posegrid::progress::Quiet;
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
@@ -168,8 +170,8 @@ fn put(lake: &Lake, number: usize, model: &str) {
         )
     });
     let written = [clocks, calibrations, accuracy].map(|table| save(lake, &table, &key));
-    let outcome = Outcome {
-        verdict: "met".to_owned(),
+    let outcome = Ending {
+        verdict: TableVerdict::Met,
         reason: None,
         replaces: None,
     };

@@ -12,7 +12,8 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use posegrid::io::schema;
 use posegrid::io::table::{self, Opened, Seal};
-use posegrid::manifest::{digest, row_digest};
+use posegrid::io::tables::runs::row_digest;
+use posegrid::manifest::digest;
 
 use super::cell::Cell;
 

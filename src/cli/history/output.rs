@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use super::HistoryCommandError;
 use crate::cli::messages::Printable;
 use crate::io::lake::Lake;
-use crate::io::table::{Table, write};
-use crate::io::tables::{drift, history};
+use crate::io::table::{Row as _, Table, write};
+use crate::io::tables::drift::{self, DriftRow};
+use crate::io::tables::history::{self, HistoryRow};
 use crate::io::whole_file::replace_whole;
 use crate::manifest::RunKey;
 use crate::pipeline::history::{Figure, HistoryError, PastSession, RobotHistory, figures, trend};
@@ -26,8 +27,8 @@ pub(super) fn output(
     let all: Vec<Vec<Vec<Figure>>> = robots.iter().map(|robot| read(lake, robot)).collect();
     let mut written = Vec::new();
     for table in [
-        history::history(&rows(robots, &all))?,
-        drift::drift(robots)?,
+        HistoryRow::table_of_several(history::rows(&rows(robots, &all)))?.table,
+        DriftRow::table_of_several(drift::rows(robots))?.table,
     ] {
         let name = format!("{}.parquet", table.schema().table);
         written.push(put(folder, &name, &bytes(&table, folder)?)?);

@@ -8,6 +8,7 @@ use super::{CompensationTableError, TableFile};
 use crate::compensation::Known;
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::{Lattice, Refusal};
+use crate::io::table::Stored as _;
 
 /// A node further than this from its place in the lattice is not on it, mm.
 const ON_LATTICE_MM: f64 = 1e-6;
@@ -102,7 +103,7 @@ impl TableFile<'_> {
     fn node(&self, row: usize) -> Result<Result<Known, Refusal>, CompensationTableError> {
         let refused = self.table.text("refused");
         if refused.is_valid(row) {
-            return Ok(Err(refusal(refused.value(row))));
+            return Ok(Err(Refusal::at(refused, row)));
         }
         let (Some(error), Some([xx, xy, xz, yy, yz, zz]), Some(joints)) = (
             self.numbers(ERROR, row),
@@ -138,17 +139,5 @@ impl TableFile<'_> {
         let lists = self.table.list("joints_rad");
         let angles = lists.is_valid(row).then(|| lists.value(row))?;
         Some(angles.as_primitive::<Float64Type>().values().to_vec())
-    }
-}
-
-/// The schema's words for why a node has no value.
-fn refusal(word: &str) -> Refusal {
-    match word {
-        "out_of_reach" => Refusal::OutOfReach,
-        "singularity" => Refusal::Singularity,
-        "other_configuration" => Refusal::OtherConfiguration,
-        "unmeasured" => Refusal::Unmeasured,
-        // The schema allows these five words only.
-        _ => Refusal::Branches,
     }
 }

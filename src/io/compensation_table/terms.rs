@@ -10,11 +10,7 @@ impl TableFile<'_> {
         said.one("orientation", |row| {
             Some(self.table.i64("orientation").value(row))
         })?;
-        // The schema allows the two words only.
-        let interpolation = match said.text("interpolation")?.as_str() {
-            "idw" => Interpolation::Idw,
-            _ => Interpolation::Trilinear,
-        };
+        let interpolation: Interpolation = said.word("interpolation")?;
         Ok(Terms {
             table_id: said.text("table_id")?,
             orientation: said.rotation("")?,
@@ -27,11 +23,7 @@ impl TableFile<'_> {
     }
 
     pub(super) fn verdict(&self) -> Result<TableVerdict, CommonError> {
-        Ok(match self.said().text("verdict")?.as_str() {
-            "met" => TableVerdict::Met,
-            "not_met" => TableVerdict::NotMet,
-            _ => TableVerdict::NotShown,
-        })
+        self.said().word("verdict")
     }
 
     fn idw_power(&self, interpolation: Interpolation) -> Result<f64, CommonError> {

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Lake, LakeError, session_key};
-use crate::manifest::{Replaced, RunKey, row_digest};
+use crate::io::tables::runs::row_digest;
+use crate::manifest::{Replaced, RunKey};
 
 impl Lake {
     /// The current run of the robot and session of `key` with the digest of its row, or `None` where there is none yet.

@@ -128,7 +128,7 @@ macro_rules! lists {
 }
 lists!(Float64Builder, ListFloat64, Float64, |_, x: &f64| Ok(*x); &[f64], &Vec<f64>, Vec<f64>);
 lists!(Int64Builder, ListInt64, Int64, |row, x: &i64| signed(row, *x); &[i64], Vec<i64>);
-lists!(Int64Builder, ListInt64, Int64, |row, x: &u64| signed(row, *x); Vec<u64>);
+lists!(Int64Builder, ListInt64, Int64, |row, x: &u64| signed(row, *x); &[u64], Vec<u64>);
 lists!(StringBuilder, ListString, Utf8, same_text; &[String], &Vec<String>, Vec<String>, &[&str], Vec<&str>);
 
 #[expect(clippy::unnecessary_wraps, reason = "the lists of numbers can fail")]

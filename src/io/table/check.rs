@@ -13,15 +13,15 @@ use super::{Table, TableError, same};
 use crate::io::schema::{ColumnSchema, ColumnType, Role, TableSchema};
 use crate::manifest::RunKey;
 
-/// The table that the columns make, if they keep its contract; those that are not given are `like` those of a table that
-/// keeps it.
+/// The table that the columns make, if they keep its contract, and the rows as they were given in the order that they have now
+/// (`None` where that is the same); columns that are not given are `like` those of a table that keeps it.
 pub(super) fn table(
     schema: &'static TableSchema,
     key: Option<RunKey>,
     rows: usize,
     arrays: Vec<Option<ArrayRef>>,
     like: Option<&Table>,
-) -> Result<Table, TableError> {
+) -> Result<(Table, Option<Vec<usize>>), TableError> {
     let given: Vec<bool> = arrays.iter().map(Option::is_some).collect();
     let arrays = all(schema, arrays, like)?;
     let columns = schema.columns.iter().zip(&arrays).zip(given);
@@ -35,17 +35,18 @@ pub(super) fn table(
     let batch = RecordBatch::try_new(Arc::new(schema.arrow()), arrays).map_err(arrow)?;
     let names = row_names(schema, &batch);
     // Nearly always the rows come in order, and each is held against the one before it alone.
-    let batch = if rising(&names, rows).map_err(arrow)? {
-        batch
+    let (batch, order) = if rising(&names, rows).map_err(arrow)? {
+        (batch, None)
     } else {
         in_order(schema, batch, &names)?
     };
-    Ok(Table {
+    let table = Table {
         schema,
         key,
         batch,
         version: schema.version,
-    })
+    };
+    Ok((table, order))
 }
 
 /// Every column, given or `like` that of another table.
@@ -78,7 +79,7 @@ fn in_order(
     schema: &TableSchema,
     batch: RecordBatch,
     names: &[ArrayRef],
-) -> Result<RecordBatch, TableError> {
+) -> Result<(RecordBatch, Option<Vec<usize>>), TableError> {
     let arrow = |source| TableError::Arrow {
         table: schema.table.clone(),
         source,
@@ -87,10 +88,11 @@ fn in_order(
     check_rows_differ(schema, &order)?;
     // What somebody else wrote keeps its order: that of targets is the order of the program that visits them.
     if schema.role == Role::Accepted {
-        return Ok(batch);
+        return Ok((batch, None));
     }
     let rows: UInt64Array = order.iter().map(|row| row.given as u64).collect();
-    take_record_batch(&batch, &rows).map_err(arrow)
+    let batch = take_record_batch(&batch, &rows).map_err(arrow)?;
+    Ok((batch, Some(order.iter().map(|row| row.given).collect())))
 }
 
 fn check_column(

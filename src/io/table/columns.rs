@@ -138,6 +138,11 @@ impl Columns {
 
     /// Checks everything and sorts the rows.
     pub fn finish(self) -> Result<Table, TableError> {
+        Ok(self.finish_in_order()?.0)
+    }
+
+    /// The same, with the rows as they were given in the order that they have now; `None` where that is the same.
+    pub(super) fn finish_in_order(self) -> Result<(Table, Option<Vec<usize>>), TableError> {
         if let Some(error) = self.error {
             return Err(error);
         }

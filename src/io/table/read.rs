@@ -148,7 +148,7 @@ pub fn open_within(
     };
     let version = version(&entries).unwrap_or(schema.version);
     let columns = columns(&batch, schema, version).map_err(content)?;
-    let table =
+    let (table, _) =
         check::table(schema, key(&entries), batch.num_rows(), columns, None).map_err(content)?;
     let table = Table { version, ..table };
     let seal = match schema.role {

@@ -4,68 +4,242 @@ mod iso_9283;
 
 use super::compensation::table_id;
 use super::grid_steps::whole;
-use super::{PublishError, words};
-use crate::figures::least_count;
+use super::words::{self, Role, TableVerdict, Unit};
+use crate::figures::{Figures, least_count};
 use crate::grid::{Tolerance, Verdict};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use crate::io::table::{row, words};
 use crate::manifest::RunKey;
-use crate::report::iso_9283::Iso9283;
+use crate::report::iso_9283::{Characteristic, Iso9283};
 use crate::report::verdict::RunVerdict;
-use crate::report::{Accuracy, Model, Moment, Point, Split, Subject};
+use crate::report::{Accuracy, Angles, BaseRefit, Model, Moment, Point, Split, Subject};
 
 /// Coverage factor of the expanded uncertainties.
 const COVERAGE_FACTOR: f64 = 2.0;
 
-/// A row of the table.
-struct Row<'a> {
-    subject: &'a Subject,
-    point: Point,
-    moment: Moment,
-    table_id: Option<String>,
-    quantity: &'static str,
-    name: &'static str,
-    pose: Option<usize>,
-    value: Option<f64>,
-    unit: &'static str,
-    expanded_uncertainty: Option<f64>,
-    n: usize,
-    visits: Option<usize>,
-    blocks: Option<usize>,
-    n_needed: Option<i64>,
-    reason: Option<String>,
-    /// Of a bound: what it is held against.
-    verdict: Option<Verdict>,
+row! {
+    /// An accuracy figure.
+    pub struct AccuracyRow of "accuracy" {
+        /// How the stations were kept from training.
+        split: Split,
+        /// What corrects the error.
+        model: Model,
+        /// The joint angles that the model was given.
+        angles: Angles,
+        /// Where the base of an unseen session comes from.
+        base_refit: BaseRefit,
+        /// What part the stations had in the fit.
+        role: Role,
+        /// Measured, predicted, or measured after a table drove the session.
+        evidence: Moment,
+        /// Before or after compensation.
+        moment: BeforeAfter,
+        /// The point that the error is of.
+        point: Point,
+        /// What kind of figure it is.
+        quantity: FigureKind,
+        /// Which figure.
+        name: FigureName,
+        /// The session that the stations are of.
+        of_session: String,
+        /// The pose of an ISO 9283 figure, by the station it was first visited as; `None` over all poses.
+        pose: Option<usize>,
+        /// The figure; `None` where it is not shown.
+        value: Option<f64>,
+        /// Its unit.
+        unit: Unit,
+        /// Expanded uncertainty of one measured error, mm; `None` where it does not apply.
+        expanded_uncertainty: Option<f64>,
+        /// Coverage factor of that uncertainty.
+        coverage_factor: Option<f64>,
+        /// Values it is over; of a bound, the poses it counts.
+        n: usize,
+        /// Of a bound, visits of these poses.
+        visits: Option<usize>,
+        /// Blocks they come from, where that is known.
+        blocks: Option<usize>,
+        /// Values that the standard or the bound asks for.
+        n_needed: Option<i64>,
+        /// Of a bound, the share of errors that it covers.
+        share: Option<f64>,
+        /// Of a bound, its confidence.
+        confidence: Option<f64>,
+        /// Of a bound, the tolerance that it is held against, mm.
+        tolerance: Option<f64>,
+        /// Of a bound, whether the tolerance is met.
+        verdict: Option<TableVerdict>,
+        /// Why it is not met or not shown, or what limits the figure.
+        reason: Option<String>,
+        /// The table that corrects, where one does.
+        table_id: Option<String>,
+    }
 }
 
-/// The table of all figures. The bound of the run's own table has the verdict of the run.
-pub fn accuracy<'a>(
+/// Before or after compensation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BeforeAfter {
+    /// Before.
+    Before,
+    /// After, measured or predicted.
+    After,
+}
+
+/// Kinds of figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FigureKind {
+    /// Of the norms of position errors.
+    PositionError,
+    /// Of orientation errors.
+    OrientationError,
+    /// A figure of ISO 9283.
+    Iso9283,
+    /// How well stated covariances fit what was found.
+    Coverage,
+}
+
+/// Which figure a row has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FigureName {
+    /// The mean.
+    Mean,
+    /// Root mean square.
+    Rms,
+    /// 95th percentile.
+    P95,
+    /// 99th percentile.
+    P99,
+    /// The largest.
+    Max,
+    /// Mean and three standard deviations.
+    MeanPlus3Sd,
+    /// Distribution-free upper tolerance bound.
+    Bound,
+    /// A figure of ISO 9283.
+    Iso(Characteristic),
+    /// Share of stations inside their 95 % ellipsoid.
+    ShareInEllipsoid,
+    /// Mean squared Mahalanobis distance.
+    MeanMahalanobisSquared,
+}
+
+words! {
+    BeforeAfter { Before: "before", After: "after" }
+    FigureKind {
+        PositionError: "position_error",
+        OrientationError: "orientation_error",
+        Iso9283: "iso_9283",
+        Coverage: "coverage",
+    }
+    FigureName {
+        Mean: "mean",
+        Rms: "rms",
+        P95: "p95",
+        P99: "p99",
+        Max: "max",
+        MeanPlus3Sd: "mean_plus_3sd",
+        Bound: "bound",
+        Iso(Characteristic::ApP): "AP_p",
+        Iso(Characteristic::ApX): "AP_x",
+        Iso(Characteristic::ApY): "AP_y",
+        Iso(Characteristic::ApZ): "AP_z",
+        Iso(Characteristic::ApA): "AP_a",
+        Iso(Characteristic::ApB): "AP_b",
+        Iso(Characteristic::ApC): "AP_c",
+        Iso(Characteristic::RpL): "RP_l",
+        Iso(Characteristic::RpA): "RP_a",
+        Iso(Characteristic::RpB): "RP_b",
+        Iso(Characteristic::RpC): "RP_c",
+        Iso(Characteristic::AdP): "AD_p",
+        Iso(Characteristic::AdX): "AD_x",
+        Iso(Characteristic::AdY): "AD_y",
+        Iso(Characteristic::AdZ): "AD_z",
+        Iso(Characteristic::Rd): "RD",
+        Iso(Characteristic::VapP): "vAP_p",
+        Iso(Characteristic::DapP): "dAP_p",
+        ShareInEllipsoid: "share_in_ellipsoid",
+        MeanMahalanobisSquared: "mean_mahalanobis_squared",
+    }
+}
+
+impl AccuracyRow {
+    /// What it is a figure of.
+    pub fn subject(&self) -> Subject {
+        Subject {
+            split: self.split,
+            of_session: self.of_session.clone(),
+            model: self.model,
+            angles: self.angles,
+            base_refit: self.base_refit,
+        }
+    }
+
+    /// A figure of this kind and name that says nothing else yet.
+    fn of(
+        subject: &Subject,
+        (point, moment): (Point, Moment),
+        quantity: FigureKind,
+        name: FigureName,
+        unit: Unit,
+    ) -> Self {
+        Self {
+            split: subject.split,
+            model: subject.model,
+            angles: subject.angles,
+            base_refit: subject.base_refit,
+            role: subject.split.into(),
+            evidence: moment,
+            moment: match moment {
+                Moment::Before => BeforeAfter::Before,
+                Moment::After | Moment::MeasuredAfter => BeforeAfter::After,
+            },
+            point,
+            quantity,
+            name,
+            of_session: subject.of_session.clone(),
+            pose: None,
+            value: None,
+            unit,
+            expanded_uncertainty: None,
+            coverage_factor: None,
+            n: 0,
+            visits: None,
+            blocks: None,
+            n_needed: None,
+            share: None,
+            confidence: None,
+            tolerance: None,
+            verdict: None,
+            reason: None,
+            table_id: None,
+        }
+    }
+
+    fn with_uncertainty(self, expanded_mm: f64) -> Self {
+        Self {
+            expanded_uncertainty: Some(expanded_mm),
+            coverage_factor: Some(COVERAGE_FACTOR),
+            ..self
+        }
+    }
+}
+
+/// The rows of all figures. The bound of the run's own table has the verdict of the run.
+pub fn rows<'a>(
     all: impl Iterator<Item = &'a Accuracy>,
     verdict: &RunVerdict,
-    iso_9283: &'a [Iso9283],
+    iso_9283: &[Iso9283],
     tolerance: &Tolerance,
     key: &RunKey,
-) -> Result<Table, PublishError> {
+) -> Vec<AccuracyRow> {
     let of_sets = all.flat_map(|of| {
-        let own = (
-            of.verdict.clone(),
-            words::reason(&of.verdict).map(str::to_owned),
-        );
         let (verdict, reason) = if carries_verdict(of) {
             (verdict.verdict(), verdict.reason())
         } else {
-            own
+            let own = words::reason(&of.verdict).map(str::to_owned);
+            (of.verdict.clone(), own)
         };
         figures(of, &verdict, reason.as_ref(), tolerance, key)
     });
-    let rows: Vec<Row<'_>> = of_sets.chain(iso_9283::rows(iso_9283)).collect();
-    let all = || rows.iter();
-    let table = Columns::new(schema::find("accuracy")?, rows.len()).key(key);
-    let table = words::subjects(table, || all().map(|row| row.subject))
-        .column("point", all().map(|row| point(row.point)))
-        .column("table_id", all().map(|row| row.table_id.as_ref()))
-        .column("pose", all().map(|row| row.pose));
-    Ok(limits(values(table, &rows), &rows, tolerance).finish()?)
+    of_sets.chain(iso_9283::rows(iso_9283)).collect()
 }
 
 /// Whether a figure is the one that the verdict of the run is read from: the run's own table on held-out blocks.
@@ -74,134 +248,90 @@ fn carries_verdict(of: &Accuracy) -> bool {
 }
 
 /// The figures of one set, those that are not there left out; the bound always, as it carries the verdict.
-fn figures<'a>(
-    of: &'a Accuracy,
+fn figures(
+    of: &Accuracy,
     verdict: &Verdict,
     reason: Option<&String>,
     tolerance: &Tolerance,
     key: &RunKey,
-) -> Vec<Row<'a>> {
+) -> Vec<AccuracyRow> {
     let figures = of.figures.as_ref();
     let named = [
-        ("mean", figures.map(|f| f.mean)),
-        ("rms", figures.map(|f| f.rms)),
-        ("p95", figures.map(|f| f.p95)),
-        ("p99", figures.map(|f| f.p99)),
-        ("max", figures.map(|f| f.max)),
+        (FigureName::Mean, figures.map(|f| f.mean)),
+        (FigureName::Rms, figures.map(|f| f.rms)),
+        (FigureName::P95, figures.map(|f| f.p95)),
+        (FigureName::P99, figures.map(|f| f.p99)),
+        (FigureName::Max, figures.map(|f| f.max)),
         (
-            "mean_plus_3sd",
-            figures.map(crate::figures::Figures::mean_plus_3_sd),
-        ),
-        (BOUND, of.bound),
-        ("share_in_ellipsoid", of.coverage.map(|c| c.inside)),
-        (
-            "mean_mahalanobis_squared",
-            of.coverage.map(|c| c.mean_squared_distance),
+            FigureName::MeanPlus3Sd,
+            figures.map(Figures::mean_plus_3_sd),
         ),
     ];
-    let there = |(name, value): &(&'static str, Option<f64>)| value.is_some() || *name == BOUND;
-    let figure = |(name, value)| figure(of, name, value, tolerance, key);
-    let judged = |row: Row<'a>| match row.name {
-        BOUND => Row {
-            verdict: Some(verdict.clone()),
-            reason: reason.cloned(),
-            n: of.counted.poses,
-            visits: Some(of.counted.visits),
-            ..row
-        },
-        _ => row,
-    };
-    let rows = named.into_iter().filter(there).map(figure);
-    rows.map(judged).collect()
+    let coverage = of.coverage.as_ref();
+    let covered = [
+        (FigureName::ShareInEllipsoid, coverage.map(|c| c.inside)),
+        (
+            FigureName::MeanMahalanobisSquared,
+            coverage.map(|c| c.mean_squared_distance),
+        ),
+    ];
+    let there = |(name, value): (FigureName, Option<f64>)| Some((name, value?));
+    let norms = named.into_iter().filter_map(there).map(|(name, value)| {
+        let row = figure(
+            of,
+            FigureKind::PositionError,
+            name,
+            Some(value),
+            Unit::Mm,
+            key,
+        );
+        row.with_uncertainty(of.expanded_uncertainty_mm)
+    });
+    let covered = covered.into_iter().filter_map(there).map(|(name, value)| {
+        // Residuals against their own covariances: a number without unit.
+        figure(of, FigureKind::Coverage, name, Some(value), Unit::One, key)
+    });
+    let bound = bound(of, verdict, reason, tolerance, key);
+    norms.chain([bound]).chain(covered).collect()
 }
 
-const BOUND: &str = "bound";
-
-fn figure<'a>(
-    of: &'a Accuracy,
-    name: &'static str,
-    value: Option<f64>,
+/// The bound with what it is held against.
+fn bound(
+    of: &Accuracy,
+    verdict: &Verdict,
+    reason: Option<&String>,
     tolerance: &Tolerance,
     key: &RunKey,
-) -> Row<'a> {
-    // Residuals against their own covariances: a number without unit.
-    let is_coverage = matches!(name, "share_in_ellipsoid" | "mean_mahalanobis_squared");
-    let is_bound = name == BOUND;
+) -> AccuracyRow {
+    let kind = FigureKind::PositionError;
+    let row = figure(of, kind, FigureName::Bound, of.bound, Unit::Mm, key);
+    AccuracyRow {
+        n: of.counted.poses,
+        visits: Some(of.counted.visits),
+        n_needed: Some(whole(least_count(tolerance.coverage()))),
+        share: Some(tolerance.share),
+        confidence: Some(tolerance.confidence),
+        tolerance: Some(tolerance.mm),
+        verdict: Some(verdict.into()),
+        reason: reason.cloned(),
+        ..row.with_uncertainty(of.expanded_uncertainty_mm)
+    }
+}
+
+fn figure(
+    of: &Accuracy,
+    quantity: FigureKind,
+    name: FigureName,
+    value: Option<f64>,
+    unit: Unit,
+    key: &RunKey,
+) -> AccuracyRow {
     let own = (of.subject.model == Model::Table).then(|| table_id(key).to_owned());
-    Row {
-        subject: &of.subject,
-        point: of.point,
-        moment: of.moment,
-        table_id: of.driven_by.clone().or(own),
-        quantity: if is_coverage {
-            "coverage"
-        } else {
-            "position_error"
-        },
-        name,
-        pose: None,
+    AccuracyRow {
         value,
-        unit: if is_coverage { "1" } else { "mm" },
-        expanded_uncertainty: (!is_coverage).then_some(of.expanded_uncertainty_mm),
         n: of.figures.map_or(0, |figures| figures.n),
-        visits: None,
         blocks: of.blocks,
-        n_needed: is_bound.then(|| whole(least_count(tolerance.coverage()))),
-        reason: None,
-        verdict: None,
+        table_id: of.driven_by.clone().or(own),
+        ..AccuracyRow::of(&of.subject, (of.point, of.moment), quantity, name, unit)
     }
-}
-
-const fn point(point: Point) -> &'static str {
-    match point {
-        Point::Measured => "measured_point",
-        Point::Tool => "tool_point",
-        Point::Tip => "tool_tip",
-    }
-}
-
-fn values(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let moment = |row: &Row<'_>| match row.moment {
-        Moment::Before => ("measured", "before"),
-        Moment::After => ("predicted", "after"),
-        Moment::MeasuredAfter => ("measured_after", "after"),
-    };
-    let all = || rows.iter();
-    columns
-        .column("evidence", all().map(|row| moment(row).0))
-        .column("moment", all().map(|row| moment(row).1))
-        .column("quantity", all().map(|row| row.quantity))
-        .column("name", all().map(|row| row.name))
-        .column("value", all().map(|row| row.value))
-        .column("unit", all().map(|row| row.unit))
-        .column(
-            "expanded_uncertainty",
-            all().map(|row| row.expanded_uncertainty),
-        )
-        .column(
-            "coverage_factor",
-            all().map(|row| row.expanded_uncertainty.map(|_| COVERAGE_FACTOR)),
-        )
-        .column("n", all().map(|row| row.n))
-        .column("visits", all().map(|row| row.visits))
-        .column("blocks", all().map(|row| row.blocks))
-}
-
-/// What figures are held against.
-fn limits(columns: Columns, rows: &[Row<'_>], tolerance: &Tolerance) -> Columns {
-    let of_bounds = |value: f64| {
-        rows.iter()
-            .map(move |row| row.verdict.as_ref().map(|_| value))
-    };
-    columns
-        .column("n_needed", rows.iter().map(|row| row.n_needed))
-        .column("share", of_bounds(tolerance.share))
-        .column("confidence", of_bounds(tolerance.confidence))
-        .column("tolerance", of_bounds(tolerance.mm))
-        .column(
-            "verdict",
-            rows.iter()
-                .map(|row| row.verdict.as_ref().map(words::verdict)),
-        )
-        .column("reason", rows.iter().map(|row| row.reason.as_ref()))
 }

@@ -1,26 +1,199 @@
 //! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
 
-use nalgebra::Isometry3;
-
-use super::validity::{self, configurations, joint_ranges, learnt_from};
-use super::{PublishContext, PublishError, words};
+use super::PublishContext;
+use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
+use super::words::placement;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
-use crate::fit::{Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use crate::fit::{
+    Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
+};
+use crate::io::table::{row, words};
 use crate::kinematics::{Motion, Parameter};
-use crate::manifest::RunKey;
 use crate::pipeline::outcome::Outcome;
 use crate::report::{Angles, Model};
 
-/// The only convention that robot files may be written in.
-const CONVENTION: &str = "standard_dh";
-/// A station below this weight counts as weighted down.
-const DOWN: f64 = 0.5;
+row! {
+    /// A model that was identified, how well it is determined, and what it is valid for.
+    pub struct CalibrationRow of "calibrations" {
+        /// The arm's model.
+        arm_model: String,
+        /// The convention of its links.
+        convention: Convention,
+        /// Joints whose axis is parallel to the one before.
+        parallel_joints: Vec<String>,
+        /// The joints, as the controller names them.
+        joint_names: Vec<String>,
+        /// The model.
+        model_kind: Model,
+        /// Its parts.
+        parts: Vec<String>,
+        /// Optional parts that the evidence dropped.
+        parts_dropped: Vec<String>,
+        /// Optional parts that the evidence was asked about.
+        parts_tried: Vec<String>,
+        /// What each of these brought, nats.
+        parts_gain_nat: Vec<f64>,
+        /// Sessions it was identified from.
+        sessions: Vec<String>,
+        /// The joint angles that it is of.
+        angles: Angles,
+        /// Stations used.
+        stations: usize,
+        /// Of them, those that are weighted down.
+        stations_downweighted: usize,
+        /// Measured numbers.
+        observations: usize,
+        /// Free parameters.
+        parameters: usize,
+        /// Structural rank, of a geometry.
+        rank: Option<usize>,
+        /// Condition number, of a geometry; `None` where it is not finite.
+        condition: Option<f64>,
+        /// Observability O1.
+        o1: Option<f64>,
+        /// Observability O2.
+        o2: Option<f64>,
+        /// Observability O3.
+        o3: Option<f64>,
+        /// Observability O4.
+        o4: Option<f64>,
+        /// Observability O5.
+        o5: Option<f64>,
+        /// s².
+        variance_factor: Option<f64>,
+        /// Misfit per axis, mm.
+        misfit_mm: Option<f64>,
+        /// The loss on a station's residual.
+        loss: LossName,
+        /// Standard deviation of the prior of lengths, mm; `None` without one.
+        prior_length_mm: Option<f64>,
+        /// Standard deviation of the prior of angles, rad; `None` without one.
+        prior_angle_rad: Option<f64>,
+        /// Whether the iterations converged.
+        converged: Option<bool>,
+        /// What ended them, in words.
+        convergence: String,
+        /// Iterations made.
+        iterations: Option<usize>,
+        /// Cost at the start.
+        cost_start: Option<f64>,
+        /// Cost at the end.
+        cost_end: Option<f64>,
+        /// Log evidence of the full error model, nats.
+        log_evidence: Option<f64>,
+        /// Origin of the base in the tracker's frame, mm, where there is one session.
+        tracker_from_base as [
+            tracker_from_base_x_mm,
+            tracker_from_base_y_mm,
+            tracker_from_base_z_mm,
+        ]: Option<[f64; 3]>,
+        /// Its orientation, x y z w.
+        tracker_from_base_turn as [
+            tracker_from_base_qx,
+            tracker_from_base_qy,
+            tracker_from_base_qz,
+            tracker_from_base_qw,
+        ]: Option<[f64; 4]>,
+        /// The target in the flange's frame, mm, where there is one session.
+        flange_from_target as [
+            flange_from_target_x_mm,
+            flange_from_target_y_mm,
+            flange_from_target_z_mm,
+        ]: Option<[f64; 3]>,
+        /// Its orientation, x y z w, where that was fitted.
+        flange_from_target_turn as [
+            flange_from_target_qx,
+            flange_from_target_qy,
+            flange_from_target_qz,
+            flange_from_target_qw,
+        ]: Option<[f64; 4]>,
+        /// Origin of the base in the frame of commands, mm.
+        command_from_base as [
+            command_from_base_x_mm,
+            command_from_base_y_mm,
+            command_from_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        command_from_base_turn as [
+            command_from_base_qx,
+            command_from_base_qy,
+            command_from_base_qz,
+            command_from_base_qw,
+        ]: [f64; 4],
+        /// The controller's tool point in the flange's frame, mm.
+        flange_from_tool as [
+            flange_from_tool_x_mm,
+            flange_from_tool_y_mm,
+            flange_from_tool_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        flange_from_tool_turn as [
+            flange_from_tool_qx,
+            flange_from_tool_qy,
+            flange_from_tool_qz,
+            flange_from_tool_qw,
+        ]: [f64; 4],
+        /// Lowest reported angle of each joint, rad.
+        joint_lower_rad: Vec<f64>,
+        /// Highest reported angle of each joint, rad.
+        joint_upper_rad: Vec<f64>,
+        /// Arm configurations of the stations.
+        configurations: Vec<String>,
+        /// The tool, as the pipeline file states it.
+        tool: Option<String>,
+        /// The payload, kg, as it states it.
+        payload_kg: Option<f64>,
+        /// The mounting, as it states it.
+        mounting: Option<String>,
+        /// The base, as it states it.
+        base: Option<String>,
+        /// The controller, as it states it.
+        controller_model: Option<String>,
+        /// Whether the controller's own compensation is on, as it states it.
+        absolute_accuracy_option: Option<bool>,
+        /// Lowest temperature met while measuring, °C.
+        temperature_min_c: Option<f64>,
+        /// Highest temperature met while measuring, °C.
+        temperature_max_c: Option<f64>,
+        /// The version of the saved model's format.
+        model_version: u32,
+        /// The model as JSON.
+        model: String,
+    }
+}
 
-/// One row: a calibration of geometry or frames, the full model, or one made on top of these.
-struct Row<'a> {
+/// Conventions of links.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Convention {
+    /// Standard (distal) Denavit–Hartenberg: the only one that robot files may be written in.
+    StandardDh,
+    /// Modified (proximal) Denavit–Hartenberg.
+    ModifiedDh,
+    /// Product of exponentials.
+    Poe,
+}
+
+/// The loss on a station's residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LossName {
+    /// Squares.
+    Squares,
+    /// Huber's.
+    Huber,
+    /// Cauchy's.
+    Cauchy,
+    /// Student's t.
+    StudentT,
+}
+
+words! {
+    Convention { StandardDh: "standard_dh", ModifiedDh: "modified_dh", Poe: "poe" }
+    LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
+}
+
+/// A calibration of geometry or frames, the full model, or one made on top of these.
+struct Identified<'a> {
     model: Model,
     of: Of<'a>,
 }
@@ -32,68 +205,22 @@ enum Of<'a> {
     OnTop(&'a dyn PoseModel),
 }
 
-/// The table of all models.
-pub fn calibrations(
+/// The rows of all models.
+pub fn rows(
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
-    let rows = rows(outcome);
-    let arm = context.arm;
-    let joints = || arm.joints().iter().map(|joint| joint.name.as_str());
-    let names: Vec<&str> = outcome
-        .training
-        .iter()
-        .map(|session| session.name.as_str())
-        .collect();
-    let parallel: Vec<&str> = arm
-        .parallel_joints()
-        .iter()
-        .filter_map(|j| joints().nth(j - 1))
-        .collect();
-    let (lower, upper): (Vec<f64>, Vec<f64>) = joint_ranges(outcome, arm.joints().len())
-        .into_iter()
-        .unzip();
-    let texts = rows
-        .iter()
-        .map(|row| row.text(context, &names))
-        .collect::<Result<Vec<_>, _>>()?;
-    let table = Columns::new(schema::find("calibrations")?, rows.len())
-        .key(key)
-        .same("arm_model", arm.model())
-        .same("convention", CONVENTION)
-        .same("parallel_joints", parallel)
-        .same("joint_names", joints().collect::<Vec<_>>())
-        .column("model_kind", rows.iter().map(|row| words::model(row.model)))
-        .column("parts", rows.iter().map(|row| row.parts(true)))
-        .column("parts_dropped", rows.iter().map(|row| row.parts(false)))
-        .column(
-            "parts_tried",
-            rows.iter()
-                .map(|row| row.tried(|part| part_name(part.name))),
-        )
-        .column(
-            "parts_gain_nat",
-            rows.iter().map(|row| row.tried(|part| part.gain)),
-        )
-        .same("sessions", names)
-        .column("angles", rows.iter().map(|row| words::angles(row.angles())))
-        .same("joint_lower_rad", lower)
-        .same("joint_upper_rad", upper)
-        .same("configurations", configurations(outcome))
-        .same("model_version", VERSION)
-        .column("model", texts);
-    let table = solution(structure(table, &rows, outcome), &rows, context);
-    let table = controller_frames(frames(table, &rows), outcome, context);
-    Ok(validity::columns(table, &context.valid_for, outcome).finish()?)
+) -> Result<Vec<CalibrationRow>, serde_json::Error> {
+    let identified = identified(outcome);
+    let rows = identified.iter().map(|model| model.row(outcome, context));
+    rows.collect()
 }
 
-fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
-    let calibration = |(model, calibration): &'a (Model, Calibration)| Row {
+fn identified<'a>(outcome: &'a Outcome<'_>) -> Vec<Identified<'a>> {
+    let calibration = |(model, calibration): &'a (Model, Calibration)| Identified {
         model: *model,
         of: Of::Calibration(calibration),
     };
-    let full = outcome.full.as_ref().map(|full| Row {
+    let full = outcome.full.as_ref().map(|full| Identified {
         model: Model::Full,
         of: Of::Full(full),
     });
@@ -102,14 +229,107 @@ fn rows<'a>(outcome: &'a Outcome<'_>) -> Vec<Row<'a>> {
         .iter()
         .map(calibration)
         .chain(full)
-        .chain(outcome.on_top.iter().map(|(model, of)| Row {
+        .chain(outcome.on_top.iter().map(|(model, of)| Identified {
             model: *model,
             of: Of::OnTop(&**of),
         }))
         .collect()
 }
 
-impl<'a> Row<'a> {
+/// Names as texts of their own.
+fn owned<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<String> {
+    names.into_iter().map(str::to_owned).collect()
+}
+
+impl<'a> Identified<'a> {
+    fn row(
+        &self,
+        outcome: &Outcome<'_>,
+        context: &PublishContext<'_>,
+    ) -> Result<CalibrationRow, serde_json::Error> {
+        let (arm, stated) = (context.arm, &context.valid_for);
+        let names: Vec<&str> = arm
+            .joints()
+            .iter()
+            .map(|joint| joint.name.as_str())
+            .collect();
+        let parallel = arm.parallel_joints();
+        let parallel = parallel.iter().filter_map(|j| names.get(j - 1).copied());
+        let sessions: Vec<&str> = outcome.training.iter().map(|s| s.name.as_str()).collect();
+        let (joint_lower_rad, joint_upper_rad) =
+            joint_ranges(outcome, names.len()).into_iter().unzip();
+        let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
+        let calibration = self.calibration();
+        let solution = calibration.map(|calibration| &calibration.solution);
+        let observability = calibration.and_then(Calibration::observability);
+        let observability = |index: fn(&Observability) -> f64| observability.as_ref().map(index);
+        let frames = self.frames();
+        let base = frames.map(|(frames, _)| placement(frames.tracker_from_base.isometry()));
+        let target = frames.map(|(frames, _)| placement(frames.flange_from_target.isometry()));
+        let is_turned = frames.is_some_and(|(_, turned)| turned);
+        let command_from_base = placement(context.command_from_base.isometry());
+        let flange_from_tool = placement(outcome.gauge.flange_from_tool());
+        let some = |value: f64| (value > 0.0).then_some(value);
+        Ok(CalibrationRow {
+            arm_model: arm.model().to_owned(),
+            convention: Convention::StandardDh,
+            parallel_joints: owned(parallel),
+            joint_names: owned(names.iter().copied()),
+            model_kind: self.model,
+            parts: owned(self.parts(true)),
+            parts_dropped: owned(self.parts(false)),
+            parts_tried: self.tried(|part| part_name(part.name).to_owned()),
+            parts_gain_nat: self.tried(|part| part.gain),
+            angles: self.angles(),
+            stations: self.weights().len(),
+            stations_downweighted: self.weighted_down(),
+            observations: observations(outcome),
+            parameters: self.parameters(),
+            rank: calibration.map(|calibration| calibration.nominal_structure.rank),
+            condition: calibration
+                .map(|calibration| calibration.structure.condition())
+                .filter(|condition| condition.is_finite()),
+            o1: observability(|o| o.o1),
+            o2: observability(|o| o.o2),
+            o3: observability(|o| o.o3),
+            o4: observability(|o| o.o4),
+            o5: observability(|o| o.o5),
+            variance_factor: solution.map(|solution| solution.variance_factor),
+            misfit_mm: calibration.map(|calibration| calibration.misfit_mm),
+            loss: self.loss(context),
+            prior_length_mm: some(context.fit.prior_length_mm),
+            prior_angle_rad: some(context.fit.prior_angle_mrad * 1e-3),
+            converged: solution.map(|s| s.convergence == Convergence::Converged),
+            convergence: self.convergence().to_owned(),
+            iterations: solution.map(|solution| solution.iterations),
+            cost_start: solution.map(|solution| 0.5 * solution.cost[0]),
+            cost_end: solution.map(|solution| 0.5 * solution.cost[1]),
+            log_evidence: self.log_evidence(),
+            tracker_from_base: base.map(|(origin, _)| origin),
+            tracker_from_base_turn: base.map(|(_, turn)| turn),
+            flange_from_target: target.map(|(origin, _)| origin),
+            flange_from_target_turn: target.filter(|_| is_turned).map(|(_, turn)| turn),
+            command_from_base: command_from_base.0,
+            command_from_base_turn: command_from_base.1,
+            flange_from_tool: flange_from_tool.0,
+            flange_from_tool_turn: flange_from_tool.1,
+            joint_lower_rad,
+            joint_upper_rad,
+            configurations: configurations(outcome),
+            tool: stated.tool.clone(),
+            payload_kg: stated.payload_kg,
+            mounting: stated.mounting.clone(),
+            base: stated.base.clone(),
+            controller_model: stated.controller_model.clone(),
+            absolute_accuracy_option: stated.absolute_accuracy_option,
+            temperature_min_c,
+            temperature_max_c,
+            model_version: VERSION,
+            model: self.text(context, &sessions)?,
+            sessions: owned(sessions),
+        })
+    }
+
     const fn calibration(&self) -> Option<&'a Calibration> {
         match self.of {
             Of::Calibration(calibration) => Some(calibration),
@@ -178,12 +398,36 @@ impl<'a> Row<'a> {
         self.model().parameter_count()
     }
 
-    fn loss(&self, context: &PublishContext<'_>) -> &'static str {
+    /// Stations that are weighted down.
+    fn weighted_down(&self) -> usize {
+        let weights = self.weights().iter();
+        weights.filter(|weight| **weight < WEIGHTED_DOWN).count()
+    }
+
+    /// What ended the iterations, in words.
+    const fn convergence(&self) -> &'static str {
+        match self.of {
+            Of::Calibration(own) => in_words(own.solution.convergence),
+            Of::Full(_) => "a fixed number of rounds",
+            Of::OnTop(_) => "made on top of the others",
+        }
+    }
+
+    fn log_evidence(&self) -> Option<f64> {
+        match self.of {
+            Of::Calibration(_) | Of::OnTop(_) => None,
+            Of::Full(full) => Some(full.log_evidence()),
+        }
+    }
+
+    fn loss(&self, context: &PublishContext<'_>) -> LossName {
         match (self.of, context.fit.loss) {
-            (Of::Full(_), _) if context.full.student_t > 0.0 => "student_t",
-            (Of::Full(_) | Of::OnTop(_), _) | (Of::Calibration(_), Loss::Squares) => "squares",
-            (Of::Calibration(_), Loss::Huber { .. }) => "huber",
-            (Of::Calibration(_), Loss::Cauchy { .. }) => "cauchy",
+            (Of::Full(_), _) if context.full.student_t > 0.0 => LossName::StudentT,
+            (Of::Full(_) | Of::OnTop(_), _) | (Of::Calibration(_), Loss::Squares) => {
+                LossName::Squares
+            }
+            (Of::Calibration(_), Loss::Huber { .. }) => LossName::Huber,
+            (Of::Calibration(_), Loss::Cauchy { .. }) => LossName::Cauchy,
         }
     }
 }
@@ -204,35 +448,6 @@ fn part_name(name: &'static str) -> &'static str {
     }
 }
 
-fn structure(columns: Columns, rows: &[Row<'_>], outcome: &Outcome<'_>) -> Columns {
-    let of = || rows.iter().map(Row::calibration);
-    let observability = |index: fn(&Observability) -> f64| {
-        let value = move |row: &Row<'_>| Some(index(&row.calibration()?.observability()?));
-        rows.iter().map(value)
-    };
-    let down = |row: &Row<'_>| {
-        row.weights()
-            .iter()
-            .filter(|weight| **weight < DOWN)
-            .count()
-    };
-    let condition = |calibration: Option<&Calibration>| {
-        Some(calibration?.structure.condition()).filter(|condition| condition.is_finite())
-    };
-    columns
-        .column("stations", rows.iter().map(|row| row.weights().len()))
-        .column("stations_downweighted", rows.iter().map(down))
-        .same("observations", observations(outcome))
-        .column("parameters", rows.iter().map(Row::parameters))
-        .column("rank", of().map(|c| c.map(|c| c.nominal_structure.rank)))
-        .column("condition", of().map(condition))
-        .column("o1", observability(|o| o.o1))
-        .column("o2", observability(|o| o.o2))
-        .column("o3", observability(|o| o.o3))
-        .column("o4", observability(|o| o.o4))
-        .column("o5", observability(|o| o.o5))
-}
-
 /// Three rows for each position, three more where an orientation was fitted.
 fn observations(outcome: &Outcome<'_>) -> usize {
     let turned = outcome
@@ -249,45 +464,6 @@ fn observations(outcome: &Outcome<'_>) -> usize {
     3 * learnt_from(outcome).count() + 3 * learnt_from(outcome).filter(oriented).count()
 }
 
-fn solution(columns: Columns, rows: &[Row<'_>], context: &PublishContext<'_>) -> Columns {
-    let of = || {
-        rows.iter()
-            .map(|row| row.calibration().map(|calibration| &calibration.solution))
-    };
-    let some = |value: f64| (value > 0.0).then_some(value);
-    let convergence = |row: &Row<'_>| match row.of {
-        Of::Calibration(own) => in_words(own.solution.convergence),
-        Of::Full(_) => "a fixed number of rounds",
-        Of::OnTop(_) => "made on top of the others",
-    };
-    let evidence = |row: &Row<'_>| match row.of {
-        Of::Calibration(_) | Of::OnTop(_) => None,
-        Of::Full(full) => Some(full.log_evidence()),
-    };
-    columns
-        .column(
-            "variance_factor",
-            of().map(|s| s.map(|s| s.variance_factor)),
-        )
-        .column(
-            "misfit_mm",
-            rows.iter()
-                .map(|row| row.calibration().map(|calibration| calibration.misfit_mm)),
-        )
-        .column("loss", rows.iter().map(|row| row.loss(context)))
-        .same("prior_length_mm", some(context.fit.prior_length_mm))
-        .same("prior_angle_rad", some(context.fit.prior_angle_mrad * 1e-3))
-        .column(
-            "converged",
-            of().map(|s| s.map(|s| s.convergence == Convergence::Converged)),
-        )
-        .column("convergence", rows.iter().map(convergence))
-        .column("iterations", of().map(|s| s.map(|s| s.iterations)))
-        .column("cost_start", of().map(|s| s.map(|s| 0.5 * s.cost[0])))
-        .column("cost_end", of().map(|s| s.map(|s| 0.5 * s.cost[1])))
-        .column("log_evidence", rows.iter().map(evidence))
-}
-
 const fn in_words(convergence: Convergence) -> &'static str {
     match convergence {
         Convergence::Converged => {
@@ -296,80 +472,4 @@ const fn in_words(convergence: Convergence) -> &'static str {
         Convergence::IterationLimit => "the limit of iterations was reached",
         Convergence::Stalled => "no step lowered the cost any more",
     }
-}
-
-/// How the controller states its commands: in which frame, and for which point.
-fn controller_frames(
-    columns: Columns,
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-) -> Columns {
-    let placements = [
-        ("command_from_base", context.command_from_base.isometry()),
-        ("flange_from_tool", outcome.gauge.flange_from_tool()),
-    ];
-    let placed = |columns, (frame, placed): (&str, &Isometry3<f64>)| {
-        let (origin, rotation) = words::placement(placed);
-        let names = place(frame).into_iter().chain(turn(frame));
-        let parts = origin.into_iter().chain(rotation);
-        names
-            .zip(parts)
-            .fold(columns, |columns: Columns, (name, part)| {
-                columns.same(&name, part)
-            })
-    };
-    placements.into_iter().fold(columns, placed)
-}
-
-/// The columns of a frame's origin.
-fn place(frame: &str) -> [String; 3] {
-    ["x", "y", "z"].map(|axis| format!("{frame}_{axis}_mm"))
-}
-
-/// The columns of a frame's orientation.
-fn turn(frame: &str) -> [String; 4] {
-    ["x", "y", "z", "w"].map(|axis| format!("{frame}_q{axis}"))
-}
-
-fn frames(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let bases: Vec<_> = rows
-        .iter()
-        .map(|row| {
-            row.frames()
-                .map(|(frames, _)| words::placement(frames.tracker_from_base.isometry()))
-        })
-        .collect();
-    let targets: Vec<_> = rows
-        .iter()
-        .map(|row| {
-            row.frames().map(|(frames, turned)| {
-                (
-                    words::placement(frames.flange_from_target.isometry()),
-                    turned,
-                )
-            })
-        })
-        .collect();
-    columns
-        .group(
-            place("tracker_from_base").each_ref().map(String::as_str),
-            bases.iter().map(|base| base.map(|(origin, _)| origin)),
-        )
-        .group(
-            turn("tracker_from_base").each_ref().map(String::as_str),
-            bases.iter().map(|base| base.map(|(_, rotation)| rotation)),
-        )
-        .group(
-            place("flange_from_target").each_ref().map(String::as_str),
-            targets
-                .iter()
-                .map(|target| target.map(|((origin, _), _)| origin)),
-        )
-        .group(
-            turn("flange_from_target").each_ref().map(String::as_str),
-            targets.iter().map(|target| {
-                let turned = target.filter(|(_, turned)| *turned);
-                turned.map(|((_, rotation), _)| rotation)
-            }),
-        )
 }

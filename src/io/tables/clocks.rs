@@ -1,25 +1,43 @@
 //! `clocks`: how the two clocks of a session relate.
 
-use super::PublishError;
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use crate::io::table::row;
 use crate::join::ClockEstimate;
-use crate::manifest::RunKey;
 
 const PPM: f64 = 1e6;
 
-/// The table of one session's clocks.
-pub fn clocks(clock: &ClockEstimate, key: &RunKey) -> Result<Table, PublishError> {
+row! {
+    /// The relation of a session's clocks.
+    pub struct ClockRow of "clocks" {
+        /// First stamp of the controller's log, ns.
+        origin_ns: i64,
+        /// What the tracker's clock is ahead at that stamp, ns.
+        offset_ns: f64,
+        /// Its standard error, ns.
+        offset_se_ns: f64,
+        /// How much faster the tracker's clock runs, ppm.
+        drift_ppm: f64,
+        /// Its standard error, ppm.
+        drift_se_ppm: f64,
+        /// Edges of dwells that were matched.
+        matched_edges: usize,
+        /// Root mean square of their residuals, ns.
+        edge_rms_ns: f64,
+        /// How the relation was found, in words.
+        method: String,
+    }
+}
+
+/// The row of one session's clocks.
+pub fn row(clock: &ClockEstimate) -> ClockRow {
     let model = &clock.model;
-    let table = Columns::new(schema::find("clocks")?, 1)
-        .key(key)
-        .same("origin_ns", model.origin.ns())
-        .same("offset_ns", model.offset_ns)
-        .same("offset_se_ns", clock.offset_se_ns)
-        .same("drift_ppm", model.drift * PPM)
-        .same("drift_se_ppm", clock.drift_se * PPM)
-        .same("matched_edges", clock.matched_edges)
-        .same("edge_rms_ns", clock.edge_rms_ns)
-        .same("method", &clock.method);
-    Ok(table.finish()?)
+    ClockRow {
+        origin_ns: model.origin.ns(),
+        offset_ns: model.offset_ns,
+        offset_se_ns: clock.offset_se_ns,
+        drift_ppm: model.drift * PPM,
+        drift_se_ppm: clock.drift_se * PPM,
+        matched_edges: clock.matched_edges,
+        edge_rms_ns: clock.edge_rms_ns,
+        method: clock.method.clone(),
+    }
 }

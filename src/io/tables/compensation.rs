@@ -1,33 +1,138 @@
 //! `compensation`: the nodes of the chosen table, carried from the base frame into the frame of commands.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
-use super::validity::{self, joint_ranges, learnt_from};
-use super::{PublishContext, PublishError, grid_steps, words};
-use crate::grid::{Source, Table as Chosen, TableNode};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use super::validity::{joint_ranges, learnt_from, temperatures};
+use super::words::{TableVerdict, placement, upper, xyzw};
+use super::{PublishContext, grid_steps};
+use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
+use crate::io::table::row;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
 use crate::pipeline::outcome::Outcome;
+use crate::report::Angles;
 
-/// The table of the chosen grid's nodes.
-pub fn compensation(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
+row! {
+    /// A node of the chosen table, with what the table says of itself.
+    pub struct NodeRow of "compensation" {
+        /// The node's number, x fastest.
+        node: usize,
+        /// The orientation, of which there is one.
+        orientation: i64,
+        /// The node's place along x.
+        index_x: usize,
+        /// The node's place along y.
+        index_y: usize,
+        /// The node's place along z.
+        index_z: usize,
+        /// The table's name, which is its run's.
+        table_id: Arc<str>,
+        /// Position in the frame of commands, mm.
+        at as [x_mm, y_mm, z_mm]: [f64; 3],
+        /// The tool's orientation in the frame of commands, x y z w.
+        turn as [qx, qy, qz, qw]: [f64; 4],
+        /// The arm configuration, of six-axis arms.
+        configuration: Option<Arc<str>>,
+        /// The joints, as the controller names them.
+        joint_names: Arc<[String]>,
+        /// Joint angles of the nominal arm there, rad.
+        joints_rad: Option<Vec<f64>>,
+        /// The error in the frame of commands, mm; `None` where the node is refused.
+        error as [error_x_mm, error_y_mm, error_z_mm]: Option<[f64; 3]>,
+        /// Its covariance, mm²: xx xy xz yy yz zz.
+        error_cov_mm2 as [
+            error_cov_xx_mm2,
+            error_cov_xy_mm2,
+            error_cov_xz_mm2,
+            error_cov_yy_mm2,
+            error_cov_yz_mm2,
+            error_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// Root of the covariance's trace, mm.
+        error_sd_mm: Option<f64>,
+        /// Why the node has no error.
+        refused: Option<Refusal>,
+        /// Distance to the nearest station of the configuration, mm.
+        nearest_station_mm: Option<f64>,
+        /// The largest joint difference to the station where that is least, rad.
+        nearest_station_rad: Option<f64>,
+        /// Stations within a step along each axis.
+        stations_near: usize,
+        /// Whether the joint angles are within those of the stations.
+        within_joint_ranges: Option<bool>,
+        /// The table's step along each axis of the base frame, mm.
+        steps_mm as [step_x_mm, step_y_mm, step_z_mm]: [f64; 3],
+        /// Origin of the base in the frame of commands, mm.
+        command_from_base as [
+            command_from_base_x_mm,
+            command_from_base_y_mm,
+            command_from_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        command_from_base_turn as [
+            command_from_base_qx,
+            command_from_base_qy,
+            command_from_base_qz,
+            command_from_base_qw,
+        ]: [f64; 4],
+        /// Where node values come from.
+        source: Source,
+        /// How values inside a cell follow.
+        interpolation: Interpolation,
+        /// The power, where values are weighted by inverse distance.
+        idw_power: Option<f64>,
+        /// The joint angles that the node values are of.
+        angles: Angles,
+        /// The largest turn of a target's orientation from the table's, degrees.
+        orientation_tolerance_deg: f64,
+        /// Whether the tolerance is met.
+        verdict: TableVerdict,
+        /// Lowest reported angle of each joint over the stations, rad.
+        joint_lower_rad: Arc<[f64]>,
+        /// Highest reported angle of each joint over the stations, rad.
+        joint_upper_rad: Arc<[f64]>,
+        /// The measured target in the flange's frame, mm.
+        flange_from_target as [
+            flange_from_target_x_mm,
+            flange_from_target_y_mm,
+            flange_from_target_z_mm,
+        ]: [f64; 3],
+        /// The tool, as the pipeline file states it.
+        tool: Option<Arc<str>>,
+        /// The payload, kg, as it states it.
+        payload_kg: Option<f64>,
+        /// The mounting, as it states it.
+        mounting: Option<Arc<str>>,
+        /// The base, as it states it.
+        base: Option<Arc<str>>,
+        /// The controller, as it states it.
+        controller_model: Option<Arc<str>>,
+        /// Whether the controller's own compensation is on, as it states it.
+        absolute_accuracy_option: Option<bool>,
+        /// Lowest temperature met while measuring, °C.
+        temperature_min_c: Option<f64>,
+        /// Highest temperature met while measuring, °C.
+        temperature_max_c: Option<f64>,
+    }
+}
+
+/// The rows of the chosen grid's nodes.
+pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {
     let chosen = &outcome.grids.table;
-    let table = Columns::new(schema::find("compensation")?, chosen.nodes.len())
-        .key(key)
-        .column("node", 0..chosen.nodes.len())
-        .same("table_id", table_id(key));
-    let table = places(table, chosen, context.command_from_base.isometry());
-    let table = errors(table, chosen, context.command_from_base.isometry());
-    let table = support(table, outcome, context);
-    let table = measured(reading(table, outcome, context), outcome, context);
-    Ok(validity::columns(table, &context.valid_for, outcome).finish()?)
+    let (shared, support) = (
+        shared(outcome, context, key),
+        Support::new(outcome, context),
+    );
+    let nodes = chosen.nodes.iter().enumerate();
+    nodes
+        .map(|(number, node)| {
+            let row = support.of(number, node, shared.clone());
+            of_place(number, chosen, context, row)
+        })
+        .collect()
 }
 
 /// A run has one table, so its name is the table's.
@@ -35,136 +140,151 @@ pub(super) fn table_id(key: &RunKey) -> &str {
     &key.run
 }
 
-fn places(columns: Columns, chosen: &Chosen, command_from_base: &Isometry3<f64>) -> Columns {
+/// What every row says of the table, in a row of no node.
+fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> NodeRow {
+    let (chosen, stated) = (&outcome.grids.table, &context.valid_for);
+    let joints = context.arm.joints();
+    let (lower, upper): (Vec<f64>, Vec<f64>) =
+        joint_ranges(outcome, joints.len()).into_iter().unzip();
+    let command_from_base = context.command_from_base.isometry();
+    let (origin, turn) = placement(command_from_base);
+    let target = outcome.gauge.frames().flange_from_target.origin();
+    let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
+    let text = |text: &Option<String>| text.as_deref().map(Arc::from);
+    let configuration = chosen.configuration.as_ref().map(Configuration::to_string);
+    NodeRow {
+        node: 0,
+        orientation: 0,
+        index_x: 0,
+        index_y: 0,
+        index_z: 0,
+        table_id: table_id(key).into(),
+        at: [0.0; 3],
+        turn: xyzw(&(command_from_base.rotation * chosen.orientation)),
+        configuration: text(&configuration),
+        joint_names: joints.iter().map(|joint| joint.name.clone()).collect(),
+        joints_rad: None,
+        error: None,
+        error_cov_mm2: None,
+        error_sd_mm: None,
+        refused: None,
+        nearest_station_mm: None,
+        nearest_station_rad: None,
+        stations_near: 0,
+        within_joint_ranges: None,
+        steps_mm: chosen.lattice.step,
+        command_from_base: origin,
+        command_from_base_turn: turn,
+        source: chosen.source,
+        interpolation: chosen.interpolation,
+        idw_power: grid_steps::power(chosen.interpolation, &outcome.grids),
+        angles: match chosen.source {
+            // A measured node is a station, and stations are at the angles that the controller reported.
+            Source::Measured => Angles::Reported,
+            Source::Model => context.grid.angles,
+        },
+        orientation_tolerance_deg: chosen.orientation_tolerance_rad.to_degrees(),
+        verdict: (&outcome.verdict.verdict()).into(),
+        joint_lower_rad: lower.into(),
+        joint_upper_rad: upper.into(),
+        flange_from_target: target.coords().into(),
+        tool: text(&stated.tool),
+        payload_kg: stated.payload_kg,
+        mounting: text(&stated.mounting),
+        base: text(&stated.base),
+        controller_model: text(&stated.controller_model),
+        absolute_accuracy_option: stated.absolute_accuracy_option,
+        temperature_min_c,
+        temperature_max_c,
+    }
+}
+
+fn of_place(number: usize, chosen: &Chosen, context: &PublishContext<'_>, row: NodeRow) -> NodeRow {
     let [nx, ny, _] = chosen.lattice.counts;
-    let numbers = || 0..chosen.nodes.len();
-    let position = |node: usize| -> [f64; 3] {
-        (command_from_base * chosen.lattice.position(node))
-            .coords
-            .into()
+    let at = context.command_from_base.isometry() * chosen.lattice.position(number);
+    let row = NodeRow {
+        node: number,
+        index_x: number % nx,
+        index_y: number / nx % ny,
+        index_z: number / (nx * ny),
+        at: at.coords.into(),
+        ..row
     };
-    let (origin, turn) = words::placement(command_from_base);
-    let orientation = words::xyzw(&(command_from_base.rotation * chosen.orientation));
-    columns
-        .same("orientation", 0_i64)
-        .column("index_x", numbers().map(|node| node % nx))
-        .column("index_y", numbers().map(|node| node / nx % ny))
-        .column("index_z", numbers().map(|node| node / (nx * ny)))
-        .group(["x_mm", "y_mm", "z_mm"], numbers().map(position))
-        .group(["qx", "qy", "qz", "qw"], numbers().map(|_| orientation))
-        .group(
-            ["step_x_mm", "step_y_mm", "step_z_mm"],
-            numbers().map(|_| chosen.lattice.step),
-        )
-        .group(
-            ["x", "y", "z"]
-                .map(|axis| format!("command_from_base_{axis}_mm"))
-                .each_ref()
-                .map(String::as_str),
-            numbers().map(|_| origin),
-        )
-        .group(
-            ["x", "y", "z", "w"]
-                .map(|axis| format!("command_from_base_q{axis}"))
-                .each_ref()
-                .map(String::as_str),
-            numbers().map(|_| turn),
-        )
+    with_error(
+        &chosen.nodes[number],
+        context.command_from_base.isometry(),
+        row,
+    )
 }
 
-fn errors(columns: Columns, chosen: &Chosen, command_from_base: &Isometry3<f64>) -> Columns {
+/// The node's error carried into the frame of commands, or why it has none.
+fn with_error(node: &TableNode, command_from_base: &Isometry3<f64>, row: NodeRow) -> NodeRow {
     let turn = command_from_base.rotation.to_rotation_matrix();
-    let carried = |node: &TableNode| -> Option<(Vector3<f64>, Matrix3<f64>)> {
-        let (error, covariance) = node.error.as_ref().ok()?;
-        Some((turn * error, turn * covariance * turn.transpose()))
+    let carried = |(error, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+        (turn * error, turn * covariance * turn.transpose())
     };
-    let found: Vec<_> = chosen.nodes.iter().map(carried).collect();
-    let refused = |node: &TableNode| node.error.as_ref().err().map(|refusal| refusal.name());
-    columns
-        .group(
-            ["error_x_mm", "error_y_mm", "error_z_mm"],
-            found
-                .iter()
-                .map(|found| found.map(|(error, _)| error.into())),
-        )
-        .group(
-            ["xx", "xy", "xz", "yy", "yz", "zz"]
-                .map(|c| format!("error_cov_{c}_mm2"))
-                .each_ref()
-                .map(String::as_str),
-            found.iter().map(|found| {
-                found
-                    .as_ref()
-                    .map(|(_, covariance)| words::upper(covariance))
-            }),
-        )
-        .column(
-            "error_sd_mm",
-            found
-                .iter()
-                .map(|found| found.map(|(_, covariance)| covariance.trace().sqrt())),
-        )
-        .column("refused", chosen.nodes.iter().map(refused))
+    let found = node.error.as_ref().ok().map(carried);
+    NodeRow {
+        error: found.map(|(error, _)| error.into()),
+        error_cov_mm2: found.as_ref().map(|(_, covariance)| upper(covariance)),
+        error_sd_mm: found.map(|(_, covariance)| covariance.trace().sqrt()),
+        refused: node.error.as_ref().err().copied(),
+        ..row
+    }
 }
 
-/// How the nodes stand to the stations that were learnt from.
-fn support(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
-    let chosen = &outcome.grids.table;
-    let stations: Vec<&Station> = learnt_from(outcome).collect();
-    let tool = |station: &&Station| {
-        Point3::from(
-            outcome
-                .gauge
-                .nominal_tool(&station.joints)
-                .translation
-                .vector,
-        )
-    };
-    let tools: Vec<Point3<f64>> = stations.iter().map(tool).collect();
-    let ranges = joint_ranges(outcome, context.arm.joints().len());
-    let joints = || chosen.nodes.iter().map(|node| node.joints.as_deref().ok());
-    let within = |joints: &[f64]| {
-        joints
-            .iter()
-            .zip(&ranges)
-            .all(|(q, (low, high))| (low..=high).contains(&q))
-    };
-    let near = |number: usize| {
-        let node = chosen.lattice.position(number);
-        let is_near = |tool: &&Point3<f64>| {
-            (0..3).all(|k| (tool[k] - node[k]).abs() <= chosen.lattice.step[k])
+/// How nodes stand to the stations that were learnt from.
+struct Support<'a> {
+    chosen: &'a Chosen,
+    stations: Vec<&'a Station>,
+    /// The nominal tool point at each station, base frame, mm.
+    tools: Vec<Point3<f64>>,
+    /// Lowest and highest reported angle of each joint, rad.
+    ranges: Vec<(f64, f64)>,
+}
+
+impl<'a> Support<'a> {
+    fn new(outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
+        let stations: Vec<&Station> = learnt_from(outcome).collect();
+        let tool = |station: &&Station| {
+            let tool = outcome.gauge.nominal_tool(&station.joints);
+            Point3::from(tool.translation.vector)
         };
-        tools.iter().filter(is_near).count()
-    };
-    let names: Vec<&str> = context
-        .arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.as_str())
-        .collect();
-    columns
-        .same(
-            "configuration",
-            chosen.configuration.as_ref().map(Configuration::to_string),
-        )
-        .same("joint_names", names)
-        .column("joints_rad", joints())
-        .column(
-            "within_joint_ranges",
-            joints().map(|joints| joints.map(within)),
-        )
-        .column(
-            "nearest_station_rad",
-            joints().map(|joints| nearest_rad(joints?, &stations)),
-        )
-        .column(
-            "nearest_station_mm",
-            chosen
-                .nodes
-                .iter()
-                .map(|node| Some(node.nearest_mm).filter(|mm| mm.is_finite())),
-        )
-        .column("stations_near", (0..chosen.nodes.len()).map(near))
+        Self {
+            chosen: &outcome.grids.table,
+            tools: stations.iter().map(tool).collect(),
+            stations,
+            ranges: joint_ranges(outcome, context.arm.joints().len()),
+        }
+    }
+
+    fn of(&self, number: usize, node: &TableNode, row: NodeRow) -> NodeRow {
+        let joints = node.joints.as_deref().ok();
+        NodeRow {
+            joints_rad: joints.map(<[f64]>::to_vec),
+            nearest_station_mm: Some(node.nearest_mm).filter(|mm| mm.is_finite()),
+            nearest_station_rad: joints.and_then(|joints| nearest_rad(joints, &self.stations)),
+            stations_near: self.near(number),
+            within_joint_ranges: joints.map(|joints| self.is_within(joints)),
+            ..row
+        }
+    }
+
+    /// Whether joint angles are within those of the stations.
+    fn is_within(&self, joints: &[f64]) -> bool {
+        let mut joints = joints.iter().zip(&self.ranges);
+        joints.all(|(q, (low, high))| (low..=high).contains(&q))
+    }
+
+    /// Stations within a step of a node along each axis.
+    fn near(&self, number: usize) -> usize {
+        let (node, step) = (
+            self.chosen.lattice.position(number),
+            self.chosen.lattice.step,
+        );
+        let is_near = |tool: &&Point3<f64>| (0..3).all(|k| (tool[k] - node[k]).abs() <= step[k]);
+        self.tools.iter().filter(is_near).count()
+    }
 }
 
 /// The largest joint difference to the station where that is least, rad.
@@ -178,38 +298,4 @@ fn nearest_rad(joints: &[f64], stations: &[&Station]) -> Option<f64> {
         differences.fold(0.0, f64::max)
     };
     stations.iter().map(apart).min_by(f64::total_cmp)
-}
-
-/// How far the joints went, and where the target sat.
-fn measured(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
-    let ranges = joint_ranges(outcome, context.arm.joints().len());
-    let (lower, upper): (Vec<f64>, Vec<f64>) = ranges.into_iter().unzip();
-    let target = outcome.gauge.frames().flange_from_target.origin();
-    let [x, y, z]: [f64; 3] = target.coords().into();
-    columns
-        .same("joint_lower_rad", lower)
-        .same("joint_upper_rad", upper)
-        .same("flange_from_target_x_mm", x)
-        .same("flange_from_target_y_mm", y)
-        .same("flange_from_target_z_mm", z)
-}
-
-/// How the table has to be read.
-fn reading(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
-    let (grids, chosen) = (&outcome.grids, &outcome.grids.table);
-    let angles = match chosen.source {
-        // A measured node is a station, and stations are at the angles that the controller reported.
-        Source::Measured => "reported",
-        Source::Model => words::angles(context.grid.angles),
-    };
-    columns
-        .same("source", chosen.source.name())
-        .same("interpolation", chosen.interpolation.name())
-        .same("idw_power", grid_steps::power(chosen.interpolation, grids))
-        .same("angles", angles)
-        .same(
-            "orientation_tolerance_deg",
-            chosen.orientation_tolerance_rad.to_degrees(),
-        )
-        .same("verdict", words::verdict(&outcome.verdict.verdict()))
 }

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{stations, validity};
+use super::stations::Unpaired;
+use super::validity;
+use crate::io::table::Word as _;
 use crate::join::{Pairing, ReadingCounts};
 use crate::manifest::StageCount;
 use crate::pipeline::outcome::{JoinedSession, Outcome};
@@ -73,8 +75,8 @@ fn readings(sessions: &[&JoinedSession]) -> StageCount {
 fn dwells(sessions: &[&JoinedSession]) -> StageCount {
     let all = || sessions.iter().flat_map(|session| &session.joined.stations);
     let mut rejected = BTreeMap::new();
-    for reason in all().filter_map(|station| stations::reason(&station.pairing)) {
-        *rejected.entry(reason.to_owned()).or_default() += 1;
+    for reason in all().filter_map(|station| Unpaired::of(&station.pairing)) {
+        *rejected.entry(reason.word().to_owned()).or_default() += 1;
     }
     StageCount {
         stage: "join",

@@ -1,131 +1,206 @@
 //! `drift`: what moved between sessions, suspect by suspect, and how far.
 
-use super::PublishError;
-use crate::history::compare::{ChiSquare, Shift};
-use crate::history::suspects::{Asked, Suspect};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use super::words::Unit;
+use crate::history::compare::Shift;
+use crate::history::suspects::{Asked, Suspect, SuspectVerdict};
+use crate::io::table::{row, words};
 use crate::pipeline::history::{PastSession, RobotHistory};
 
-/// One row: a test, or how far a component moved.
-struct Row<'a> {
-    session: &'a PastSession,
-    lasting: Option<bool>,
-    suspect: Suspect,
-    asked: Option<&'a Asked>,
-    shift: Option<&'a Shift>,
-}
-
-/// The table of all robots.
-pub fn drift(robots: &[RobotHistory]) -> Result<Table, PublishError> {
-    let rows: Vec<Row<'_>> = robots
-        .iter()
-        .flat_map(|robot| rows(&robot.sessions))
-        .collect();
-    let of = || rows.iter();
-    let key = || of().map(|row| &row.session.key);
-    let judged = || of().map(|row| &row.session.judged);
-    let began = |row: &Row<'_>| {
-        let words = &row.session.judged.began;
-        (!words.is_empty()).then(|| words.join("; "))
-    };
-    let columns = Columns::new(schema::find("drift")?, rows.len())
-        .column("robot", key().map(|key| key.robot.as_str()))
-        .column("session", key().map(|key| key.session.as_str()))
-        .column("run", key().map(|key| key.run.as_str()))
-        .column("measured_at_ns", of().map(|row| row.session.measured_at_ns))
-        .column("segment", judged().map(|judged| judged.segment))
-        .column("began", of().map(began))
-        .column("against", judged().map(|judged| judged.against))
-        .column("suspect", of().map(|row| row.suspect.word()))
-        .column("joint", of().map(|row| row.suspect.joint()))
-        .column("verdict", of().map(verdict))
-        .column("lasting", of().map(|row| row.lasting));
-    Ok(shifts(tests(columns, &rows), &rows).finish()?)
-}
-
-fn tests(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let test = |of: fn(&Asked) -> ChiSquare| rows.iter().map(move |row| row.asked.map(of));
-    [
-        ("", test(|asked| asked.alone)),
-        ("remainder_", test(|asked| asked.remainder)),
-    ]
-    .into_iter()
-    .fold(columns, |columns, (prefix, test)| {
-        let of = || test.clone();
-        columns
-            .column(
-                &format!("{prefix}chi_square"),
-                of().map(|test| Some(test?.statistic)),
-            )
-            .column(
-                &format!("{prefix}degrees_of_freedom"),
-                of().map(|test| Some(test?.freedom)),
-            )
-            .column(
-                &format!("{prefix}p_value"),
-                of().map(|test| Some(test?.p_value())),
-            )
-    })
-}
-
-fn shifts(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let shift = || rows.iter().map(|row| row.shift);
-    columns
-        .column(
-            "component",
-            shift().map(|shift| Some(shift?.column.to_string())),
-        )
-        .column("shift", shift().map(|shift| Some(shift?.value)))
-        .column("standard_error", shift().map(|shift| Some(shift?.sd)))
-        .column("unit", shift().map(|shift| Some(shift?.column.unit_name())))
-}
-
-fn rows(sessions: &[PastSession]) -> Vec<Row<'_>> {
-    let lasting = RobotHistory::lasting(sessions);
-    let each = sessions.iter().zip(lasting);
-    each.flat_map(|(session, lasting)| of_session(session, lasting))
-        .collect()
-}
-
-fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<Row<'_>> {
-    let judged = &session.judged;
-    let row = |suspect, asked, shift| Row {
-        session,
-        lasting,
-        suspect,
-        asked,
-        shift,
-    };
-    if judged.asked.is_empty() {
-        return vec![row(Suspect::Anything, None, None)];
+row! {
+    /// What a session says of one suspect: a test, or how far a component moved.
+    pub struct DriftRow of "drift" {
+        /// The robot.
+        robot: String,
+        /// The session.
+        session: String,
+        /// Its run.
+        run: String,
+        /// First stamp of its controller's log, ns.
+        measured_at_ns: i64,
+        /// Its segment: those since the last change of the basis.
+        segment: usize,
+        /// Why a segment begins, in words, where one does.
+        began: Option<String>,
+        /// Sessions that it is held against.
+        against: usize,
+        /// The part that may have moved.
+        suspect: SuspectKind,
+        /// Its joint, from 1.
+        joint: Option<usize>,
+        /// The component whose shift this is.
+        component: Option<String>,
+        /// Chi-square of the suspect's change against none.
+        chi_square: Option<f64>,
+        /// Its degrees of freedom.
+        degrees_of_freedom: Option<usize>,
+        /// Its p-value.
+        p_value: Option<f64>,
+        /// Chi-square of what remains beside it.
+        remainder_chi_square: Option<f64>,
+        /// Its degrees of freedom.
+        remainder_degrees_of_freedom: Option<usize>,
+        /// Its p-value.
+        remainder_p_value: Option<f64>,
+        /// How far the component moved.
+        shift: Option<f64>,
+        /// The shift's standard error.
+        standard_error: Option<f64>,
+        /// The shift's unit.
+        unit: Option<Unit>,
+        /// What is found of the suspect.
+        verdict: SuspectVerdict,
+        /// Whether the next session has the change too; `None` where there is none.
+        lasting: Option<bool>,
     }
+}
+
+/// Parts that may have moved, without their joints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SuspectKind {
+    /// Anything at all.
+    Anything,
+    /// The base, or the tracker.
+    Base,
+    /// The target at the flange.
+    Target,
+    /// A joint's offset.
+    JointOffset,
+    /// A joint's offset and error curve.
+    JointCurve,
+    /// A link's lengths and angles.
+    Link,
+}
+
+words! {
+    SuspectKind {
+        Anything: "anything",
+        Base: "base",
+        Target: "target",
+        JointOffset: "joint_offset",
+        JointCurve: "joint_curve",
+        Link: "link",
+    }
+    SuspectVerdict {
+        NoChange: "no_change",
+        Moved: "moved",
+        OneOfSeveral: "one_of_several",
+        SetUpAnew: "set_up_anew",
+        NotShown: "not_shown",
+    }
+}
+
+impl From<Suspect> for SuspectKind {
+    fn from(suspect: Suspect) -> Self {
+        match suspect {
+            Suspect::Anything => Self::Anything,
+            Suspect::Base => Self::Base,
+            Suspect::Target => Self::Target,
+            Suspect::JointOffset(_) => Self::JointOffset,
+            Suspect::JointCurve(_) => Self::JointCurve,
+            Suspect::Link(_) => Self::Link,
+        }
+    }
+}
+
+/// The rows of all robots.
+pub fn rows(robots: &[RobotHistory]) -> Vec<DriftRow> {
+    let of_robot = |robot: &RobotHistory| -> Vec<DriftRow> {
+        let lasting = RobotHistory::lasting(&robot.sessions);
+        let each = robot.sessions.iter().zip(lasting);
+        each.flat_map(|(session, lasting)| of_session(session, lasting))
+            .collect()
+    };
+    robots.iter().flat_map(of_robot).collect()
+}
+
+fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
+    let judged = &session.judged;
+    let row = |suspect, verdict| row(session, lasting, suspect, verdict);
+    if judged.asked.is_empty() {
+        let suspect = Suspect::Anything;
+        let is_anew = judged.set_up_anew.contains(&suspect);
+        let verdict = if is_anew {
+            SuspectVerdict::SetUpAnew
+        } else {
+            SuspectVerdict::NotShown
+        };
+        return vec![row(suspect, verdict)];
+    }
+    let verdict = |suspect: Suspect| {
+        if judged.set_up_anew.contains(&suspect) {
+            SuspectVerdict::SetUpAnew
+        } else {
+            judged.finding.verdict_of(suspect)
+        }
+    };
     let tests = judged
         .asked
         .iter()
-        .map(|asked| row(asked.suspect, Some(asked), None));
+        .map(|asked| with_test(row(asked.suspect, verdict(asked.suspect)), asked));
     let named = judged.finding.named();
     let shifts = judged.moved.iter().filter_map(|shift| {
-        let suspect = named.iter().find(|suspect| suspect.has(&shift.column))?;
-        Some(row(*suspect, None, Some(shift)))
+        let suspect = *named.iter().find(|suspect| suspect.has(&shift.column))?;
+        Some(with_shift(row(suspect, verdict(suspect)), shift))
     });
     let is_asked =
         |suspect: &&Suspect| !judged.asked.iter().any(|asked| asked.suspect == **suspect);
-    let anew = judged
-        .set_up_anew
-        .iter()
-        .filter(is_asked)
-        .map(|suspect| row(*suspect, None, None));
+    let anew = judged.set_up_anew.iter().filter(is_asked);
+    let anew = anew.map(|suspect| row(*suspect, SuspectVerdict::SetUpAnew));
     tests.chain(shifts).chain(anew).collect()
 }
 
-fn verdict(row: &Row<'_>) -> &'static str {
-    let judged = &row.session.judged;
-    if judged.set_up_anew.contains(&row.suspect) {
-        return "set_up_anew";
+/// What is found of a suspect, without a test or a shift.
+fn row(
+    session: &PastSession,
+    lasting: Option<bool>,
+    suspect: Suspect,
+    verdict: SuspectVerdict,
+) -> DriftRow {
+    let (key, judged) = (&session.key, &session.judged);
+    DriftRow {
+        robot: key.robot.clone(),
+        session: key.session.clone(),
+        run: key.run.clone(),
+        measured_at_ns: session.measured_at_ns,
+        segment: judged.segment,
+        began: Some(judged.began.join("; ")).filter(|words| !words.is_empty()),
+        against: judged.against,
+        suspect: suspect.into(),
+        joint: suspect.joint(),
+        component: None,
+        chi_square: None,
+        degrees_of_freedom: None,
+        p_value: None,
+        remainder_chi_square: None,
+        remainder_degrees_of_freedom: None,
+        remainder_p_value: None,
+        shift: None,
+        standard_error: None,
+        unit: None,
+        verdict,
+        lasting,
     }
-    if row.asked.is_none() && row.shift.is_none() {
-        return "not_shown";
+}
+
+fn with_test(row: DriftRow, asked: &Asked) -> DriftRow {
+    let (alone, remainder) = (asked.alone, asked.remainder);
+    DriftRow {
+        chi_square: Some(alone.statistic),
+        degrees_of_freedom: Some(alone.freedom),
+        p_value: Some(alone.p_value()),
+        remainder_chi_square: Some(remainder.statistic),
+        remainder_degrees_of_freedom: Some(remainder.freedom),
+        remainder_p_value: Some(remainder.p_value()),
+        ..row
     }
-    judged.finding.verdict_of(row.suspect)
+}
+
+fn with_shift(row: DriftRow, shift: &Shift) -> DriftRow {
+    DriftRow {
+        component: Some(shift.column.to_string()),
+        shift: Some(shift.value),
+        standard_error: Some(shift.sd),
+        unit: Some(Unit::named(shift.column.unit_name())),
+        ..row
+    }
 }

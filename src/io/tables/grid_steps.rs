@@ -1,72 +1,188 @@
 //! `grid_steps`: every step, node source, interpolation and judgement, and which was chosen.
 
-use super::{PublishContext, PublishError, words};
+use super::PublishContext;
+use super::words::{self, TableVerdict};
 use crate::figures::{Figures, bound_rank, least_count};
 use crate::grid::{Grids, Interpolation, Judged, Judgement, Refusal, Source};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use crate::io::table::row;
 use crate::kinematics::Configuration;
-use crate::manifest::RunKey;
 use crate::pipeline::outcome::Outcome;
-use crate::report::Split;
+use crate::report::{Angles, Model, Split};
 
-/// The table of all judged steps.
-pub fn grid_steps(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
-    let grids = &outcome.grids;
-    let judged = &grids.judged;
-    let own = outcome.training.last().map(|session| &session.name);
-    let split = |row: &Judged| match row.of_test {
-        None => context.grid.split,
-        Some(_) => Split::Session,
-    };
-    let configuration = grids
-        .table
-        .configuration
-        .as_ref()
-        .map(Configuration::to_string);
-    let of_table = |row: &Judged| row.judgement == Judgement::Table;
-    let model =
-        |row: &Judged| (row.source == Source::Model).then(|| words::model(context.grid.model));
-    let table = Columns::new(schema::find("grid_steps")?, judged.len())
-        .key(key)
-        .column("source", judged.iter().map(|row| row.source.name()))
-        .column(
-            "interpolation",
-            judged.iter().map(|row| row.interpolation.name()),
-        )
-        .column(
-            "idw_power",
-            judged.iter().map(|row| power(row.interpolation, grids)),
-        )
-        .column("model", judged.iter().map(model))
-        .same("angles", words::angles(context.grid.angles))
-        .column("judgement", judged.iter().map(judgement))
-        .column("split", judged.iter().map(|row| words::split(split(row))))
-        .column(
-            "of_session",
-            judged.iter().map(|row| row.of_test.as_ref().or(own)),
-        )
-        .column(
-            "orientation",
-            judged.iter().map(|row| of_table(row).then_some(0_i64)),
-        )
-        .column(
-            "configuration",
-            judged
-                .iter()
-                .map(|row| configuration.clone().filter(|_| of_table(row))),
-        )
-        .column("step_mm", judged.iter().map(|row| row.step_mm))
-        .group(
-            ["step_x_mm", "step_y_mm", "step_z_mm"],
-            judged.iter().map(|row| [row.step_mm; 3]),
-        )
-        .column("chosen", judged.iter().map(|row| row.chosen));
-    Ok(verdicts(figures(counts(table, judged), judged), outcome, context).finish()?)
+row! {
+    /// A judged step.
+    pub struct StepRow of "grid_steps" {
+        /// Where node values come from.
+        source: Source,
+        /// How values inside a cell follow.
+        interpolation: Interpolation,
+        /// The power, where values are weighted by inverse distance.
+        idw_power: Option<f64>,
+        /// The model, where node values come from one.
+        model: Option<Model>,
+        /// The joint angles that it was given.
+        angles: Angles,
+        /// By the table itself, or by cells around each station.
+        judgement: Judgement,
+        /// How the stations that judge were kept from training.
+        split: Split,
+        /// The session whose stations judge.
+        of_session: String,
+        /// The table's orientation, of which there is one.
+        orientation: Option<i64>,
+        /// The table's arm configuration.
+        configuration: Option<String>,
+        /// The step asked for, mm.
+        step_mm: f64,
+        /// The step along each axis, mm.
+        steps_mm as [step_x_mm, step_y_mm, step_z_mm]: [f64; 3],
+        /// Nodes of the table; for local cells, the eight of each.
+        nodes: Option<usize>,
+        /// Nodes without a value.
+        nodes_refused: Option<usize>,
+        /// Cells.
+        cells: usize,
+        /// Cells at a singularity.
+        cells_singular: usize,
+        /// Cells whose nodes are of several configurations or branches.
+        cells_mixed: usize,
+        /// Cells that are not reached or not measured.
+        cells_unreachable: usize,
+        /// Phases of the lattice: not told.
+        phases: Option<i64>,
+        /// Held-out poses that judged.
+        held_out: usize,
+        /// Visits of them.
+        visits: usize,
+        /// Errors that the bound is over.
+        errors: usize,
+        /// Held-out stations whose cell has no value.
+        held_out_refused: usize,
+        /// Held-out stations outside of the box.
+        held_out_outside: usize,
+        /// Held-out stations of another orientation or configuration.
+        held_out_unlike: usize,
+        /// Blocks that the poses come from.
+        blocks: Option<usize>,
+        /// Mean error left, mm.
+        mean_mm: Option<f64>,
+        /// Root mean square, mm.
+        rms_mm: Option<f64>,
+        /// 95th percentile, mm.
+        p95_mm: Option<f64>,
+        /// 99th percentile, mm.
+        p99_mm: Option<f64>,
+        /// Largest, mm.
+        max_mm: Option<f64>,
+        /// Mean and three standard deviations, mm.
+        mean_plus_3sd_mm: Option<f64>,
+        /// Upper tolerance bound with between-session variation, mm.
+        bound_mm: Option<f64>,
+        /// Upper tolerance bound of the session as it was measured, mm.
+        bound_of_session_mm: Option<f64>,
+        /// The share of errors that the bound covers.
+        bound_share: f64,
+        /// Its confidence.
+        bound_confidence: f64,
+        /// Which of the sorted errors the bound is, from 1.
+        bound_rank: Option<usize>,
+        /// Poses that the bound needs.
+        held_out_needed: i64,
+        /// Expanded uncertainty of the measurement, mm.
+        expanded_uncertainty_mm: Option<f64>,
+        /// The tolerance, mm.
+        tolerance_mm: f64,
+        /// Whether it is met.
+        verdict: TableVerdict,
+        /// Why not.
+        reason: Option<String>,
+        /// Whether its table is published.
+        chosen: bool,
+        /// Mean error beyond what the covariances of nodes say, mm.
+        excess_mm: Option<f64>,
+        /// Its standard error, mm.
+        excess_se_mm: Option<f64>,
+    }
+}
+
+/// The rows of all judged steps.
+pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<StepRow> {
+    let judged = outcome.grids.judged.iter();
+    judged.map(|judged| row(judged, outcome, context)).collect()
+}
+
+fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> StepRow {
+    let table = &outcome.grids.table;
+    let is_table = judged.judgement == Judgement::Table;
+    let (verdict, reason) = verdict(judged, outcome);
+    let (coverage, figures) = (context.tolerance.coverage(), judged.figures.as_ref());
+    let (held_out, counted) = (&judged.held_out, judged.held_out.counted());
+    let excess = held_out.excess();
+    let cells = |of: &[Refusal]| refused_cells(judged, of);
+    StepRow {
+        source: judged.source,
+        interpolation: judged.interpolation,
+        idw_power: power(judged.interpolation, &outcome.grids),
+        model: (judged.source == Source::Model).then_some(context.grid.model),
+        angles: context.grid.angles,
+        judgement: judged.judgement,
+        split: match judged.of_test {
+            None => context.grid.split,
+            Some(_) => Split::Session,
+        },
+        of_session: of_session(judged, outcome),
+        orientation: is_table.then_some(0),
+        configuration: table
+            .configuration
+            .as_ref()
+            .filter(|_| is_table)
+            .map(Configuration::to_string),
+        step_mm: judged.step_mm,
+        steps_mm: [judged.step_mm; 3],
+        nodes: Some(judged.nodes),
+        nodes_refused: Some(judged.refused_nodes.values().sum()),
+        cells: judged.cells,
+        cells_singular: cells(&[Refusal::Singularity]),
+        cells_mixed: cells(&[Refusal::OtherConfiguration, Refusal::Branches]),
+        cells_unreachable: cells(&[Refusal::OutOfReach, Refusal::Unmeasured]),
+        phases: None,
+        held_out: counted.poses,
+        visits: counted.visits,
+        errors: held_out.norms.len(),
+        held_out_refused: held_out.refused.values().sum(),
+        held_out_outside: held_out.outside,
+        held_out_unlike: held_out.unlike,
+        blocks: Some(held_out.blocks.len()),
+        mean_mm: figures.map(|f| f.mean),
+        rms_mm: figures.map(|f| f.rms),
+        p95_mm: figures.map(|f| f.p95),
+        p99_mm: figures.map(|f| f.p99),
+        max_mm: figures.map(|f| f.max),
+        mean_plus_3sd_mm: figures.map(Figures::mean_plus_3_sd),
+        bound_mm: judged.bound,
+        bound_of_session_mm: judged.bound_of_session,
+        bound_share: coverage.share,
+        bound_confidence: coverage.confidence,
+        bound_rank: bound_rank(counted.poses, coverage),
+        held_out_needed: whole(least_count(coverage)),
+        expanded_uncertainty_mm: Some(context.grid.guard_mm),
+        tolerance_mm: context.tolerance.mm,
+        verdict,
+        reason,
+        chosen: judged.chosen,
+        excess_mm: excess.map(|(mm, _)| mm),
+        excess_se_mm: excess.map(|(_, se_mm)| se_mm),
+    }
+}
+
+/// The test session whose stations judged, or the last that trained.
+fn of_session(judged: &Judged, outcome: &Outcome<'_>) -> String {
+    let own = || Some(outcome.training.last()?.name.clone());
+    judged
+        .of_test
+        .clone()
+        .or_else(own)
+        .expect("a run has a session that trained")
 }
 
 /// The power where values are weighted by inverse distance.
@@ -74,109 +190,21 @@ pub(super) fn power(interpolation: Interpolation, grids: &Grids) -> Option<f64> 
     (interpolation == Interpolation::Idw).then_some(grids.table.idw_power)
 }
 
-const fn judgement(row: &Judged) -> &'static str {
-    match row.judgement {
-        Judgement::LocalCell => "local_cell",
-        Judgement::Table => "table",
+/// Cells that were refused for one of these reasons.
+fn refused_cells(judged: &Judged, of: &[Refusal]) -> usize {
+    of.iter()
+        .filter_map(|refusal| judged.refused_cells.get(refusal))
+        .sum()
+}
+
+/// The table that is published has the verdict of the run.
+fn verdict(judged: &Judged, outcome: &Outcome<'_>) -> (TableVerdict, Option<String>) {
+    if judged.chosen {
+        let run = &outcome.verdict;
+        return ((&run.verdict()).into(), run.reason());
     }
-}
-
-fn counts(columns: Columns, judged: &[Judged]) -> Columns {
-    let cells = |row: &Judged, of: &[Refusal]| -> usize {
-        of.iter()
-            .filter_map(|refusal| row.refused_cells.get(refusal))
-            .sum()
-    };
-    let mixed = [Refusal::OtherConfiguration, Refusal::Branches];
-    let unreachable = [Refusal::OutOfReach, Refusal::Unmeasured];
-    let all = || judged.iter();
-    columns
-        .column("nodes", all().map(|row| row.nodes))
-        .column(
-            "nodes_refused",
-            all().map(|row| row.refused_nodes.values().sum::<usize>()),
-        )
-        .column("cells", all().map(|row| row.cells))
-        .column(
-            "cells_singular",
-            all().map(|row| cells(row, &[Refusal::Singularity])),
-        )
-        .column("cells_mixed", all().map(|row| cells(row, &mixed)))
-        .column(
-            "cells_unreachable",
-            all().map(|row| cells(row, &unreachable)),
-        )
-        .column("held_out", all().map(|row| row.held_out.counted().poses))
-        .column("visits", all().map(|row| row.held_out.counted().visits))
-        .column("errors", all().map(|row| row.held_out.norms.len()))
-        .column(
-            "held_out_refused",
-            all().map(|row| row.held_out.refused.values().sum::<usize>()),
-        )
-        .column("held_out_outside", all().map(|row| row.held_out.outside))
-        .column("held_out_unlike", all().map(|row| row.held_out.unlike))
-        .column(
-            "blocks",
-            judged.iter().map(|row| Some(row.held_out.blocks.len())),
-        )
-        .absent(["phases"])
-}
-
-fn figures(columns: Columns, judged: &[Judged]) -> Columns {
-    let figure =
-        |of: fn(&Figures) -> f64| judged.iter().map(move |row| row.figures.as_ref().map(of));
-    columns
-        .column("mean_mm", figure(|f| f.mean))
-        .column("rms_mm", figure(|f| f.rms))
-        .column("p95_mm", figure(|f| f.p95))
-        .column("p99_mm", figure(|f| f.p99))
-        .column("max_mm", figure(|f| f.max))
-        .column("mean_plus_3sd_mm", figure(Figures::mean_plus_3_sd))
-        .column("bound_mm", judged.iter().map(|row| row.bound))
-        .column(
-            "bound_of_session_mm",
-            judged.iter().map(|row| row.bound_of_session),
-        )
-        .column(
-            "excess_mm",
-            judged.iter().map(|row| Some(row.held_out.excess()?.0)),
-        )
-        .column(
-            "excess_se_mm",
-            judged.iter().map(|row| Some(row.held_out.excess()?.1)),
-        )
-}
-
-fn verdicts(columns: Columns, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Columns {
-    let judged = &outcome.grids.judged;
-    // The table that is published has the verdict of the run.
-    let (verdict, why) = (outcome.verdict.verdict(), outcome.verdict.reason());
-    let verdict = |row: &Judged| {
-        let own = if row.chosen { &verdict } else { &row.verdict };
-        words::verdict(own)
-    };
-    let reason = |row: &Judged| {
-        if row.chosen {
-            why.clone()
-        } else {
-            words::reason(&row.verdict).map(str::to_owned)
-        }
-    };
-    let coverage = context.tolerance.coverage();
-    columns
-        .same("bound_share", coverage.share)
-        .same("bound_confidence", coverage.confidence)
-        .column(
-            "bound_rank",
-            judged
-                .iter()
-                .map(|row| bound_rank(row.held_out.counted().poses, coverage)),
-        )
-        .same("held_out_needed", whole(least_count(coverage)))
-        .same("expanded_uncertainty_mm", context.grid.guard_mm)
-        .same("tolerance_mm", context.tolerance.mm)
-        .column("verdict", judged.iter().map(verdict))
-        .column("reason", judged.iter().map(reason))
+    let reason = words::reason(&judged.verdict).map(str::to_owned);
+    ((&judged.verdict).into(), reason)
 }
 
 /// A count as a whole number.

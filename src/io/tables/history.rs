@@ -2,52 +2,97 @@
 //!
 //! Charted figures come from the history itself; parameters and joint curves are those that the runs published.
 
-use super::PublishError;
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::pipeline::history::{Figure, PastSession};
+use super::words::Unit;
+use crate::io::table::{row, words};
+use crate::pipeline::history::{Figure, Kind, PastSession};
 
-/// The table of these figures, each with its session.
-pub fn history(rows: &[(&PastSession, &Figure)]) -> Result<Table, PublishError> {
-    let of = || rows.iter().map(|(_, figure)| *figure);
-    let key = || rows.iter().map(|(session, _)| &session.key);
-    let charted = || of().map(|figure| figure.charted.as_ref());
-    Ok(Columns::new(schema::find("history")?, rows.len())
-        .column("robot", key().map(|key| key.robot.as_str()))
-        .column("session", key().map(|key| key.session.as_str()))
-        .column("run", key().map(|key| key.run.as_str()))
-        .column(
-            "measured_at_ns",
-            rows.iter().map(|(session, _)| session.measured_at_ns),
-        )
-        .column(
-            "segment",
-            rows.iter().map(|(session, _)| session.judged.segment),
-        )
-        .column("kind", of().map(|figure| figure.kind.word()))
-        .column("name", of().map(|figure| figure.name.as_str()))
-        .column("joint", of().map(|figure| figure.joint))
-        .column("angle_rad", of().map(|figure| figure.angle_rad))
-        .column("value", of().map(|figure| figure.value))
-        .column("unit", of().map(|figure| figure.unit))
-        .column("standard_error", of().map(|figure| figure.sd))
-        .column("score", charted().map(|charted| charted?.score))
-        .column("ewma", charted().map(|charted| charted?.average))
-        .column(
-            "control_limit",
-            charted().map(|charted| Some(charted?.limit)),
-        )
-        .column(
-            "verdict",
-            charted().map(|charted| Some(verdict(charted?.is_out()))),
-        )
-        .finish()?)
+row! {
+    /// A figure of a session.
+    pub struct HistoryRow of "history" {
+        /// The robot.
+        robot: String,
+        /// The session.
+        session: String,
+        /// Its run.
+        run: String,
+        /// First stamp of its controller's log, ns.
+        measured_at_ns: i64,
+        /// Its segment: those since the last change of the basis.
+        segment: usize,
+        /// What the figure is.
+        kind: Kind,
+        /// Its name.
+        name: String,
+        /// The joint, from 1.
+        joint: Option<usize>,
+        /// The joint's angle, rad.
+        angle_rad: Option<f64>,
+        /// Its value.
+        value: f64,
+        /// Its unit.
+        unit: Unit,
+        /// Its standard error.
+        standard_error: Option<f64>,
+        /// Its score on the control chart.
+        score: Option<f64>,
+        /// The chart's moving average.
+        ewma: Option<f64>,
+        /// What the average may reach, to either side.
+        control_limit: Option<f64>,
+        /// Whether the average is within its limit; `None` without a chart.
+        verdict: Option<Control>,
+    }
 }
 
-const fn verdict(is_out: Option<bool>) -> &'static str {
-    match is_out {
-        Some(true) => "out_of_control",
-        Some(false) => "in_control",
-        None => "not_shown",
+/// Whether a charted figure is within its limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    /// It is.
+    InControl,
+    /// It is not.
+    OutOfControl,
+    /// There are too few values.
+    NotShown,
+}
+
+words! {
+    Kind {
+        Accuracy: "accuracy",
+        SinceFirst: "since_first",
+        Parameter: "parameter",
+        JointCurve: "joint_curve",
+    }
+    Control { InControl: "in_control", OutOfControl: "out_of_control", NotShown: "not_shown" }
+}
+
+/// The rows of these figures, each with its session.
+pub fn rows(figures: &[(&PastSession, &Figure)]) -> Vec<HistoryRow> {
+    let row = |(session, figure): &(&PastSession, &Figure)| row(session, figure);
+    figures.iter().map(row).collect()
+}
+
+fn row(session: &PastSession, figure: &Figure) -> HistoryRow {
+    let charted = figure.charted.as_ref();
+    HistoryRow {
+        robot: session.key.robot.clone(),
+        session: session.key.session.clone(),
+        run: session.key.run.clone(),
+        measured_at_ns: session.measured_at_ns,
+        segment: session.judged.segment,
+        kind: figure.kind,
+        name: figure.name.clone(),
+        joint: figure.joint,
+        angle_rad: figure.angle_rad,
+        value: figure.value,
+        unit: figure.unit,
+        standard_error: figure.sd,
+        score: charted.and_then(|charted| charted.score),
+        ewma: charted.and_then(|charted| charted.average),
+        control_limit: charted.map(|charted| charted.limit),
+        verdict: charted.map(|charted| match charted.is_out() {
+            Some(true) => Control::OutOfControl,
+            Some(false) => Control::InControl,
+            None => Control::NotShown,
+        }),
     }
 }

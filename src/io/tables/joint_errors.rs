@@ -1,56 +1,51 @@
 //! `joint_errors`: the error curve of each joint with its standard deviation, on a grid of whole degrees.
 
+use std::sync::Arc;
+
+use super::PublishContext;
 use super::validity::learnt_from;
-use super::{PublishContext, PublishError};
 use crate::fit::full::FullModel;
 use crate::fit::full::curves::JointError;
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::manifest::RunKey;
+use crate::io::table::row;
 use crate::pipeline::outcome::Outcome;
 
 /// The curve is given this far beyond what was measured, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;
 
-/// One row.
-struct Row {
-    joint: usize,
-    error: JointError,
-    measured: bool,
+row! {
+    /// The error of a joint at one angle.
+    pub struct JointErrorRow of "joint_errors" {
+        /// The joint, from 1.
+        joint: usize,
+        /// As the controller names it.
+        joint_name: Arc<str>,
+        /// Its angle, rad.
+        angle_rad: f64,
+        /// Curve and gear lines together, rad.
+        error_rad: f64,
+        /// Standard deviation of that, rad.
+        sd_rad: f64,
+        /// The smooth curve, rad.
+        curve_rad: f64,
+        /// The gear lines, rad.
+        gear_lines_rad: f64,
+        /// Whether stations visited that angle.
+        measured: bool,
+    }
 }
 
-/// The table of all joints; empty without a full model.
-pub fn joint_errors(
+/// The rows of all joints; none without a full error model.
+pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<JointErrorRow> {
+    let full = outcome.full.iter();
+    full.flat_map(|full| of_model(full, outcome, context))
+        .collect()
+}
+
+fn of_model(
+    full: &FullModel,
     outcome: &Outcome<'_>,
     context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
-    let joints = context.arm.joints();
-    let rows: Vec<Row> = outcome
-        .full
-        .iter()
-        .flat_map(|full| rows(full, outcome, context))
-        .collect();
-    let table = Columns::new(schema::find("joint_errors")?, rows.len())
-        .key(key)
-        .column("joint", rows.iter().map(|row| row.joint + 1))
-        .column(
-            "joint_name",
-            rows.iter().map(|row| joints[row.joint].name.as_str()),
-        )
-        .column("angle_rad", rows.iter().map(|row| row.error.angle))
-        .column("error_rad", rows.iter().map(|row| row.error.error()))
-        .column("sd_rad", rows.iter().map(|row| row.error.sd))
-        .column("curve_rad", rows.iter().map(|row| row.error.curve))
-        .column(
-            "gear_lines_rad",
-            rows.iter().map(|row| row.error.gear_lines),
-        )
-        .column("measured", rows.iter().map(|row| row.measured));
-    Ok(table.finish()?)
-}
-
-fn rows(full: &FullModel, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<Row> {
+) -> Vec<JointErrorRow> {
     let axes: Vec<Vec<f64>> = learnt_from(outcome)
         .map(|s| context.arm.axes(&s.joints))
         .collect();
@@ -59,10 +54,16 @@ fn rows(full: &FullModel, outcome: &Outcome<'_>, context: &PublishContext<'_>) -
         let (low, high) = angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
             (low.min(q), high.max(q))
         });
-        let row = move |error: JointError| Row {
-            joint,
+        let name: Arc<str> = context.arm.joints()[joint].name.as_str().into();
+        let row = move |error: JointError| JointErrorRow {
+            joint: joint + 1,
+            joint_name: Arc::clone(&name),
+            angle_rad: error.angle,
+            error_rad: error.error(),
+            sd_rad: error.sd,
+            curve_rad: error.curve,
+            gear_lines_rad: error.gear_lines,
             measured: (low..=high).contains(&error.angle),
-            error,
         };
         full.joint_errors(joint, &degrees(low, high))
             .into_iter()

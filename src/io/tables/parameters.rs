@@ -1,17 +1,115 @@
 //! `parameters`: what each model identified, how well, and what it could not tell apart.
 
-use nalgebra::DMatrix;
-
-use super::{PublishContext, PublishError, words};
+use super::PublishContext;
+use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::{Calibration, Unknown};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
+use crate::fit::identifiability::{confounded, is_told_apart, most_correlated};
+use crate::fit::{Calibration, Identifiability, Unknown};
+use crate::io::table::{row, words};
 use crate::kinematics::{Arm, Axis, Element, LinkQuantity, Motion, Parameter};
-use crate::manifest::RunKey;
 use crate::pipeline::outcome::Outcome;
 use crate::report::Model;
+
+row! {
+    /// A parameter that a model identified.
+    pub struct ParameterRow of "parameters" {
+        /// The model.
+        model: Model,
+        /// Its place among the model's parameters.
+        parameter_index: usize,
+        /// Its name.
+        parameter: String,
+        /// What it is a parameter of.
+        belongs_to: BelongsTo,
+        /// The session that it is of; `None` for the arm's.
+        of_session: Option<String>,
+        /// The joint, from 1; `None` for base and target.
+        joint: Option<usize>,
+        /// What it measures.
+        quantity: ParameterQuantity,
+        /// The unit of its values.
+        unit: Unit,
+        /// Nominal value.
+        nominal: f64,
+        /// Identified minus nominal.
+        offset: f64,
+        /// Identified value.
+        identified: f64,
+        /// Standard error of the offset.
+        standard_error: Option<f64>,
+        /// Standard deviation of its prior; `None` without one.
+        prior_sd: Option<f64>,
+        /// Whether it was told apart, and if not, why.
+        identifiability: Identifiability,
+        /// What it could not be told apart from.
+        confused_with: Vec<String>,
+        /// The parameter that it correlates with most.
+        most_correlated_with: Option<String>,
+        /// Their correlation.
+        correlation: Option<f64>,
+    }
+}
+
+/// What a parameter is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BelongsTo {
+    /// The base in the tracker's frame.
+    Base,
+    /// A link of the arm.
+    Link,
+    /// The target at the flange.
+    Target,
+    /// A session.
+    Session,
+}
+
+/// What a parameter measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParameterQuantity {
+    /// Denavit–Hartenberg θ.
+    Theta,
+    /// Denavit–Hartenberg d.
+    D,
+    /// Denavit–Hartenberg a.
+    A,
+    /// Denavit–Hartenberg α.
+    Alpha,
+    /// Hayati's β.
+    Beta,
+    /// A shift along x.
+    X,
+    /// A shift along y.
+    Y,
+    /// A shift along z.
+    Z,
+    /// A turn about x.
+    Rx,
+    /// A turn about y.
+    Ry,
+    /// A turn about z.
+    Rz,
+    /// The share of the way from reported to commanded angle.
+    Blend,
+}
+
+words! {
+    BelongsTo { Base: "base", Link: "link", Target: "target", Session: "session" }
+    ParameterQuantity {
+        Theta: "theta",
+        D: "d",
+        A: "a",
+        Alpha: "alpha",
+        Beta: "beta",
+        X: "x",
+        Y: "y",
+        Z: "z",
+        Rx: "rx",
+        Ry: "ry",
+        Rz: "rz",
+        Blend: "blend",
+    }
+}
 
 /// What a row is of.
 #[derive(Debug, Clone, Copy)]
@@ -25,122 +123,98 @@ enum Subject {
     },
 }
 
-/// One row.
-#[derive(Debug, Clone)]
-struct Row {
-    model: Model,
-    index: usize,
-    subject: Subject,
-    nominal: f64,
+/// What a model says of a parameter beside its place.
+struct Found {
     offset: f64,
     standard_error: f64,
     prior_sd: Option<f64>,
-    identifiability: &'static str,
-    confused_with: Vec<String>,
-    most_correlated: Option<(String, f64)>,
+    identifiability: Identifiability,
+    confused_with: Vec<usize>,
+    most_correlated: Option<(usize, f64)>,
 }
 
-/// The table of all models' free parameters.
-pub fn parameters(
-    outcome: &Outcome<'_>,
-    context: &PublishContext<'_>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
-    let names: Vec<&str> = outcome
+/// The parameters of one model, in its order.
+struct Parameters<'a> {
+    model: Model,
+    subjects: Vec<Subject>,
+    arm: &'a Arm,
+    /// Names of the sessions.
+    sessions: &'a [&'a str],
+}
+
+/// The rows of all models' free parameters.
+pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<ParameterRow> {
+    let sessions: Vec<&str> = outcome
         .training
         .iter()
         .map(|session| session.name.as_str())
         .collect();
+    let of = |model, subjects| Parameters {
+        model,
+        subjects,
+        arm: context.arm,
+        sessions: &sessions,
+    };
     let mut rows = Vec::new();
     for (model, calibration) in &outcome.calibrations {
-        rows.extend(of_calibration(*model, calibration, context.arm, &names));
+        let subjects = calibration.unknowns.iter().copied().map(Subject::Chain);
+        let own = of(*model, subjects.collect());
+        rows.extend(own.rows(|place| of_calibration(calibration, place)));
     }
     if let Some(full) = &outcome.full {
-        rows.extend(of_full(full, &outcome.calibrations, context.arm, &names));
+        let (places, subjects): (Vec<usize>, Vec<Subject>) = columns(full).into_iter().unzip();
+        let own = of(Model::Full, subjects);
+        rows.extend(own.rows(of_full(full, &outcome.calibrations, &places, &own.subjects)));
     }
-    let table = Columns::new(schema::find("parameters")?, rows.len())
-        .key(key)
-        .column("model", rows.iter().map(|row| words::model(row.model)))
-        .column("parameter_index", rows.iter().map(|row| row.index))
-        .column("parameter", rows.iter().map(|row| row.subject.name()))
-        .column(
-            "belongs_to",
-            rows.iter().map(|row| row.subject.belongs_to()),
-        )
-        .column(
-            "of_session",
-            rows.iter().map(|row| Some(names[row.subject.session()?])),
-        )
-        .column("joint", rows.iter().map(|row| row.subject.joint()))
-        .column("quantity", rows.iter().map(|row| row.subject.quantity()))
-        .column("unit", rows.iter().map(|row| row.subject.unit()));
-    Ok(values(table, &rows).finish()?)
+    rows
 }
 
-fn values(columns: Columns, rows: &[Row]) -> Columns {
-    let partner = |row: &Row| row.most_correlated.as_ref().map(|(name, _)| name.clone());
-    let correlation = |row: &Row| {
-        row.most_correlated
-            .as_ref()
-            .map(|(_, correlation)| *correlation)
-    };
-    columns
-        .column("nominal", rows.iter().map(|row| row.nominal))
-        .column("offset", rows.iter().map(|row| row.offset))
-        .column(
-            "identified",
-            rows.iter().map(|row| row.nominal + row.offset),
-        )
-        .column("standard_error", rows.iter().map(|row| row.standard_error))
-        .column("prior_sd", rows.iter().map(|row| row.prior_sd))
-        .column(
-            "identifiability",
-            rows.iter().map(|row| row.identifiability),
-        )
-        .column("confused_with", rows.iter().map(|row| &row.confused_with))
-        .column("most_correlated_with", rows.iter().map(partner))
-        .column("correlation", rows.iter().map(correlation))
-}
-
-fn of_calibration(model: Model, calibration: &Calibration, arm: &Arm, names: &[&str]) -> Vec<Row> {
-    let subjects: Vec<Subject> = calibration
-        .unknowns
-        .iter()
-        .copied()
-        .map(Subject::Chain)
-        .collect();
-    let labels: Vec<String> = subjects
-        .iter()
-        .map(|subject| subject.label(names))
-        .collect();
-    let row = |index: usize| Row {
-        model,
-        index,
-        subject: subjects[index],
-        nominal: nominal(arm, calibration.unknowns[index].parameter),
-        offset: calibration.solution.offsets[index],
-        standard_error: calibration.standard_error(index),
-        prior_sd: calibration.prior_sd[index],
-        identifiability: identifiability(calibration, index),
-        confused_with: calibration
-            .confounded_with(index)
+impl Parameters<'_> {
+    /// A row for each parameter, with what is found of it by its place.
+    fn rows(&self, found: impl Fn(usize) -> Found) -> Vec<ParameterRow> {
+        let labels: Vec<String> = self
+            .subjects
             .iter()
-            .map(|&other| labels[other].clone())
-            .collect(),
-        most_correlated: most_correlated(&calibration.covariance, index, &labels),
-    };
-    (0..subjects.len()).map(row).collect()
+            .map(|subject| subject.label(self.sessions))
+            .collect();
+        let row =
+            |(place, subject): (usize, &Subject)| self.row(place, *subject, found(place), &labels);
+        self.subjects.iter().enumerate().map(row).collect()
+    }
+
+    fn row(&self, place: usize, subject: Subject, found: Found, labels: &[String]) -> ParameterRow {
+        let nominal = subject.nominal(self.arm);
+        let label = |other: usize| labels[other].clone();
+        ParameterRow {
+            model: self.model,
+            parameter_index: place,
+            parameter: subject.name(),
+            belongs_to: subject.belongs_to(),
+            of_session: subject.session().map(|own| self.sessions[own].to_owned()),
+            joint: subject.joint(),
+            quantity: subject.quantity(),
+            unit: subject.unit(),
+            nominal,
+            offset: found.offset,
+            identified: nominal + found.offset,
+            standard_error: Some(found.standard_error),
+            prior_sd: found.prior_sd,
+            identifiability: found.identifiability,
+            confused_with: found.confused_with.into_iter().map(label).collect(),
+            most_correlated_with: found.most_correlated.map(|(other, _)| label(other)),
+            correlation: found.most_correlated.map(|(_, correlation)| correlation),
+        }
+    }
 }
 
-fn identifiability(calibration: &Calibration, index: usize) -> &'static str {
-    if calibration.nominal_structure.zero_columns.contains(&index) {
-        "moves_nothing"
-    } else if calibration.told_apart(index) {
-        "told_apart"
-    } else if calibration.nominal_structure.indistinguishable[index].is_empty() {
-        "weak"
-    } else {
-        "structurally_dependent"
+fn of_calibration(calibration: &Calibration, place: usize) -> Found {
+    Found {
+        offset: calibration.solution.offsets[place],
+        standard_error: calibration.standard_error(place),
+        prior_sd: calibration.prior_sd[place],
+        identifiability: calibration.identifiability(place),
+        confused_with: calibration.confounded_with(place),
+        most_correlated: most_correlated(&calibration.covariance, place),
     }
 }
 
@@ -148,39 +222,32 @@ fn identifiability(calibration: &Calibration, index: usize) -> &'static str {
 fn of_full(
     full: &FullModel,
     calibrations: &[(Model, Calibration)],
-    arm: &Arm,
-    names: &[&str],
-) -> Vec<Row> {
-    let (places, subjects): (Vec<usize>, Vec<Subject>) = columns(full).into_iter().unzip();
-    let covariance = full.covariance_of(&places);
-    let labels: Vec<String> = subjects
-        .iter()
-        .map(|subject| subject.label(names))
-        .collect();
-    let row = |index: usize| {
-        let (subject, standard_error) =
-            (subjects[index], covariance[(index, index)].max(0.0).sqrt());
-        let prior_sd = prior_sd(full, calibrations, subject, places[index]);
+    places: &[usize],
+    subjects: &[Subject],
+) -> impl Fn(usize) -> Found {
+    let covariance = full.covariance_of(places);
+    move |index| {
+        let standard_error = covariance[(index, index)].max(0.0).sqrt();
+        let prior_sd = prior_sd(full, calibrations, subjects[index], places[index]);
         // A base or a target has no prior but the poses: it is told apart wherever it stands.
-        let told_apart = prior_sd.is_none_or(|sd| standard_error < 0.5 * sd);
-        Row {
-            model: Model::Full,
-            index,
-            subject,
-            nominal: subject.nominal(arm),
+        let told_apart = is_told_apart(standard_error, prior_sd);
+        Found {
             offset: full.column_mean(places[index]),
             standard_error,
             prior_sd,
-            identifiability: if told_apart { "told_apart" } else { "weak" },
+            identifiability: if told_apart {
+                Identifiability::ToldApart
+            } else {
+                Identifiability::Weak
+            },
             confused_with: if told_apart {
                 Vec::new()
             } else {
-                confused(&covariance, index, &labels)
+                confounded(&covariance, index)
             },
-            most_correlated: most_correlated(&covariance, index, &labels),
+            most_correlated: most_correlated(&covariance, index),
         }
-    };
-    (0..subjects.len()).map(row).collect()
+    }
 }
 
 /// The columns that are parameters, with what they are.
@@ -237,40 +304,6 @@ fn prior_sd(
             let place = geometric.unknowns.iter().position(|own| *own == unknown)?;
             geometric.prior_sd[place]
         }
-    }
-}
-
-/// Correlations from which two parameters are called confused.
-const CONFUSED: f64 = 0.9;
-
-fn confused(covariance: &DMatrix<f64>, index: usize, labels: &[String]) -> Vec<String> {
-    let others = (0..labels.len()).filter(|&other| other != index);
-    others
-        .filter(|&other| correlation(covariance, index, other).abs() > CONFUSED)
-        .map(|other| labels[other].clone())
-        .collect()
-}
-
-fn most_correlated(
-    covariance: &DMatrix<f64>,
-    index: usize,
-    labels: &[String],
-) -> Option<(String, f64)> {
-    let others = (0..labels.len()).filter(|&other| other != index);
-    let correlations = others.map(|other| (other, correlation(covariance, index, other)));
-    let (other, found) = correlations
-        .filter(|(_, found)| found.abs() > 0.0)
-        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    Some((labels[other].clone(), found))
-}
-
-/// Zero where one of the two does not vary.
-fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> f64 {
-    let scale = (covariance[(a, a)] * covariance[(b, b)]).sqrt();
-    if scale > 0.0 {
-        covariance[(a, b)] / scale
-    } else {
-        0.0
     }
 }
 
@@ -332,49 +365,49 @@ impl Subject {
         }
     }
 
-    const fn unit(self) -> &'static str {
+    fn unit(self) -> Unit {
         match self {
-            Self::Chain(unknown) => unknown.parameter.unit(),
-            Self::Blend { .. } => "1",
+            Self::Chain(unknown) => Unit::named(unknown.parameter.unit()),
+            Self::Blend { .. } => Unit::One,
         }
     }
 
-    const fn belongs_to(self) -> &'static str {
+    const fn belongs_to(self) -> BelongsTo {
         match self {
             Self::Chain(unknown) => match unknown.parameter {
-                Parameter::Base(_) => "base",
-                Parameter::Link { .. } => "link",
-                Parameter::Target(_) => "target",
+                Parameter::Base(_) => BelongsTo::Base,
+                Parameter::Link { .. } => BelongsTo::Link,
+                Parameter::Target(_) => BelongsTo::Target,
             },
-            Self::Blend { session: None, .. } => "link",
-            Self::Blend { .. } => "session",
+            Self::Blend { session: None, .. } => BelongsTo::Link,
+            Self::Blend { .. } => BelongsTo::Session,
         }
     }
 
-    const fn quantity(self) -> &'static str {
+    const fn quantity(self) -> ParameterQuantity {
         match self {
-            Self::Blend { .. } => "blend",
+            Self::Blend { .. } => ParameterQuantity::Blend,
             Self::Chain(unknown) => match unknown.parameter {
                 Parameter::Base(motion) | Parameter::Target(motion) => direction(motion),
                 Parameter::Link { quantity, .. } => match quantity {
-                    LinkQuantity::Theta => "theta",
-                    LinkQuantity::D => "d",
-                    LinkQuantity::A => "a",
-                    LinkQuantity::Alpha => "alpha",
-                    LinkQuantity::Beta => "beta",
+                    LinkQuantity::Theta => ParameterQuantity::Theta,
+                    LinkQuantity::D => ParameterQuantity::D,
+                    LinkQuantity::A => ParameterQuantity::A,
+                    LinkQuantity::Alpha => ParameterQuantity::Alpha,
+                    LinkQuantity::Beta => ParameterQuantity::Beta,
                 },
             },
         }
     }
 }
 
-const fn direction(motion: Motion) -> &'static str {
+const fn direction(motion: Motion) -> ParameterQuantity {
     match motion {
-        Motion::Translation(Axis::X) => "x",
-        Motion::Translation(Axis::Y) => "y",
-        Motion::Translation(Axis::Z) => "z",
-        Motion::Rotation(Axis::X) => "rx",
-        Motion::Rotation(Axis::Y) => "ry",
-        Motion::Rotation(Axis::Z) => "rz",
+        Motion::Translation(Axis::X) => ParameterQuantity::X,
+        Motion::Translation(Axis::Y) => ParameterQuantity::Y,
+        Motion::Translation(Axis::Z) => ParameterQuantity::Z,
+        Motion::Rotation(Axis::X) => ParameterQuantity::Rx,
+        Motion::Rotation(Axis::Y) => ParameterQuantity::Ry,
+        Motion::Rotation(Axis::Z) => ParameterQuantity::Rz,
     }
 }

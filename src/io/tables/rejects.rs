@@ -1,105 +1,164 @@
 //! `rejects`: messages and byte ranges of the logs, readings and dwells that were left out, with reasons.
 
-use super::{PublishError, stations};
-use crate::ingest::LogReject;
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::join::{JoinReject, Pairing, Station};
-use crate::manifest::RunKey;
+use super::stations::Unpaired;
+use crate::ingest::{LogReject, SpanClock};
+use crate::io::table::{Word, row, words};
+use crate::join::{JoinReject, Station};
 use crate::pipeline::outcome::JoinedSession;
 
-/// One row, its number aside.
-#[derive(Debug, Clone, Default)]
-struct Row<'a> {
-    stage: &'static str,
-    kind: &'static str,
-    number: Option<u64>,
-    reason: &'a str,
-    log: Option<&'a LogReject>,
-    clock: Option<&'static str>,
-    span_ns: Option<(i64, i64)>,
-    station: Option<usize>,
+row! {
+    /// What was left out for one reason at one place.
+    pub struct RejectRow of "rejects" {
+        /// Its number.
+        reject: usize,
+        /// The stage that left it out.
+        stage: Stage,
+        /// What it is.
+        kind: RejectKind,
+        /// How many; `None` where damage hides it.
+        number: Option<u64>,
+        /// Why, in a word or in words.
+        reason: String,
+        /// The log's file.
+        file: Option<String>,
+        /// The log's topic.
+        topic: Option<String>,
+        /// First byte, in the file as stored.
+        byte_start: Option<u64>,
+        /// One past the last byte.
+        byte_end: Option<u64>,
+        /// The clock of start and end.
+        clock: Option<SpanClock>,
+        /// First moment, ns.
+        start_ns: Option<i64>,
+        /// Last moment, ns.
+        end_ns: Option<i64>,
+        /// The station, of a dwell.
+        station: Option<usize>,
+    }
 }
 
-/// The table of one session's rejects, in the order of the stages.
-pub fn rejects(session: &JoinedSession, key: &RunKey) -> Result<Table, PublishError> {
-    let mut rows: Vec<Row<'_>> = session.log_rejects.iter().map(of_log).collect();
-    rows.extend(session.joined.rejects.iter().map(of_readings));
-    rows.extend(session.joined.stations.iter().filter_map(of_dwell));
-    let logs = || rows.iter().map(|row| row.log);
-    let table = Columns::new(schema::find("rejects")?, rows.len())
-        .key(key)
-        .column("reject", 0..rows.len())
-        .column("stage", rows.iter().map(|row| row.stage))
-        .column("kind", rows.iter().map(|row| row.kind))
-        .column("number", rows.iter().map(|row| row.number))
-        .column("reason", rows.iter().map(|row| row.reason))
-        .column("file", logs().map(|log| log.map(|log| &log.file)))
-        .column(
-            "topic",
-            logs().map(|log| log.and_then(|log| log.topic.as_ref())),
-        )
-        .column(
-            "byte_start",
-            logs().map(|log| log.map(|log| log.byte_start)),
-        )
-        .column("byte_end", logs().map(|log| log.map(|log| log.byte_end)))
-        .column("clock", rows.iter().map(|row| row.clock))
-        .column(
-            "start_ns",
-            rows.iter().map(|row| row.span_ns.map(|span| span.0)),
-        )
-        .column(
-            "end_ns",
-            rows.iter().map(|row| row.span_ns.map(|span| span.1)),
-        )
-        .column("station", rows.iter().map(|row| row.station));
-    Ok(table.finish()?)
+/// Stages that leave something out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Reading logs.
+    Ingest,
+    /// Joining logs.
+    Join,
+    /// Fitting.
+    Fit,
+    /// Similarity.
+    Similarity,
+    /// Grids.
+    Grid,
+    /// Compensation.
+    Compensation,
+}
+
+/// What was left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RejectKind {
+    /// Bytes of a log.
+    Bytes,
+    /// Messages.
+    Messages,
+    /// Readings.
+    Readings,
+    /// A dwell.
+    Dwell,
+    /// A station.
+    Station,
+}
+
+words! {
+    Stage {
+        Ingest: "ingest",
+        Join: "join",
+        Fit: "fit",
+        Similarity: "similarity",
+        Grid: "grid",
+        Compensation: "compensation",
+    }
+    RejectKind {
+        Bytes: "bytes",
+        Messages: "messages",
+        Readings: "readings",
+        Dwell: "dwell",
+        Station: "station",
+    }
+}
+
+/// The rows of one session's rejects, in the order of the stages.
+pub fn rows(session: &JoinedSession) -> Vec<RejectRow> {
+    let logs = session.log_rejects.iter().map(of_log);
+    let readings = session.joined.rejects.iter().map(of_readings);
+    let dwells = session.joined.stations.iter().filter_map(of_dwell);
+    let all = logs.chain(readings).chain(dwells).enumerate();
+    all.map(|(reject, row)| RejectRow { reject, ..row })
+        .collect()
+}
+
+/// A row of so many, its number and its place aside.
+fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
+    RejectRow {
+        reject: 0,
+        stage,
+        kind,
+        number: Some(number),
+        reason: reason.to_owned(),
+        file: None,
+        topic: None,
+        byte_start: None,
+        byte_end: None,
+        clock: None,
+        start_ns: None,
+        end_ns: None,
+        station: None,
+    }
 }
 
 /// Messages where their number is known, otherwise the bytes they were lost with.
-fn of_log(log: &LogReject) -> Row<'_> {
+fn of_log(log: &LogReject) -> RejectRow {
     let (kind, number) = match log.messages {
-        Some(messages) => ("messages", messages),
-        None => ("bytes", log.byte_end.saturating_sub(log.byte_start)),
+        Some(messages) => (RejectKind::Messages, messages),
+        None => (
+            RejectKind::Bytes,
+            log.byte_end.saturating_sub(log.byte_start),
+        ),
     };
-    Row {
-        stage: "ingest",
-        kind,
-        number: Some(number),
-        reason: &log.reason,
-        log: Some(log),
-        clock: log.time_span_ns.map(|_| log.clock.name()),
-        span_ns: log.time_span_ns,
-        ..Row::default()
+    RejectRow {
+        file: Some(log.file.clone()),
+        topic: log.topic.clone(),
+        byte_start: Some(log.byte_start),
+        byte_end: Some(log.byte_end),
+        clock: log.time_span_ns.map(|_| log.clock),
+        start_ns: log.time_span_ns.map(|(start, _)| start),
+        end_ns: log.time_span_ns.map(|(_, end)| end),
+        ..of(Stage::Ingest, kind, number, &log.reason)
     }
 }
 
-fn of_readings(reject: &JoinReject) -> Row<'_> {
-    Row {
-        stage: "join",
-        kind: "readings",
-        number: Some(reject.readings),
-        reason: &reject.reason,
-        clock: Some("tracker"),
-        span_ns: Some((reject.start.ns(), reject.end.ns())),
-        ..Row::default()
+fn of_readings(reject: &JoinReject) -> RejectRow {
+    RejectRow {
+        clock: Some(SpanClock::Tracker),
+        start_ns: Some(reject.start.ns()),
+        end_ns: Some(reject.end.ns()),
+        ..of(
+            Stage::Join,
+            RejectKind::Readings,
+            reject.readings,
+            &reject.reason,
+        )
     }
 }
 
-fn of_dwell(station: &Station) -> Option<Row<'_>> {
-    let reason = match station.pairing {
-        Pairing::Paired => return None,
-        Pairing::Unmeasured(_) | Pairing::Ambiguous => stations::reason(&station.pairing)?,
-    };
-    Some(Row {
-        stage: "join",
-        kind: "dwell",
-        number: Some(1),
-        reason,
-        clock: Some("controller"),
-        span_ns: Some((station.start.ns(), station.end.ns())),
+fn of_dwell(station: &Station) -> Option<RejectRow> {
+    let reason = Unpaired::of(&station.pairing)?;
+    Some(RejectRow {
+        clock: Some(SpanClock::Controller),
+        start_ns: Some(station.start.ns()),
+        end_ns: Some(station.end.ns()),
         station: Some(station.number),
-        ..Row::default()
+        ..of(Stage::Join, RejectKind::Dwell, 1, reason.word())
     })
 }

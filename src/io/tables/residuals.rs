@@ -1,54 +1,98 @@
 //! `residuals`: measured minus predicted target position of every station under every model.
 
-use super::{PublishError, words};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::manifest::RunKey;
-use crate::report::{Residual, ResidualSet};
+use super::words::{Role, upper};
+use crate::io::table::row;
+use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
-/// The table of all residual sets.
-pub fn residuals(sets: &[ResidualSet], key: &RunKey) -> Result<Table, PublishError> {
-    let rows: Vec<_> = sets
-        .iter()
-        .flat_map(|set| {
-            set.residuals
-                .iter()
-                .map(move |residual| (&set.subject, residual))
-        })
-        .collect();
-    let subjects = || rows.iter().map(|(subject, _)| *subject);
-    let table = Columns::new(schema::find("residuals")?, rows.len()).key(key);
-    let table = words::subjects(table, subjects);
-    let residuals: Vec<&Residual> = rows.iter().map(|(_, residual)| *residual).collect();
-    Ok(columns(table, &residuals).finish()?)
+row! {
+    /// Measured minus predicted at one station under one model, base frame.
+    pub struct ResidualRow of "residuals" {
+        /// How the stations were kept from training.
+        split: Split,
+        /// The model that predicts.
+        model: Model,
+        /// The joint angles that it was given.
+        angles: Angles,
+        /// Where the base of an unseen session comes from.
+        base_refit: BaseRefit,
+        /// What part the stations had in the fit.
+        role: Role,
+        /// The fold that held the station out, where blocks were.
+        fold: Option<usize>,
+        /// The session that the station is of.
+        of_session: String,
+        /// Its number.
+        station: usize,
+        /// The number of the station that its pose is named by.
+        pose: usize,
+        /// Whether the session's base was found from it.
+        used_for_refit: bool,
+        /// Attained position, mm.
+        at as [x_mm, y_mm, z_mm]: [f64; 3],
+        /// Measured minus predicted, mm.
+        residual as [residual_x_mm, residual_y_mm, residual_z_mm]: [f64; 3],
+        /// Its norm.
+        residual_mm: f64,
+        /// Of the orientation, rad: not told.
+        turned as [residual_rx_rad, residual_ry_rad, residual_rz_rad]: Option<[f64; 3]>,
+        /// Covariance of measured minus predicted, mm²: xx xy xz yy yz zz; `None` for a model without one.
+        predicted_cov_mm2 as [
+            predicted_cov_xx_mm2,
+            predicted_cov_xy_mm2,
+            predicted_cov_xz_mm2,
+            predicted_cov_yy_mm2,
+            predicted_cov_yz_mm2,
+            predicted_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// The residual's squared distance by that covariance; `None` without a positive definite one.
+        mahalanobis_squared: Option<f64>,
+        /// The station's robust weight, in training.
+        weight: Option<f64>,
+    }
 }
 
-fn columns(columns: Columns, residuals: &[&Residual]) -> Columns {
-    let all = || residuals.iter();
-    columns
-        .column("fold", all().map(|r| r.fold))
-        .column("station", all().map(|r| r.station))
-        .column("pose", all().map(|r| r.pose))
-        .column("used_for_refit", all().map(|r| r.used_for_refit))
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            all().map(|r| -> [f64; 3] { (r.predicted.coords + r.residual).into() }),
-        )
-        .group(
-            ["residual_x_mm", "residual_y_mm", "residual_z_mm"],
-            all().map(|r| -> [f64; 3] { r.residual.into() }),
-        )
-        .column("residual_mm", all().map(|r| r.residual.norm()))
-        .absent(["residual_rx_rad", "residual_ry_rad", "residual_rz_rad"])
-        .group(
-            ["xx", "xy", "xz", "yy", "yz", "zz"]
-                .map(|c| format!("predicted_cov_{c}_mm2"))
-                .each_ref()
-                .map(String::as_str),
-            all().map(|r| r.covariance.as_ref().map(words::upper)),
-        )
-        .column("mahalanobis_squared", all().map(|r| distance_squared(r)))
-        .column("weight", all().map(|r| r.weight))
+impl ResidualRow {
+    /// What it is a residual of.
+    pub fn subject(&self) -> Subject {
+        Subject {
+            split: self.split,
+            of_session: self.of_session.clone(),
+            model: self.model,
+            angles: self.angles,
+            base_refit: self.base_refit,
+        }
+    }
+}
+
+/// The rows of all residual sets.
+pub fn rows(sets: &[ResidualSet]) -> Vec<ResidualRow> {
+    let of_set = |set: &ResidualSet| -> Vec<ResidualRow> {
+        let residuals = set.residuals.iter();
+        residuals.map(|r| of_residual(&set.subject, r)).collect()
+    };
+    sets.iter().flat_map(of_set).collect()
+}
+
+fn of_residual(subject: &Subject, residual: &Residual) -> ResidualRow {
+    ResidualRow {
+        split: subject.split,
+        model: subject.model,
+        angles: subject.angles,
+        base_refit: subject.base_refit,
+        role: subject.split.into(),
+        fold: residual.fold,
+        of_session: subject.of_session.clone(),
+        station: residual.station,
+        pose: residual.pose,
+        used_for_refit: residual.used_for_refit,
+        at: (residual.predicted.coords + residual.residual).into(),
+        residual: residual.residual.into(),
+        residual_mm: residual.residual.norm(),
+        turned: None,
+        predicted_cov_mm2: residual.covariance.as_ref().map(upper),
+        mahalanobis_squared: distance_squared(residual),
+        weight: residual.weight,
+    }
 }
 
 /// `rᵀ Σ⁻¹ r`; `None` without a covariance, or one that is not positive definite.

@@ -1,34 +1,66 @@
 //! `scales`: whether each session's length unit agrees with the arm's lengths.
 
-use super::PublishError;
-use crate::fit::scale::{FreeScale, SessionScale};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::manifest::RunKey;
+use crate::fit::scale::{ScaleVerdict, SessionScale};
+use crate::io::table::row;
 
-/// The table of all sessions that trained.
-pub fn scales(all: &[SessionScale], key: &RunKey) -> Result<Table, PublishError> {
-    let free = |of: fn(&FreeScale) -> f64| all.iter().map(move |scale| scale.free.as_ref().map(of));
-    let fitted = || all.iter().map(|scale| scale.fitted);
-    let table = Columns::new(schema::find("scales")?, all.len())
-        .key(key)
-        .column("of_session", all.iter().map(|scale| &scale.session))
-        .column("stations", all.iter().map(|scale| scale.stations))
-        .column("fitted_ppm", fitted().map(|fitted| Some(fitted?.ppm)))
-        .column("fitted_sd_ppm", fitted().map(|fitted| Some(fitted?.sd_ppm)))
-        .column("kept", fitted().map(|fitted| Some(fitted?.kept)))
-        .column("prior_sd_ppm", all.iter().map(|scale| scale.prior_sd_ppm))
-        .column("free_ppm", free(|free| free.ppm))
-        .column("free_sd_ppm", free(|free| free.sd_ppm))
-        .column("length_rms_mm", free(|free| free.length_rms_mm))
-        .column("detectable_ppm", free(FreeScale::detectable_ppm))
-        .column(
-            "length_tolerance_mm",
-            all.iter().map(|scale| scale.length_sd_mm),
-        )
-        .column("warmer_by_least_k", free(|free| free.kelvins()[0]))
-        .column("warmer_by_most_k", free(|free| free.kelvins()[1]))
-        .column("verdict", all.iter().map(SessionScale::verdict))
-        .column("reason", all.iter().map(SessionScale::reason));
-    Ok(table.finish()?)
+row! {
+    /// What is known of one session's scale.
+    pub struct ScaleRow of "scales" {
+        /// The session.
+        of_session: String,
+        /// Its measured stations.
+        stations: usize,
+        /// The scale in the full error model, ppm; `None` where it has none.
+        fitted_ppm: Option<f64>,
+        /// Its standard deviation, ppm.
+        fitted_sd_ppm: Option<f64>,
+        /// Whether the evidence kept it.
+        kept: Option<bool>,
+        /// Standard deviation of the scale before any measurement, ppm.
+        prior_sd_ppm: f64,
+        /// The scale that the arm's lengths alone hold, ppm; `None` where it could not be told.
+        free_ppm: Option<f64>,
+        /// Its standard deviation, ppm.
+        free_sd_ppm: Option<f64>,
+        /// Root mean square of what the lengths are off with that scale, mm.
+        length_rms_mm: Option<f64>,
+        /// The least scale that would be named, ppm.
+        detectable_ppm: Option<f64>,
+        /// Standard deviation of the arm's lengths, mm.
+        length_tolerance_mm: f64,
+        /// Lowest temperature above the reference that explains the scale, K.
+        warmer_by_least_k: Option<f64>,
+        /// Highest such temperature, K.
+        warmer_by_most_k: Option<f64>,
+        /// Whether the scale is named.
+        verdict: ScaleVerdict,
+        /// Why, where that is not plain.
+        reason: Option<String>,
+    }
+}
+
+/// The rows of all sessions that trained.
+pub fn rows(all: &[SessionScale]) -> Vec<ScaleRow> {
+    all.iter().map(of_session).collect()
+}
+
+fn of_session(scale: &SessionScale) -> ScaleRow {
+    let (fitted, free) = (scale.fitted, scale.free);
+    ScaleRow {
+        of_session: scale.session.clone(),
+        stations: scale.stations,
+        fitted_ppm: fitted.map(|fitted| fitted.ppm),
+        fitted_sd_ppm: fitted.map(|fitted| fitted.sd_ppm),
+        kept: fitted.map(|fitted| fitted.kept),
+        prior_sd_ppm: scale.prior_sd_ppm,
+        free_ppm: free.map(|free| free.ppm),
+        free_sd_ppm: free.map(|free| free.sd_ppm),
+        length_rms_mm: free.map(|free| free.length_rms_mm),
+        detectable_ppm: free.map(|free| free.detectable_ppm()),
+        length_tolerance_mm: scale.length_sd_mm,
+        warmer_by_least_k: free.map(|free| free.kelvins()[0]),
+        warmer_by_most_k: free.map(|free| free.kelvins()[1]),
+        verdict: scale.verdict(),
+        reason: scale.reason(),
+    }
 }

@@ -1,130 +1,141 @@
 //! `semivariograms`: bins of the empirical semivariograms, and the models fitted to them.
 
-use super::{PublishError, words};
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::manifest::RunKey;
+use super::words::Unit;
+use crate::io::table::{row, words};
 use crate::report::Model;
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
-/// One row: a bin, or a fitted model and whether it is the best.
-struct Row<'a> {
-    errors: Model,
-    of: &'a Semivariogram,
-    entry: Entry<'a>,
+row! {
+    /// A bin of a semivariogram, or a model fitted to its bins: the columns of the other are absent.
+    pub struct SemivariogramRow of "semivariograms" {
+        /// Where separations are measured.
+        space: Space,
+        /// The model whose errors are compared.
+        errors: Model,
+        /// The component that is compared, or the whole vector.
+        axis: Quantity,
+        /// Bin or fitted model.
+        entry: Entry,
+        /// The bin's number from separation zero.
+        bin: Option<i64>,
+        /// The fitted model's shape.
+        variogram: Option<Shape>,
+        /// Unit of separations and of the range.
+        separation_unit: Unit,
+        /// The bin's lower limit.
+        separation_lower: Option<f64>,
+        /// The bin's upper limit.
+        separation_upper: Option<f64>,
+        /// Mean separation of the bin's pairs.
+        separation: Option<f64>,
+        /// Pairs of the bin, or of all bins.
+        pairs: u64,
+        /// The bin's semivariance, mm².
+        gamma_mm2: Option<f64>,
+        /// The model's semivariance at separation zero, mm².
+        nugget_mm2: Option<f64>,
+        /// The model's semivariance of far pairs, mm².
+        sill_mm2: Option<f64>,
+        /// The model's range, in the unit of separations.
+        range: Option<f64>,
+        /// Root of the model's mean squared deviation from the bins, mm².
+        misfit_mm2: Option<f64>,
+        /// Whether the model fits best.
+        best: Option<bool>,
+        /// Variance of the noise of these axes, mm², where it is known.
+        noise_mm2: Option<f64>,
+        /// Whether near errors are alike.
+        similarity: Alikeness,
+    }
 }
 
-enum Entry<'a> {
-    Bin(&'a Bin),
-    Fitted(&'a VariogramModel, bool),
+/// What a row is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entry {
+    /// A bin.
+    Bin,
+    /// A fitted model.
+    Fitted,
 }
 
-/// The table of all semivariograms; `noise_mm2` is the variance of one axis that a nugget is held against.
-pub fn semivariograms(
+words! {
+    Entry { Bin: "bin", Fitted: "fitted" }
+}
+
+/// The rows of all semivariograms; `noise_mm2` is the variance of one axis that a nugget is held against.
+pub fn rows(
     found: &[(Model, Vec<Semivariogram>)],
     noise_mm2: Option<f64>,
-    key: &RunKey,
-) -> Result<Table, PublishError> {
-    let rows: Vec<Row<'_>> = found
-        .iter()
-        .flat_map(|(errors, all)| all.iter().flat_map(move |of| entries(*errors, of)))
-        .collect();
-    let noise = |row: &Row<'_>| noise_mm2.map(|noise| noise * axes(row.of.quantity));
-    let table = Columns::new(schema::find("semivariograms")?, rows.len())
-        .key(key)
-        .column("space", rows.iter().map(|row| space(row.of.space).0))
-        .column("errors", rows.iter().map(|row| words::model(row.errors)))
-        .column("axis", rows.iter().map(|row| axis(row.of.quantity)))
-        .column(
-            "separation_unit",
-            rows.iter().map(|row| space(row.of.space).1),
-        )
-        .column("noise_mm2", rows.iter().map(noise))
-        .column(
-            "similarity",
-            rows.iter().map(|row| similarity(row.of.alikeness)),
-        );
-    Ok(fitted(bins(table, &rows), &rows).finish()?)
+) -> Vec<SemivariogramRow> {
+    let of_model = |(errors, all): &(Model, Vec<Semivariogram>)| -> Vec<SemivariogramRow> {
+        let rows = all.iter().flat_map(|of| entries(*errors, of, noise_mm2));
+        rows.collect()
+    };
+    found.iter().flat_map(of_model).collect()
 }
 
-fn entries(errors: Model, of: &Semivariogram) -> impl Iterator<Item = Row<'_>> {
-    let fitted = |(place, model)| Entry::Fitted(model, place == 0);
-    let models = of.models.iter().enumerate().map(fitted);
-    let entries = of.bins.iter().map(Entry::Bin).chain(models);
-    entries.map(move |entry| Row { errors, of, entry })
+fn entries(errors: Model, of: &Semivariogram, noise_mm2: Option<f64>) -> Vec<SemivariogramRow> {
+    let noise_mm2 = noise_mm2.map(|noise| noise * axes(of.quantity));
+    let row = |entry| SemivariogramRow {
+        noise_mm2,
+        ..empty(errors, of, entry)
+    };
+    let bins = of.bins.iter().map(|bin| with_bin(&row(Entry::Bin), bin));
+    let models = of.models.iter().enumerate();
+    let models = models.map(|(place, model)| with_model(&row(Entry::Fitted), model, place == 0));
+    bins.chain(models).collect()
 }
 
-impl Row<'_> {
-    fn bin(&self) -> Option<&Bin> {
-        match self.entry {
-            Entry::Bin(bin) => Some(bin),
-            Entry::Fitted(..) => None,
-        }
-    }
-
-    fn fitted(&self) -> Option<&VariogramModel> {
-        match self.entry {
-            Entry::Bin(_) => None,
-            Entry::Fitted(model, _) => Some(model),
-        }
-    }
-
-    fn pairs(&self) -> u64 {
-        let all = || self.of.bins.iter().map(|bin| bin.pairs).sum();
-        self.bin().map_or_else(all, |bin| bin.pairs)
-    }
-
-    fn best(&self) -> Option<bool> {
-        match self.entry {
-            Entry::Bin(_) => None,
-            Entry::Fitted(_, best) => Some(best),
-        }
+/// A row that says what it is of and nothing else.
+fn empty(errors: Model, of: &Semivariogram, entry: Entry) -> SemivariogramRow {
+    SemivariogramRow {
+        space: of.space,
+        errors,
+        axis: of.quantity,
+        entry,
+        bin: None,
+        variogram: None,
+        separation_unit: match of.space {
+            Space::Joint => Unit::Rad,
+            Space::Cartesian => Unit::Mm,
+        },
+        separation_lower: None,
+        separation_upper: None,
+        separation: None,
+        pairs: of.bins.iter().map(|bin| bin.pairs).sum(),
+        gamma_mm2: None,
+        nugget_mm2: None,
+        sill_mm2: None,
+        range: None,
+        misfit_mm2: None,
+        best: None,
+        noise_mm2: None,
+        similarity: of.alikeness,
     }
 }
 
-fn bins(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let bins = || rows.iter().map(Row::bin);
-    let entry = |row: &Row<'_>| if row.bin().is_some() { "bin" } else { "fitted" };
-    columns
-        .column("entry", rows.iter().map(entry))
-        .column("bin", bins().map(|bin| bin.map(number)))
-        .column(
-            "separation_lower",
-            bins().map(|bin| bin.map(|bin| bin.from)),
-        )
-        .column("separation_upper", bins().map(|bin| bin.map(|bin| bin.to)))
-        .column(
-            "separation",
-            bins().map(|bin| bin.map(|bin| bin.separation)),
-        )
-        .column("pairs", rows.iter().map(Row::pairs))
-        .column("gamma_mm2", bins().map(|bin| bin.map(|bin| bin.gamma)))
+fn with_bin(row: &SemivariogramRow, bin: &Bin) -> SemivariogramRow {
+    SemivariogramRow {
+        bin: Some(number(bin)),
+        separation_lower: Some(bin.from),
+        separation_upper: Some(bin.to),
+        separation: Some(bin.separation),
+        pairs: bin.pairs,
+        gamma_mm2: Some(bin.gamma),
+        ..row.clone()
+    }
 }
 
-fn fitted(columns: Columns, rows: &[Row<'_>]) -> Columns {
-    let models = || rows.iter().map(Row::fitted);
-    columns
-        .column(
-            "variogram",
-            models().map(|model| model.map(|model| shape(model.shape))),
-        )
-        .column(
-            "nugget_mm2",
-            models().map(|model| model.map(|model| model.nugget)),
-        )
-        .column(
-            "sill_mm2",
-            models().map(|model| model.map(|model| model.sill)),
-        )
-        .column(
-            "range",
-            models().map(|model| model.map(|model| model.range)),
-        )
-        .column(
-            "misfit_mm2",
-            models().map(|model| model.map(|model| model.misfit.sqrt())),
-        )
-        .column("best", rows.iter().map(Row::best))
+fn with_model(row: &SemivariogramRow, model: &VariogramModel, best: bool) -> SemivariogramRow {
+    SemivariogramRow {
+        variogram: Some(model.shape),
+        nugget_mm2: Some(model.nugget),
+        sill_mm2: Some(model.sill),
+        range: Some(model.range),
+        misfit_mm2: Some(model.misfit.sqrt()),
+        best: Some(best),
+        ..row.clone()
+    }
 }
 
 /// Bins are of equal width from 0, and those without pairs are left out.
@@ -141,38 +152,5 @@ const fn axes(quantity: Quantity) -> f64 {
     match quantity {
         Quantity::X | Quantity::Y | Quantity::Z => 1.0,
         Quantity::Norm => 3.0,
-    }
-}
-
-const fn axis(quantity: Quantity) -> &'static str {
-    match quantity {
-        Quantity::X => "x",
-        Quantity::Y => "y",
-        Quantity::Z => "z",
-        Quantity::Norm => "norm",
-    }
-}
-
-/// The space's word and the unit of its separations.
-const fn space(space: Space) -> (&'static str, &'static str) {
-    match space {
-        Space::Joint => ("joint", "rad"),
-        Space::Cartesian => ("cartesian", "mm"),
-    }
-}
-
-const fn shape(shape: Shape) -> &'static str {
-    match shape {
-        Shape::Spherical => "spherical",
-        Shape::Exponential => "exponential",
-        Shape::Gaussian => "gaussian",
-    }
-}
-
-const fn similarity(alikeness: Alikeness) -> &'static str {
-    match alikeness {
-        Alikeness::Rising => "similar",
-        Alikeness::Flat => "flat",
-        Alikeness::TooFewPairs => "not_shown",
     }
 }

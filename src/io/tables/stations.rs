@@ -1,62 +1,192 @@
 //! `stations`: every dwell of the arm, with its command, what the tracker saw and the verdict on the pair.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 
-use super::PublishError;
 use super::words::xyzw;
 use crate::fit::commanded::Shortfall;
 use crate::fit::saved::axes_from_joints;
-use crate::io::schema;
-use crate::io::table::{Columns, Table};
-use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
+use crate::io::table::{row, words};
+use crate::join::{Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
-use crate::manifest::RunKey;
 use crate::pipeline::outcome::JoinedSession;
 
-/// The table of one session's stations.
-pub fn stations(session: &JoinedSession, arm: &Arm, key: &RunKey) -> Result<Table, PublishError> {
-    let stations = &session.joined.stations;
-    let names: Vec<&str> = arm
-        .joints()
-        .iter()
-        .map(|joint| joint.name.as_str())
-        .collect();
-    let table = Columns::new(schema::find("stations")?, stations.len())
-        .key(key)
-        .column("station", stations.iter().map(|s| s.number))
-        .column("verdict", stations.iter().map(|s| verdict(&s.pairing)))
-        .column("reason", stations.iter().map(|s| reason(&s.pairing)))
-        .column("start_ns", stations.iter().map(|s| s.start.ns()))
-        .column("end_ns", stations.iter().map(|s| s.end.ns()))
-        .same("joint_names", names)
-        .column("joints_rad", stations.iter().map(|s| &s.joints))
-        .column("joint_samples", stations.iter().map(|s| s.joint_samples))
-        .column("commanded_joints_rad", commanded_joints(session, arm));
-    let table = targets(table, session);
-    Ok(attained(commands(table, stations), stations).finish()?)
-}
-
-/// The verdict's word.
-pub(super) const fn verdict(pairing: &Pairing) -> &'static str {
-    match pairing {
-        Pairing::Paired => "paired",
-        Pairing::Unmeasured(_) => "unmeasured",
-        Pairing::Ambiguous => "ambiguous",
+row! {
+    /// A dwell of the arm.
+    pub struct StationRow of "stations" {
+        /// Its number in the session.
+        station: usize,
+        /// Whether it has a measurement of its own.
+        verdict: PairingVerdict,
+        /// Why not.
+        reason: Option<Unpaired>,
+        /// Its start, ns of the controller's clock.
+        start_ns: i64,
+        /// Its end, ns of the controller's clock.
+        end_ns: i64,
+        /// The joints, as the controller names them.
+        joint_names: Arc<[String]>,
+        /// Mean reported joint angles, rad.
+        joints_rad: Vec<f64>,
+        /// Samples that they are the mean of.
+        joint_samples: usize,
+        /// Joint angles of the command, rad, where they could be found.
+        commanded_joints_rad: Option<Vec<f64>>,
+        /// Commanded position of the tool point, frame of commands, mm.
+        command as [command_x_mm, command_y_mm, command_z_mm]: Option<[f64; 3]>,
+        /// Commanded orientation, x y z w.
+        command_turn as [command_qx, command_qy, command_qz, command_qw]: Option<[f64; 4]>,
+        /// The target's name, where a table drove the session to one.
+        target: Option<String>,
+        /// The target, mm.
+        target_at as [target_x_mm, target_y_mm, target_z_mm]: Option<[f64; 3]>,
+        /// The table that corrected it.
+        table_id: Option<Arc<str>>,
+        /// Attained position of the measured target, tracker frame, mm.
+        at as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
+        /// Attained orientation, x y z w.
+        turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
+        /// Standard deviation of the readings along each axis, mm.
+        scatter_mm as [scatter_x_mm, scatter_y_mm, scatter_z_mm]: Option<[f64; 3]>,
+        /// Scatter of the orientations, rad.
+        scatter_orientation_rad: Option<f64>,
+        /// Covariance that the tracker states, mm²: xx xy xz yy yz zz.
+        stated_cov_mm2 as [
+            stated_cov_xx_mm2,
+            stated_cov_xy_mm2,
+            stated_cov_xz_mm2,
+            stated_cov_yy_mm2,
+            stated_cov_yz_mm2,
+            stated_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// Readings of the dwell.
+        readings: Option<usize>,
+        /// Of them, those that the position is the mean of.
+        readings_kept: Option<usize>,
+        /// First of them, ns of the tracker's clock.
+        first_reading_ns: Option<i64>,
+        /// Last of them, ns of the tracker's clock.
+        last_reading_ns: Option<i64>,
+        /// Temperature, °C.
+        temperature_c: Option<f64>,
     }
 }
 
-/// Why a dwell has no measurement of its own, as a word; `None` when paired.
-pub(super) const fn reason(pairing: &Pairing) -> Option<&'static str> {
-    match pairing {
-        Pairing::Paired => None,
-        Pairing::Ambiguous => Some("several_candidates"),
-        Pairing::Unmeasured(why) => Some(match why {
-            Unmeasured::NoReadings => "no_readings",
-            Unmeasured::TooFewReadings => "too_few_readings",
-            Unmeasured::TargetMoved => "target_moved",
-            Unmeasured::OutsideTrackerLog => "outside_tracker_log",
-            Unmeasured::WrongTarget => "wrong_target",
-        }),
+/// Whether a dwell has a measurement of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum PairingVerdict {
+    /// It has.
+    Paired,
+    /// None.
+    Unmeasured,
+    /// Several could be its.
+    Ambiguous,
+}
+
+/// Why a dwell has none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unpaired {
+    /// No measurement, and why.
+    Unmeasured(Unmeasured),
+    /// Several could be its.
+    SeveralCandidates,
+}
+
+words! {
+    PairingVerdict { Paired: "paired", Unmeasured: "unmeasured", Ambiguous: "ambiguous" }
+    Unpaired {
+        Unmeasured(Unmeasured::NoReadings): "no_readings",
+        Unmeasured(Unmeasured::TooFewReadings): "too_few_readings",
+        Unmeasured(Unmeasured::TargetMoved): "target_moved",
+        Unmeasured(Unmeasured::OutsideTrackerLog): "outside_tracker_log",
+        Unmeasured(Unmeasured::WrongTarget): "wrong_target",
+        SeveralCandidates: "several_candidates",
+    }
+}
+
+impl From<&Pairing> for PairingVerdict {
+    fn from(pairing: &Pairing) -> Self {
+        match pairing {
+            Pairing::Paired => Self::Paired,
+            Pairing::Unmeasured(_) => Self::Unmeasured,
+            Pairing::Ambiguous => Self::Ambiguous,
+        }
+    }
+}
+
+impl Unpaired {
+    /// Why a dwell has no measurement of its own; `None` when paired.
+    pub(super) const fn of(pairing: &Pairing) -> Option<Self> {
+        match pairing {
+            Pairing::Paired => None,
+            Pairing::Ambiguous => Some(Self::SeveralCandidates),
+            Pairing::Unmeasured(why) => Some(Self::Unmeasured(*why)),
+        }
+    }
+}
+
+/// The rows of one session's stations.
+pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
+    let names: Arc<[String]> = arm
+        .joints()
+        .iter()
+        .map(|joint| joint.name.clone())
+        .collect();
+    let run = session.driven_by.as_ref();
+    let run: Option<Arc<str>> = run.map(|by| by.file.key.run.as_str().into());
+    let commanded = commanded_joints(session, arm);
+    let stations = session.joined.stations.iter().zip(commanded).enumerate();
+    stations
+        .map(|(place, (station, commanded_joints_rad))| {
+            let command = station.command.as_ref();
+            let by = session.driven_by.as_ref();
+            let target = by.and_then(|by| {
+                let place = by.matched.of_command[place]?;
+                Some(&by.file.targets[place])
+            });
+            StationRow {
+                joint_names: Arc::clone(&names),
+                commanded_joints_rad,
+                command: command.map(|c| c.position.coords.into()),
+                command_turn: command.and_then(|c| c.orientation.as_ref().map(xyzw)),
+                target: target.map(|target| target.name.clone()),
+                target_at: target.map(|target| target.target.coords.into()),
+                table_id: run.clone().filter(|_| target.is_some()),
+                ..measured(station)
+            }
+        })
+        .collect()
+}
+
+/// The dwell and its measurement, without its command.
+fn measured(station: &Station) -> StationRow {
+    let attained = station.attained.as_ref();
+    StationRow {
+        station: station.number,
+        verdict: (&station.pairing).into(),
+        reason: Unpaired::of(&station.pairing),
+        start_ns: station.start.ns(),
+        end_ns: station.end.ns(),
+        joint_names: [].into(),
+        joints_rad: station.joints.clone(),
+        joint_samples: station.joint_samples,
+        commanded_joints_rad: None,
+        command: None,
+        command_turn: None,
+        target: None,
+        target_at: None,
+        table_id: None,
+        at: attained.map(|a| a.position.coords.into()),
+        turn: attained.and_then(|a| a.orientation.as_ref().map(xyzw)),
+        scatter_mm: attained.map(|a| a.scatter_mm),
+        scatter_orientation_rad: attained.and_then(|a| a.orientation_scatter_rad),
+        stated_cov_mm2: attained.and_then(|a| a.stated_covariance),
+        readings: attained.map(|a| a.readings),
+        readings_kept: attained.map(|a| a.kept),
+        first_reading_ns: attained.map(|a| a.first.ns()),
+        last_reading_ns: attained.map(|a| a.last.ns()),
+        temperature_c: attained.and_then(|a| a.temperature_c),
     }
 }
 
@@ -81,78 +211,4 @@ fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>>
         .zip(&session.commanded.shortfalls)
         .map(commanded)
         .collect()
-}
-
-fn commands(columns: Columns, stations: &[Station]) -> Columns {
-    let commands = || stations.iter().map(|station| station.command.as_ref());
-    let position = |command: Option<&Command>| command.map(|c| c.position.coords.into());
-    let orientation = |command: Option<&Command>| Some(xyzw(command?.orientation.as_ref()?));
-    columns
-        .group(
-            ["command_x_mm", "command_y_mm", "command_z_mm"],
-            commands().map(position),
-        )
-        .group(
-            ["command_qx", "command_qy", "command_qz", "command_qw"],
-            commands().map(orientation),
-        )
-}
-
-/// The targets that the stations of a session driven by a table went to.
-fn targets(columns: Columns, session: &JoinedSession) -> Columns {
-    let stations = session.joined.stations.len();
-    let target = |station: usize| {
-        let by = session.driven_by.as_ref()?;
-        let place = by.matched.of_command[station]?;
-        Some((&by.file.key.run, &by.file.targets[place]))
-    };
-    let targets = || (0..stations).map(target);
-    columns
-        .column(
-            "target",
-            targets().map(|of| of.map(|(_, target)| &target.name)),
-        )
-        .group(
-            ["target_x_mm", "target_y_mm", "target_z_mm"],
-            targets().map(|of| of.map(|(_, target)| target.target.coords.into())),
-        )
-        .column("table_id", targets().map(|of| of.map(|(run, _)| run)))
-}
-
-fn attained(columns: Columns, stations: &[Station]) -> Columns {
-    let attained: Vec<Option<&Attained>> = stations.iter().map(|s| s.attained.as_ref()).collect();
-    let all = || attained.iter();
-    let columns = columns
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            all().map(|a| a.map(|a| a.position.coords.into())),
-        )
-        .group(
-            ["qx", "qy", "qz", "qw"],
-            all().map(|a| a.and_then(|a| a.orientation.as_ref().map(xyzw))),
-        )
-        .group(
-            ["scatter_x_mm", "scatter_y_mm", "scatter_z_mm"],
-            all().map(|a| a.map(|a| a.scatter_mm)),
-        )
-        .column(
-            "scatter_orientation_rad",
-            all().map(|a| a.and_then(|a| a.orientation_scatter_rad)),
-        )
-        .group(
-            ["xx", "xy", "xz", "yy", "yz", "zz"]
-                .map(|c| format!("stated_cov_{c}_mm2"))
-                .each_ref()
-                .map(String::as_str),
-            all().map(|a| a.and_then(|a| a.stated_covariance)),
-        );
-    columns
-        .column("readings", all().map(|a| a.map(|a| a.readings)))
-        .column("readings_kept", all().map(|a| a.map(|a| a.kept)))
-        .column("first_reading_ns", all().map(|a| a.map(|a| a.first.ns())))
-        .column("last_reading_ns", all().map(|a| a.map(|a| a.last.ns())))
-        .column(
-            "temperature_c",
-            all().map(|a| a.and_then(|a| a.temperature_c)),
-        )
 }

@@ -13,9 +13,16 @@ use crate::fit::ToolErrors;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::io::lake::Commit;
 use crate::io::lake::Lake;
-use crate::manifest::canonical;
+use crate::io::schema;
+use crate::io::table::Word as _;
+use crate::manifest::{Work, canonical};
+use crate::page::Said;
+use crate::pipeline::publish::publish;
+use crate::report;
 use example::{ARM, OUTCOME, SESSION, context};
+use words::TableVerdict;
 
 fn work() -> Work {
     Work {
@@ -33,6 +40,71 @@ fn key() -> RunKey {
     work().key()
 }
 
+fn table<R: Row>(rows: Vec<R>) -> Table {
+    R::table(rows, &key()).unwrap().table
+}
+
+/// That rows read from the file of their table are those that made it.
+fn assert_read_back<R: Row + PartialEq + std::fmt::Debug>(lake: &Lake, rows: &Rows<R>) {
+    let table = lake.read(R::TABLE, &key()).unwrap();
+    assert_eq!(R::read(&table), rows.rows, "{}", R::TABLE);
+}
+
+/// That the struct of a table's rows says what its schema says: names, types, nulls and words, in one order.
+fn assert_as_schema<R: Row>() {
+    let schema = R::schema();
+    let fields = R::columns();
+    // Robot, session and run stand beside the rows, or are fields of their own.
+    let keys = if fields[0].name == schema::KEY_COLUMNS[0] {
+        0
+    } else {
+        schema::KEY_COLUMNS.len()
+    };
+    let columns = &schema.columns[keys..];
+    let of = |name| format!("{}.{name}", R::TABLE);
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let own: Vec<&str> = fields.iter().map(|field| field.name).collect();
+    assert_eq!(own, names, "{}", R::TABLE);
+    for (field, column) in fields.iter().zip(columns) {
+        assert_eq!(field.kind, column.kind, "{}", of(field.name));
+        assert_eq!(field.nullable, column.nullable, "{}", of(field.name));
+        let is_enumeration = (field.knows)("").is_some();
+        assert_eq!(
+            is_enumeration,
+            column.values.is_some(),
+            "{}",
+            of(field.name)
+        );
+        for word in column.values.iter().flatten() {
+            assert_eq!(
+                (field.knows)(word),
+                Some(true),
+                "{}: {word}",
+                of(field.name)
+            );
+        }
+    }
+}
+
+#[test]
+fn the_rows_of_every_table_say_what_its_schema_says() {
+    assert_as_schema::<StationRow>();
+    assert_as_schema::<RejectRow>();
+    assert_as_schema::<ClockRow>();
+    assert_as_schema::<CalibrationRow>();
+    assert_as_schema::<ParameterRow>();
+    assert_as_schema::<ScaleRow>();
+    assert_as_schema::<JointErrorRow>();
+    assert_as_schema::<ResidualRow>();
+    assert_as_schema::<SemivariogramRow>();
+    assert_as_schema::<StepRow>();
+    assert_as_schema::<NodeRow>();
+    assert_as_schema::<AccuracyRow>();
+    assert_as_schema::<runs::RunRow>();
+    assert_as_schema::<history::HistoryRow>();
+    assert_as_schema::<drift::DriftRow>();
+}
+
 /// The rows where a text column has a word.
 fn rows(table: &Table, column: &str, word: &str) -> Vec<usize> {
     let texts = table.text(column);
@@ -46,9 +118,9 @@ fn numbers(table: &Table, columns: [&str; 3], row: usize) -> Vector3<f64> {
 }
 
 fn model_text(kind: &str) -> String {
-    let table = calibrations::calibrations(&OUTCOME, &context(), &key()).unwrap();
-    let row = rows(&table, "model_kind", kind)[0];
-    table.text("model").value(row).to_owned()
+    let rows = calibrations::rows(&OUTCOME, &context()).unwrap();
+    let own = rows.into_iter().find(|row| row.model_kind.word() == kind);
+    own.unwrap().model
 }
 
 #[test]
@@ -61,12 +133,25 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
         started.map(|run| publish(&OUTCOME, &context(), run, &work(), &Said::default()).unwrap());
     assert_eq!(ends, [Commit::Done, Commit::AlreadyThere]);
     assert!(lake.start(&key()).unwrap().is_none());
-    let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
-    let run = of_run(&OUTCOME, &context(), &key()).unwrap();
-    for table in session.iter().chain(&run) {
+    let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
+    let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
+    for table in session.tables().into_iter().chain(run.tables()) {
         assert_eq!(&lake.read(&table.schema().table, &key()).unwrap(), table);
         assert!(table.rows() > 0, "{}", table.schema().table);
     }
+    // What is read back from a file is the rows that made it, in their table's order.
+    assert_read_back(&lake, &session.stations);
+    assert_read_back(&lake, &session.rejects);
+    assert_read_back(&lake, &session.clocks);
+    assert_read_back(&lake, &run.calibrations);
+    assert_read_back(&lake, &run.parameters);
+    assert_read_back(&lake, &run.scales);
+    assert_read_back(&lake, &run.joint_errors);
+    assert_read_back(&lake, &run.residuals);
+    assert_read_back(&lake, &run.semivariograms);
+    assert_read_back(&lake, &run.steps);
+    assert_read_back(&lake, &run.compensation);
+    assert_read_back(&lake, &run.accuracy);
     let runs = lake.read("runs", &key()).unwrap();
     assert_eq!(
         runs.list("table_names").value_length(0),
@@ -75,13 +160,13 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     );
     assert_eq!(
         runs.text("verdict").value(0),
-        words::verdict(&OUTCOME.verdict.verdict())
+        TableVerdict::from(&OUTCOME.verdict.verdict()).word()
     );
 }
 
 #[test]
 fn the_identified_arm_comes_back_and_predicts_as_it_did() {
-    let published = calibrations::calibrations(&OUTCOME, &context(), &key()).unwrap();
+    let published = table(calibrations::rows(&OUTCOME, &context()).unwrap());
     let file = tempfile::NamedTempFile::new().unwrap();
     let bytes = crate::io::table::write(&published, Vec::new()).unwrap();
     std::fs::write(file.path(), bytes).unwrap();
@@ -106,9 +191,9 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
 #[test]
 fn the_same_outcome_gives_the_same_bytes() {
     let bytes = || -> Vec<Vec<u8>> {
-        let session = of_session(&OUTCOME.training[0], &context(), &key()).unwrap();
-        let run = of_run(&OUTCOME, &context(), &key()).unwrap();
-        let all = session.iter().chain(&run);
+        let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
+        let run = RunRows::of(&OUTCOME, &context(), &key()).unwrap();
+        let all = session.tables().into_iter().chain(run.tables());
         all.map(|table| crate::io::table::write(table, Vec::new()).unwrap())
             .collect()
     };
@@ -130,7 +215,7 @@ fn what_came_in_was_kept_or_rejected() {
     let lost = dwells.rejected["no_readings"];
     assert!(lost > 0);
     // The rejects name what the counts count: 3 messages, 64 bytes, 4 readings, and each lost dwell.
-    let table = rejects::rejects(&OUTCOME.training[0], &key()).unwrap();
+    let table = table(rejects::rows(&OUTCOME.training[0]));
     let sum = |kind: &str| -> i64 {
         rows(&table, "kind", kind)
             .iter()
@@ -145,7 +230,7 @@ fn what_came_in_was_kept_or_rejected() {
 
 #[test]
 fn stations_carry_their_verdict_and_their_command() {
-    let table = stations::stations(&OUTCOME.training[0], &ARM, &key()).unwrap();
+    let table = table(stations::rows(&OUTCOME.training[0], &ARM));
     let lost = rows(&table, "verdict", "unmeasured")[0];
     assert_eq!(table.text("reason").value(lost), "no_readings");
     assert!(table.f64("x_mm").is_null(lost) && table.i64("readings").is_null(lost));
@@ -165,7 +250,7 @@ fn stations_carry_their_verdict_and_their_command() {
 
 #[test]
 fn parameters_say_what_was_told_apart() {
-    let table = parameters::parameters(&OUTCOME, &context(), &key()).unwrap();
+    let table = table(parameters::rows(&OUTCOME, &context()));
     let d_4 = rows(&table, "parameter", "d_4");
     assert_eq!(d_4.len(), 2, "geometric and full");
     for row in d_4 {
@@ -301,7 +386,7 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
 
 #[test]
 fn joint_errors_are_those_of_the_model() {
-    let table = joint_errors::joint_errors(&OUTCOME, &context(), &key()).unwrap();
+    let table = table(joint_errors::rows(&OUTCOME, &context()));
     let full = OUTCOME.full.as_ref().unwrap();
     let row = table.rows() / 2;
     let joint = usize::try_from(table.i64("joint").value(row)).unwrap() - 1;
@@ -324,7 +409,7 @@ fn joint_errors_are_those_of_the_model() {
 
 #[test]
 fn compensation_is_stated_in_the_frame_of_commands() {
-    let table = compensation::compensation(&OUTCOME, &context(), &key()).unwrap();
+    let table = table(compensation::rows(&OUTCOME, &context(), &key()));
     let chosen = &OUTCOME.grids.table;
     let node = chosen
         .nodes
@@ -372,7 +457,7 @@ fn compensation_is_stated_in_the_frame_of_commands() {
 
 #[test]
 fn steps_account_for_every_station_that_judges() {
-    let table = grid_steps::grid_steps(&OUTCOME, &context(), &key()).unwrap();
+    let table = table(grid_steps::rows(&OUTCOME, &context()));
     assert_eq!(table.rows(), OUTCOME.grids.judged.len());
     assert_eq!(table.bool("chosen").true_count(), 1);
     let paired = OUTCOME.training[0]
@@ -398,7 +483,8 @@ fn steps_account_for_every_station_that_judges() {
 
 #[test]
 fn residuals_add_up_and_know_their_distance() {
-    let table = residuals::residuals(&OUTCOME.residuals, &key()).unwrap();
+    let of = |sets: &[report::ResidualSet]| table(residuals::rows(sets));
+    let table = of(&OUTCOME.residuals);
     let residual = &OUTCOME.residuals[0].residuals[0];
     let attained = numbers(&table, ["x_mm", "y_mm", "z_mm"], 0);
     assert!((attained - residual.predicted.coords - residual.residual).norm() < 1e-9);
@@ -407,7 +493,7 @@ fn residuals_add_up_and_know_their_distance() {
     assert!((distance - 4.0 * residual.residual.norm_squared()).abs() < 1e-9);
     let mut flat = OUTCOME.residuals.clone();
     flat[0].residuals[0].covariance = Some(Matrix3::zeros());
-    let table = residuals::residuals(&flat, &key()).unwrap();
+    let table = of(&flat);
     assert!(
         table.f64("mahalanobis_squared").is_null(0),
         "no distance without a positive definite covariance"
@@ -416,8 +502,7 @@ fn residuals_add_up_and_know_their_distance() {
 
 #[test]
 fn semivariograms_have_bins_models_and_a_word() {
-    let table =
-        semivariograms::semivariograms(&OUTCOME.semivariograms, Some(1e-3), &key()).unwrap();
+    let table = table(semivariograms::rows(&OUTCOME.semivariograms, Some(1e-3)));
     let (_, found) = &OUTCOME.semivariograms[0];
     let expected: usize = found.iter().map(|s| s.bins.len() + s.models.len()).sum();
     assert_eq!(table.rows(), expected);
@@ -432,24 +517,18 @@ fn semivariograms_have_bins_models_and_a_word() {
         (table.f64("noise_mm2").value(norm) - 3e-3).abs() < 1e-15,
         "three axes"
     );
-    assert_eq!(
-        semivariograms::semivariograms(&[], None, &key())
-            .unwrap()
-            .rows(),
-        0
-    );
+    assert!(semivariograms::rows(&[], None).is_empty());
 }
 
 #[test]
 fn accuracy_says_what_is_not_shown() {
-    let table = accuracy::accuracy(
+    let table = table(accuracy::rows(
         OUTCOME.accuracy.iter(),
         &OUTCOME.verdict,
         &[],
         &example::TOLERANCE,
         &key(),
-    )
-    .unwrap();
+    ));
     let bounds = rows(&table, "name", "bound");
     assert_eq!(bounds.len(), 2, "a verdict for each set, figures or not");
     for &row in &bounds {
@@ -472,14 +551,13 @@ fn accuracy_says_what_is_not_shown() {
 
 #[test]
 fn figures_of_iso_9283_stand_beside_the_others_under_its_names() {
-    let table = accuracy::accuracy(
+    let table = table(accuracy::rows(
         OUTCOME.accuracy.iter(),
         &OUTCOME.verdict,
         &OUTCOME.iso_9283,
         &example::TOLERANCE,
         &key(),
-    )
-    .unwrap();
+    ));
     let own = rows(&table, "quantity", "iso_9283");
     let names: Vec<&str> = own
         .iter()

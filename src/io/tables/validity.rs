@@ -2,27 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::compensation::Conditions;
 use crate::figures::extremes;
 use crate::grid::Reach;
-use crate::io::table::Columns;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::pipeline::outcome::Outcome;
-
-/// The columns of a validity, the same in each row; the temperatures are those met while measuring.
-pub(super) fn columns(columns: Columns, stated: &Conditions, outcome: &Outcome<'_>) -> Columns {
-    let (low, high) = temperatures(outcome).unzip();
-    columns
-        .same("tool", stated.tool.clone())
-        .same("payload_kg", stated.payload_kg)
-        .same("mounting", stated.mounting.clone())
-        .same("base", stated.base.clone())
-        .same("controller_model", stated.controller_model.clone())
-        .same("absolute_accuracy_option", stated.absolute_accuracy_option)
-        .same("temperature_min_c", low)
-        .same("temperature_max_c", high)
-}
 
 /// The paired stations that a run learnt from.
 pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {
@@ -34,7 +18,7 @@ pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = 
 }
 
 /// Lowest and highest temperature of the stations learnt from, °C.
-fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
+pub(super) fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
     let met = learnt_from(outcome).filter_map(|station| station.attained.as_ref()?.temperature_c);
     extremes(met)
 }

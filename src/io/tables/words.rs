@@ -1,66 +1,124 @@
-//! Enumerations → the words that the schemas allow.
+//! Enumerations ↔ the words that the schemas allow, each pair once; and how frames and covariances stand in columns.
 
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
 
-use crate::grid::Verdict;
-use crate::io::table::Columns;
-use crate::report::{Angles, BaseRefit, Model, Split, Subject};
+use crate::fit::Identifiability;
+use crate::fit::scale::ScaleVerdict;
+use crate::grid::{Interpolation, Judgement, Refusal, Source, Verdict};
+use crate::ingest::SpanClock;
+use crate::io::table::{Word, words};
+use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split};
+use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
-/// The columns that say what residuals or figures are of.
-pub(super) fn subjects<'s, S: Iterator<Item = &'s Subject>>(
-    table: Columns,
-    all: impl Fn() -> S,
-) -> Columns {
-    table
-        .column("split", all().map(|s| split(s.split)))
-        .column("model", all().map(|s| model(s.model)))
-        .column("angles", all().map(|s| angles(s.angles)))
-        .column("base_refit", all().map(|s| base_refit(s.base_refit)))
-        .column("role", all().map(|s| role(s.split)))
-        .column("of_session", all().map(|s| &s.of_session))
-}
-
-pub(super) const fn model(model: Model) -> &'static str {
-    model.about().word
-}
-
-pub(super) const fn angles(angles: Angles) -> &'static str {
-    match angles {
-        Angles::Reported => "reported",
-        Angles::Blended => "blended",
-        Angles::Commanded => "commanded",
-    }
-}
-
-pub(super) const fn split(split: Split) -> &'static str {
-    match split {
-        Split::None => "none",
-        Split::Blocks => "blocks",
-        Split::Session => "session",
-    }
+/// Whether a tolerance is met; where that is not shown, the reason stands in a column of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TableVerdict {
+    /// It is.
+    Met,
+    /// It is not.
+    NotMet,
+    /// It could not be shown.
+    NotShown,
 }
 
 /// What part the stations of a split had in the fit.
-pub(super) const fn role(split: Split) -> &'static str {
-    match split {
-        Split::None => "training",
-        Split::Blocks | Split::Session => "held_out",
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// They were fitted to.
+    Training,
+    /// They took no part.
+    HeldOut,
+}
+
+/// Units of a column that has several.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// Millimetres.
+    Mm,
+    /// Radians.
+    Rad,
+    /// None: a ratio.
+    One,
+}
+
+impl Word for Model {
+    fn word(self) -> &'static str {
+        self.about().word
+    }
+
+    fn of_word(word: &str) -> Option<Self> {
+        Self::of_word(word)
     }
 }
 
-pub(super) const fn base_refit(refit: BaseRefit) -> &'static str {
-    match refit {
-        BaseRefit::None => "none",
-        BaseRefit::First => "first",
-        BaseRefit::All => "all",
+words! {
+    Angles { Reported: "reported", Blended: "blended", Commanded: "commanded" }
+    Split { None: "none", Blocks: "blocks", Session: "session" }
+    BaseRefit { None: "none", First: "first", All: "all" }
+    Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
+    Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
+    Role { Training: "training", HeldOut: "held_out" }
+    Unit { Mm: "mm", Rad: "rad", One: "1" }
+    TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
+    ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
+    Identifiability {
+        ToldApart: "told_apart",
+        Fixed: "fixed",
+        MovesNothing: "moves_nothing",
+        StructurallyDependent: "structurally_dependent",
+        Weak: "weak",
+    }
+    Judgement { LocalCell: "local_cell", Table: "table" }
+    Space { Joint: "joint", Cartesian: "cartesian" }
+    Quantity { X: "x", Y: "y", Z: "z", Norm: "norm" }
+    Shape { Spherical: "spherical", Exponential: "exponential", Gaussian: "gaussian" }
+    Alikeness { Rising: "similar", Flat: "flat", TooFewPairs: "not_shown" }
+}
+
+/// Enumerations that know their names themselves.
+macro_rules! named {
+    ($($enumeration:ident { $($value:ident),+ })+) => {$(
+        impl Word for $enumeration {
+            fn word(self) -> &'static str {
+                self.name()
+            }
+
+            fn of_word(word: &str) -> Option<Self> {
+                [$(Self::$value),+].into_iter().find(|own| own.name() == word)
+            }
+        }
+    )+};
+}
+named! {
+    Source { Measured, Model }
+    Interpolation { Idw, Trilinear }
+    Refusal { OutOfReach, Singularity, OtherConfiguration, Unmeasured, Branches }
+    SpanClock { Controller, Tracker, Log }
+}
+
+impl From<&Verdict> for TableVerdict {
+    fn from(verdict: &Verdict) -> Self {
+        match verdict {
+            Verdict::Meets => Self::Met,
+            Verdict::DoesNotMeet => Self::NotMet,
+            Verdict::NotShown(_) => Self::NotShown,
+        }
     }
 }
 
-pub(super) const fn verdict(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Meets => "met",
-        Verdict::DoesNotMeet => "not_met",
-        Verdict::NotShown(_) => "not_shown",
+impl From<Split> for Role {
+    fn from(split: Split) -> Self {
+        match split {
+            Split::None => Self::Training,
+            Split::Blocks | Split::Session => Self::HeldOut,
+        }
+    }
+}
+
+impl Unit {
+    /// The unit of this name; none is 1.
+    pub(super) fn named(name: &str) -> Self {
+        Self::of_word(name).unwrap_or(Self::One)
     }
 }
 

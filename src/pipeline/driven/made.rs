@@ -14,6 +14,7 @@ use crate::io::common::Common;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Table;
 use crate::kinematics::Arm;
+use crate::report::Model;
 use crate::report::driven::TablePromise;
 
 /// What the lake has of the run that made a table.
@@ -79,7 +80,7 @@ impl TableRun {
         let full = full.ok_or("there is no whole model of the session")?;
         let own = Estimate::of_full(full).ok_or("the covariance of the whole model is none")?;
         match history::session::estimate(&self.calibrations)? {
-            ("full", earlier) => Ok(between(&earlier, &own)),
+            (Model::Full, earlier) => Ok(between(&earlier, &own)),
             _ => Err("the table's run has no whole model".to_owned()),
         }
     }

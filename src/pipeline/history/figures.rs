@@ -5,6 +5,11 @@ use rayon::prelude::*;
 use super::PastSession;
 use crate::history::control::Charted;
 use crate::io::lake::Lake;
+use crate::io::table::Row;
+use crate::io::tables::joint_errors::JointErrorRow;
+use crate::io::tables::parameters::ParameterRow;
+use crate::io::tables::words::Unit;
+use crate::report::Model;
 
 /// Joint curves are given at every so many degrees.
 const EVERY_DEG: f64 = 15.0;
@@ -17,15 +22,15 @@ pub struct Figure {
     /// Its name.
     pub name: String,
     /// The joint, from 1.
-    pub joint: Option<i64>,
+    pub joint: Option<usize>,
     /// The joint's angle, rad.
     pub angle_rad: Option<f64>,
     /// Its value.
     pub value: f64,
     /// Its standard deviation.
     pub sd: Option<f64>,
-    /// `mm` or `rad`.
-    pub unit: &'static str,
+    /// Its unit.
+    pub unit: Unit,
     /// Where it stands on its chart, if it has one.
     pub charted: Option<Charted>,
 }
@@ -41,18 +46,6 @@ pub enum Kind {
     Parameter,
     /// A point of a joint's error curve.
     JointCurve,
-}
-
-impl Kind {
-    /// The word of the table.
-    pub const fn word(self) -> &'static str {
-        match self {
-            Self::Accuracy => "accuracy",
-            Self::SinceFirst => "since_first",
-            Self::Parameter => "parameter",
-            Self::JointCurve => "joint_curve",
-        }
-    }
 }
 
 /// The figures of each session; and, in words, what of them could not be read.
@@ -97,61 +90,56 @@ fn charted(charted: &Charted) -> Figure {
         value: charted.value,
         sd: charted.sd,
         unit: if is_angle && !is_accuracy {
-            "rad"
+            Unit::Rad
         } else {
-            "mm"
+            Unit::Mm
         },
         charted: Some(charted.clone()),
     }
 }
 
 fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String> {
-    let table = lake
-        .read("parameters", &session.key)
-        .map_err(|error| error.to_string())?;
-    let models = table.text("model");
-    let best = ["full", "geometric"]
+    let rows: Vec<ParameterRow> = read(lake, session)?;
+    let has = |model: &Model| rows.iter().any(|row| row.model == *model);
+    let best = [Model::Full, Model::Geometric].into_iter().find(has);
+    let own = rows
         .into_iter()
-        .find(|best| models.iter().flatten().any(|model| model == *best));
-    let units = table.text("unit");
-    let row = |row: usize| Figure {
+        .filter(|row| Some(row.model) == best && row.unit != Unit::One);
+    let figure = |row: ParameterRow| Figure {
         kind: Kind::Parameter,
-        name: table.text("parameter").value(row).to_owned(),
-        joint: table.i64("joint").iter().nth(row).flatten(),
+        name: row.parameter,
+        joint: row.joint,
         angle_rad: None,
-        value: table.f64("identified").value(row),
-        sd: table.f64("standard_error").iter().nth(row).flatten(),
-        unit: if units.value(row) == "rad" {
-            "rad"
-        } else {
-            "mm"
-        },
+        value: row.identified,
+        sd: row.standard_error,
+        unit: row.unit,
         charted: None,
     };
-    let rows =
-        (0..table.rows()).filter(|&row| Some(models.value(row)) == best && units.value(row) != "1");
-    Ok(rows.map(row).collect())
+    Ok(own.map(figure).collect())
 }
 
 fn joint_curves(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String> {
-    let table = lake
-        .read("joint_errors", &session.key)
-        .map_err(|error| error.to_string())?;
-    let angles = table.f64("angle_rad");
-    let is_given = |&row: &usize| {
-        let degrees = angles.value(row).to_degrees();
+    let is_given = |row: &JointErrorRow| {
+        let degrees = row.angle_rad.to_degrees();
         let off = degrees - EVERY_DEG * (degrees / EVERY_DEG).round();
-        table.bool("measured").value(row) && off.abs() < 1e-6
+        row.measured && off.abs() < 1e-6
     };
-    let row = |row: usize| Figure {
+    let figure = |row: JointErrorRow| Figure {
         kind: Kind::JointCurve,
         name: "error".to_owned(),
-        joint: Some(table.i64("joint").value(row)),
-        angle_rad: Some(angles.value(row)),
-        value: table.f64("error_rad").value(row),
-        sd: Some(table.f64("sd_rad").value(row)),
-        unit: "rad",
+        joint: Some(row.joint),
+        angle_rad: Some(row.angle_rad),
+        value: row.error_rad,
+        sd: Some(row.sd_rad),
+        unit: Unit::Rad,
         charted: None,
     };
-    Ok((0..table.rows()).filter(is_given).map(row).collect())
+    let rows: Vec<JointErrorRow> = read(lake, session)?;
+    Ok(rows.into_iter().filter(is_given).map(figure).collect())
+}
+
+/// The rows of a session's table.
+fn read<R: Row>(lake: &Lake, session: &PastSession) -> Result<Vec<R>, String> {
+    let table = lake.read(R::TABLE, &session.key);
+    Ok(R::read(&table.map_err(|error| error.to_string())?))
 }

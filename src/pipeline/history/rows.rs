@@ -15,7 +15,8 @@ use crate::io::input::{self, Bound};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema;
 use crate::io::store::StoreError;
-use crate::io::table;
+use crate::io::table::{self, Row as _};
+use crate::io::tables::clocks::ClockRow;
 use crate::manifest::{RunKey, Written};
 use crate::pipeline::verify::Claim;
 
@@ -159,11 +160,10 @@ fn read(lake: &Lake, place: &Path) -> Result<Fact, String> {
         let reason = format!("it says of itself that it is {}", expected.display());
         return Err(told(reason));
     }
-    let replaces = row.text("replaces").iter().flatten().next();
-    fact(lake, claim, replaces.map(str::to_owned))
+    fact(lake, claim)
 }
 
-fn fact(lake: &Lake, claim: Claim, replaces: Option<String>) -> Result<Fact, String> {
+fn fact(lake: &Lake, claim: Claim) -> Result<Fact, String> {
     let kind = kind(&claim);
     let digest = |table: &str| {
         let is_own = |file: &&Written| file.table == table && file.session == claim.key.session;
@@ -176,7 +176,7 @@ fn fact(lake: &Lake, claim: Claim, replaces: Option<String>) -> Result<Fact, Str
             Kind::Session => first_stamp(lake, &claim.key)?,
             Kind::Pooled | Kind::Plan => Some(0),
         },
-        replaces,
+        replaces: claim.replaces,
         kind,
         tables: ["calibrations", "accuracy"].map(digest),
         robot_file: robot_file.map_or_else(String::new, |input| input.digest.clone()),
@@ -202,8 +202,8 @@ fn first_stamp(lake: &Lake, key: &RunKey) -> Result<Option<i64>, String> {
         return Ok(None);
     }
     let clocks = lake.read("clocks", key).map_err(told)?;
-    let stamp = clocks.i64("origin_ns").iter().flatten().next();
-    stamp
-        .map(Some)
+    let clock = ClockRow::read(&clocks).into_iter().next();
+    clock
+        .map(|clock| Some(clock.origin_ns))
         .ok_or_else(|| format!("session {}: its table clocks is empty", key.session))
 }

@@ -7,8 +7,6 @@ use std::fs::File;
 use std::path::Path;
 
 use super::rows::Fact;
-use arrow::array::Array as _;
-
 use crate::fit::full::FullModel;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::saved::SavedCalibration;
@@ -16,8 +14,12 @@ use crate::history::estimate::Estimate;
 use crate::history::{AccuracyFigure, Basis, SessionFigures};
 use crate::io::lake::Lake;
 use crate::io::schema;
-use crate::io::table::{self, Table};
+use crate::io::table::{self, Row as _, Table, Word as _};
+use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
+use crate::io::tables::calibrations::CalibrationRow;
+use crate::io::tables::words::Role;
 use crate::manifest::digest;
+use crate::report::{Angles, BaseRefit, Model, Point, Split};
 
 /// What one session says; or, in words, why it says nothing.
 pub(super) fn read(lake: &Lake, fact: &Fact) -> Result<SessionFigures, String> {
@@ -31,7 +33,7 @@ pub(super) fn read(lake: &Lake, fact: &Fact) -> Result<SessionFigures, String> {
             version: fact.version.clone(),
             robot_file: fact.robot_file.clone(),
             settings: fact.settings.clone(),
-            model: model.to_owned(),
+            model: model.word().to_owned(),
         },
         estimate,
         accuracy: figures(&accuracy, &fact.key.session),
@@ -61,52 +63,52 @@ fn digest_of(path: &Path) -> std::io::Result<String> {
 }
 
 /// The best model's estimate, and which model it is.
-pub(in crate::pipeline) fn estimate(
-    calibrations: &Table,
-) -> Result<(&'static str, Estimate), String> {
-    let kinds = calibrations.text("model_kind");
-    let text = |kind: &str| {
-        let row = (0..kinds.len()).find(|&row| kinds.value(row) == kind)?;
-        Some(calibrations.text("model").value(row))
+pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Estimate), String> {
+    let rows = CalibrationRow::read(calibrations);
+    let text = |kind: Model| {
+        let own = rows.iter().find(|row| row.model_kind == kind);
+        own.map(|row| row.model.as_str())
     };
-    if let Some(text) = text("full") {
+    if let Some(text) = text(Model::Full) {
         let saved = SavedFull::read(text).map_err(|error| error.to_string())?;
         let model = FullModel::from_saved(&saved).map_err(|error| error.to_string())?;
         let estimate = Estimate::of_full(&model).ok_or("the covariance of model full is none")?;
-        return Ok(("full", estimate));
+        return Ok((Model::Full, estimate));
     }
-    let text = text("geometric").ok_or("neither model full nor geometric is there")?;
+    let text = text(Model::Geometric).ok_or("neither model full nor geometric is there")?;
     let saved = SavedCalibration::read(text).map_err(|error| error.to_string())?;
     let estimate = Estimate::of_geometric(&saved).map_err(|error| error.to_string())?;
     Ok((
-        "geometric",
+        Model::Geometric,
         estimate.ok_or("the covariance of model geometric is none")?,
     ))
 }
 
 /// Figures that are charted: mean and 95th percentile of held-out errors, before and after.
 fn figures(accuracy: &Table, session: &str) -> Vec<AccuracyFigure> {
-    let is = |column: &str, row: usize, word: &str| accuracy.text(column).value(row) == word;
-    let charted = |&row: &usize| {
-        is("of_session", row, session)
-            && is("role", row, "held_out")
-            && is("split", row, "blocks")
-            && is("base_refit", row, "none")
-            && !is("point", row, "tool_tip")
-            && is("quantity", row, "position_error")
-            && !is("model", row, "geometric")
-            && (is("name", row, "mean") || is("name", row, "p95"))
-            && !(is("model", row, "full") && is("angles", row, "commanded"))
+    let figure = |row: &AccuracyRow| {
+        let words = [row.moment.word(), row.model.word(), row.name.word()];
+        Some(AccuracyFigure {
+            name: words.join(" "),
+            value: row.value?,
+        })
     };
-    let figure = |row: usize| {
-        let text = |column: &str| accuracy.text(column).value(row);
-        let value = accuracy.f64("value").iter().nth(row).flatten()?;
-        let name = format!("{} {} {}", text("moment"), text("model"), text("name"));
-        Some(AccuracyFigure { name, value })
-    };
-    let rows = (0..accuracy.rows()).filter(charted);
-    let mut figures: Vec<AccuracyFigure> = rows.filter_map(figure).collect();
+    let rows = AccuracyRow::read(accuracy);
+    let charted = rows.iter().filter(|row| is_charted(row, session));
+    let mut figures: Vec<AccuracyFigure> = charted.filter_map(figure).collect();
     figures.sort_by(|a, b| a.name.cmp(&b.name));
     figures.dedup_by(|a, b| a.name == b.name);
     figures
+}
+
+fn is_charted(row: &AccuracyRow, session: &str) -> bool {
+    row.of_session == session
+        && row.role == Role::HeldOut
+        && row.split == Split::Blocks
+        && row.base_refit == BaseRefit::None
+        && row.point != Point::Tip
+        && row.quantity == FigureKind::PositionError
+        && row.model != Model::Geometric
+        && matches!(row.name, FigureName::Mean | FigureName::P95)
+        && (row.model, row.angles) != (Model::Full, Angles::Commanded)
 }

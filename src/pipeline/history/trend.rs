@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use super::{Figure, Kind, PastSession, RobotHistory};
 use crate::history::FALSE_ALARM;
+use crate::io::table::Word as _;
 use crate::manifest::VERSION;
-use crate::report::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
-use crate::report::page::history::html;
+use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
+use crate::page::history::html;
 
 /// The page; `figures` are those of each session.
 pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
@@ -46,7 +47,7 @@ fn series(figures: &[Vec<Figure>]) -> Vec<Series> {
         };
         let own = series.entry(&figure.name).or_insert_with(|| Series {
             name: figure.name.clone(),
-            unit: figure.unit,
+            unit: figure.unit.word(),
             is_accuracy: figure.kind == Kind::Accuracy,
             points: Vec::new(),
         });
@@ -69,7 +70,7 @@ fn numbered(figures: &[Vec<Figure>]) -> impl Iterator<Item = (usize, &Figure)> {
 
 /// Curves of the first and of the newest session.
 fn curves(figures: &[Vec<Figure>]) -> Vec<Curve> {
-    let of = |session: Option<&Vec<Figure>>, joint: i64| -> Vec<[f64; 3]> {
+    let of = |session: Option<&Vec<Figure>>, joint: usize| -> Vec<[f64; 3]> {
         let own = session.into_iter().flatten();
         let own =
             own.filter(|figure| figure.kind == Kind::JointCurve && figure.joint == Some(joint));
@@ -107,7 +108,7 @@ fn parameters(figures: &[Vec<Figure>]) -> Vec<Parameter> {
         .filter(|figure| !figure.name.starts_with("base_") && !figure.name.starts_with("target_"));
     own.map(|figure| Parameter {
         name: figure.name.clone(),
-        unit: figure.unit,
+        unit: figure.unit.word(),
         first: of(first, &figure.name),
         newest: of(newest, &figure.name),
     })

@@ -1,10 +1,9 @@
 //! What a row of `runs` says.
 
-use arrow::array::AsArray;
-use arrow::datatypes::Int64Type;
-
-use crate::io::table::Table;
-use crate::manifest::{Input, RunKey, VERSION, Written, cpu_features, platform, row_digest};
+use crate::io::schema::KEY_COLUMNS;
+use crate::io::table::{Row as _, Table};
+use crate::io::tables::runs::{RunRow, row_digest};
+use crate::manifest::{Input, RunKey, VERSION, Written, cpu_features, platform};
 
 /// A row of `runs`, as far as it can be recomputed.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -66,41 +65,19 @@ impl Claim {
         if row.rows() != 1 {
             return Err(format!("{} rows, and a run has one", row.rows()));
         }
-        let text = |column: &str| row.text(column).value(0).to_owned();
-        let stated = |column: &str| -> Option<String> {
-            let text = row.text(column).iter().flatten().next();
-            text.map(str::to_owned)
-        };
-        let texts = |column: &str| -> Vec<String> {
-            let list = row.list(column).value(0);
-            let texts = list.as_string::<i32>().iter().flatten();
-            texts.map(str::to_owned).collect()
-        };
-        let numbers = |column: &str| -> Vec<u64> {
-            let list = row.list(column).value(0);
-            let numbers = list.as_primitive::<Int64Type>().values().iter();
-            numbers.map(|&number| number.cast_unsigned()).collect()
-        };
-        let inputs = together(
-            "input",
-            texts("input_names"),
-            numbers("input_bytes"),
-            texts("input_digests"),
-        )?;
-        let files = together(
-            "table",
-            texts("table_names"),
-            numbers("table_rows"),
-            texts("table_digests"),
-        )?;
+        let [robot, session, run] = KEY_COLUMNS.map(|part| row.text(part).value(0));
+        let (version, found) = (row.version(), row_digest(row));
+        let row = RunRow::read(row).swap_remove(0);
+        let inputs = together("input", row.input_names, row.input_bytes, row.input_digests)?;
+        let files = together("table", row.table_names, row.table_rows, row.table_digests)?;
         Ok(Self {
-            key: RunKey::new(text("robot"), text("session"), text("run")),
-            pipeline: text("pipeline"),
-            version: text("version"),
-            platform: text("platform"),
-            cpu_features: texts("cpu_features"),
-            sessions: texts("sessions"),
-            test_sessions: texts("test_sessions"),
+            key: RunKey::new(robot, session, run),
+            pipeline: row.pipeline,
+            version: row.version,
+            platform: row.platform,
+            cpu_features: row.cpu_features,
+            sessions: row.sessions,
+            test_sessions: row.test_sessions,
             inputs: inputs
                 .map(|(name, bytes, digest)| Input {
                     name,
@@ -108,25 +85,15 @@ impl Claim {
                     digest,
                 })
                 .collect(),
-            settings: text("settings"),
-            settings_digest: text("settings_digest"),
-            files: files
-                .map(|(name, rows, digest)| {
-                    let (table, session) = name.split_once('/').unwrap_or((&name, ""));
-                    Written {
-                        table: table.to_owned(),
-                        session: session.to_owned(),
-                        rows,
-                        digest,
-                    }
-                })
-                .collect(),
-            replaces: stated("replaces"),
+            settings: row.settings,
+            settings_digest: row.settings_digest,
+            files: files.map(written).collect(),
+            replaces: row.replaces,
             row: RowDigests {
-                version: row.version(),
-                found: row_digest(row),
-                stated: stated("row_digest"),
-                replaced: stated("replaced_row_digest"),
+                version,
+                found,
+                stated: row.row_digest,
+                replaced: row.replaced_row_digest,
             },
         })
     }
@@ -160,6 +127,16 @@ impl Claim {
             ));
         }
         told
+    }
+}
+
+fn written((name, rows, digest): (String, u64, String)) -> Written {
+    let (table, session) = name.split_once('/').unwrap_or((&name, ""));
+    Written {
+        table: table.to_owned(),
+        session: session.to_owned(),
+        rows,
+        digest,
     }
 }
 

@@ -8,7 +8,7 @@
 //! RUN ROW_DIGEST ROBOT/SESSION
 //! ```
 //!
-//! RUN is the run's name, `ROW_DIGEST` the digest of its row ([`crate::manifest::row_digest`]), and ROBOT and SESSION are the
+//! RUN is the run's name, `ROW_DIGEST` the digest of its row ([`crate::io::tables::runs::row_digest`]), and ROBOT and SESSION are the
 //! names of its folders in the lake, percent-encoded as they stand there. Empty lines, and those that begin with `#`, are
 //! passed over when it is read. The same lake gives the same bytes.
 

@@ -1,0 +1,151 @@
+//! `runs`: what went into a run, what came out of each stage, which files it wrote. Its row makes the run exist.
+
+use super::PublishError;
+use super::words::TableVerdict;
+use crate::io::table::{Row as _, Table, row};
+use crate::manifest::{Replaced, StageCount, VERSION, Work, Written, cpu_features, platform};
+
+row! {
+    /// A run.
+    pub struct RunRow of "runs" {
+        /// Name of the pipeline file.
+        pipeline: String,
+        /// Version that computed it.
+        version: String,
+        /// Processor architecture and operating system.
+        platform: String,
+        /// Processor features that arithmetic was chosen by.
+        cpu_features: Vec<String>,
+        /// Sessions learnt from.
+        sessions: Vec<String>,
+        /// Sessions that only judged.
+        test_sessions: Vec<String>,
+        /// Files read: their names,
+        input_names: Vec<String>,
+        /// their sizes,
+        input_bytes: Vec<u64>,
+        /// and their digests.
+        input_digests: Vec<String>,
+        /// Every setting as JSON.
+        settings: String,
+        /// The digest of `settings`.
+        settings_digest: String,
+        /// What came into each stage and what became of it, as JSON.
+        counts: String,
+        /// Files written: their names, as TABLE/SESSION,
+        table_names: Vec<String>,
+        /// their rows,
+        table_rows: Vec<u64>,
+        /// and their digests.
+        table_digests: Vec<String>,
+        /// Whether the tolerance is met.
+        verdict: TableVerdict,
+        /// Why not met or not shown.
+        reason: Option<String>,
+        /// The run that this one takes the place of.
+        replaces: Option<String>,
+        /// The digest of that run's row.
+        replaced_row_digest: Option<String>,
+        /// The digest of this row; `None` in rows of version 1.
+        row_digest: Option<String>,
+    }
+}
+
+/// How a finished run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ending {
+    /// Whether the tolerance is met.
+    pub verdict: TableVerdict,
+    /// Why not met or not shown.
+    pub reason: Option<String>,
+    /// The run that this one takes the place of.
+    pub replaces: Option<Replaced>,
+}
+
+/// BLAKE3 of the content of a row of `runs`, hexadecimal: of all its columns but the one that holds this digest.
+pub fn row_digest(row: &Table) -> String {
+    row.digest_without(&["row_digest"])
+}
+
+impl Work {
+    /// The table of the run's row.
+    pub fn runs_table(
+        &self,
+        counts: &[StageCount],
+        written: &[Written],
+        ending: &Ending,
+    ) -> Result<Table, PublishError> {
+        counts.iter().try_for_each(StageCount::check)?;
+        let table = |row: RunRow| Ok(RunRow::table(vec![row], &self.key())?.table);
+        let row = row(self, serde_json::to_string(counts)?, written, ending);
+        let unsigned: Result<Table, PublishError> = table(row.clone());
+        table(RunRow {
+            row_digest: Some(row_digest(&unsigned?)),
+            ..row
+        })
+    }
+}
+
+/// The row without its digest.
+fn row(work: &Work, counts: String, written: &[Written], ending: &Ending) -> RunRow {
+    let inputs = || work.inputs.iter();
+    let replaced = ending.replaces.as_ref();
+    RunRow {
+        pipeline: work.pipeline.clone(),
+        version: VERSION.to_owned(),
+        platform: platform(),
+        cpu_features: cpu_features().into_iter().map(str::to_owned).collect(),
+        sessions: work.sessions.clone(),
+        test_sessions: work.test_sessions.clone(),
+        input_names: inputs().map(|input| input.name.clone()).collect(),
+        input_bytes: inputs().map(|input| input.bytes).collect(),
+        input_digests: inputs().map(|input| input.digest.clone()).collect(),
+        settings: work.settings.clone(),
+        settings_digest: blake3::hash(work.settings.as_bytes()).to_hex().to_string(),
+        counts,
+        table_names: written
+            .iter()
+            .map(|file| format!("{}/{}", file.table, file.session))
+            .collect(),
+        table_rows: written.iter().map(|file| file.rows).collect(),
+        table_digests: written.iter().map(|file| file.digest.clone()).collect(),
+        verdict: ending.verdict,
+        reason: ending.reason.clone(),
+        replaces: replaced.map(|replaced| replaced.run.clone()),
+        replaced_row_digest: replaced.map(|replaced| replaced.row_digest.clone()),
+        row_digest: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::manifest::tests::work;
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    #[test]
+    fn a_stage_that_loses_something_is_refused() {
+        let count = |kept| StageCount {
+            stage: "join",
+            of: "readings",
+            read: 10,
+            kept,
+            rejected: BTreeMap::from([("settling".to_owned(), 2), ("outlier".to_owned(), 1)]),
+        };
+        let outcome = Ending {
+            verdict: TableVerdict::Met,
+            reason: None,
+            replaces: None,
+        };
+        let row = work().runs_table(&[count(7)], &[], &outcome).unwrap();
+        assert_eq!(row.text("row_digest").value(0), row_digest(&row));
+        assert!(
+            row.text("counts")
+                .value(0)
+                .contains(r#""rejected":{"outlier":1,"settling":2}"#)
+        );
+        let error = work().runs_table(&[count(6)], &[], &outcome).unwrap_err();
+        assert!(error.to_string().contains("6 + 3 is not 10"), "{error}");
+    }
+}

@@ -1,0 +1,117 @@
+//! Accuracy figures before and after.
+
+mod tip;
+
+use maud::{Markup, html};
+
+use super::content::Content;
+use super::words;
+use crate::io::tables::accuracy::{AccuracyRow, FigureKind, FigureName};
+use crate::report::{BaseRefit, Model, Moment, Split, Subject};
+
+/// The figures of error norms that a row of the table has, mm.
+const COLUMNS: [(FigureName, &str); 6] = [
+    (FigureName::Mean, "Mean"),
+    (FigureName::Rms, "rms"),
+    (FigureName::P95, "p95"),
+    (FigureName::P99, "p99"),
+    (FigureName::Max, "Max"),
+    (FigureName::Bound, "Bound"),
+];
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let subjects = subjects(&content.figures);
+    let (telling, flattering): (Vec<Subject>, Vec<Subject>) = subjects.into_iter().partition(tells);
+    if telling.is_empty() && flattering.is_empty() {
+        return None;
+    }
+    Some(html! {
+        p {
+            "Error norms in mm on stations that took no part. Before is given twice: against the raw command where command and "
+            "measured target are one point, and with base and target fitted, which is the honest start. After is predicted, unless a "
+            "table drove the session: then it was measured."
+        }
+        (rows(&content.figures, &telling))
+        @if !flattering.is_empty() {
+            details {
+                summary { "On training stations, or with a base refitted on all: for comparing models only" }
+                (rows(&content.figures, &flattering))
+            }
+        }
+        (tip::figures(&content.tip))
+    })
+}
+
+/// Figures on stations that took no part, and the command as it is.
+fn tells(subject: &Subject) -> bool {
+    subject.model == Model::RawCommand
+        || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
+}
+
+/// What the figures are of, each once, before ahead of after.
+fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
+    let own = figures
+        .iter()
+        .filter(|figure| figure.quantity == FigureKind::PositionError);
+    let mut subjects: Vec<Subject> = own.map(AccuracyRow::subject).collect();
+    // Models in their own order, the rest in that of the page.
+    subjects.sort_by(|a, b| {
+        let (split, session, base, _, angles) = words::order(a);
+        let (other_split, other_session, other_base, _, other_angles) = words::order(b);
+        (split, session, base, a.model, angles).cmp(&(
+            other_split,
+            other_session,
+            other_base,
+            b.model,
+            other_angles,
+        ))
+    });
+    subjects.dedup();
+    subjects.sort_by_key(|subject| subject.model != Model::RawCommand);
+    subjects
+}
+
+fn rows(figures: &[AccuracyRow], subjects: &[Subject]) -> Markup {
+    let head = html! {
+        th { "What corrects" } th.word { "Judged on" } th { "n, poses" }
+        @for (_, heading) in COLUMNS { th { (heading) } }
+        th { "In 95 % ellipsoid" } th.word { "Verdict" }
+    };
+    let body = html! { @for subject in subjects { (row(figures, subject)) } };
+    super::table(&head, &body)
+}
+
+/// The stations that judged; a table that did not drive them is held against another session as models are.
+fn stations(subject: &Subject, moment: Moment) -> String {
+    if (subject.model, moment) == (Model::Table, Moment::After) {
+        words::judged(subject)
+    } else {
+        words::stations(subject)
+    }
+}
+
+fn row(figures: &[AccuracyRow], subject: &Subject) -> Markup {
+    let figure = |name: FigureName| {
+        figures
+            .iter()
+            .find(|figure| figure.name == name && figure.subject() == *subject)
+    };
+    let value = |name: FigureName| figure(name).and_then(|figure| figure.value);
+    let bound = figure(FigureName::Bound);
+    let moment = bound.map_or(Moment::After, |bound| bound.evidence);
+    let evidence = match moment {
+        Moment::Before => "before",
+        Moment::After => "after, predicted",
+        Moment::MeasuredAfter => "after, measured",
+    };
+    html! {
+        tr {
+            th.word scope="row" { (words::subject(subject)) small { (evidence) } }
+            td.word { (stations(subject, moment)) }
+            td { (bound.map_or(0, |bound| bound.n)) @if let Some(visits) = bound.and_then(|b| b.visits.filter(|&v| v > b.n)) { small { (visits) " visits" } } @if let Some(blocks) = bound.and_then(|b| b.blocks) { small { (blocks) " blocks" } } }
+            @for (name, _) in COLUMNS { td { (words::optional(value(name), 3)) } }
+            td { @match value(FigureName::ShareInEllipsoid) { Some(share) => { data value=(share) { (words::fixed(100.0 * share, 1)) } " %" }, None => "–" } }
+            td.word { @if subject.split == Split::None { "–" } @else { (bound.and_then(|b| b.verdict).map_or("–", words::verdict)) } }
+        }
+    }
+}

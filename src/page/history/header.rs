@@ -1,0 +1,71 @@
+//! The head of the page: whether the newest session is where it was, in words.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Session};
+use crate::page::verdict::fact;
+use crate::page::words::whole;
+
+pub(super) fn header(content: &Content) -> Markup {
+    let (class, sign, headline) = standing(content);
+    html! {
+        header {
+            p.which { "History · " (content.robot) }
+            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            @if let Some(last) = content.sessions.last() {
+                p.lead { "Newest session: " strong { (last.name) } ". " (sentence(content)) }
+            }
+            dl.facts { @for (name, count) in counts(content) { (fact(name, &html! { (whole(count as u64)) }, &html! {})) } }
+        }
+    }
+}
+
+fn counts(content: &Content) -> [(&'static str, usize); 6] {
+    let sessions = |is: fn(&Session) -> bool| content.sessions.iter().filter(|own| is(own)).count();
+    [
+        ("Sessions", content.sessions.len()),
+        ("With a change", sessions(|own| own.moved.is_some())),
+        (
+            "Changes that last",
+            sessions(|own| own.lasting == Some(true)),
+        ),
+        (
+            "Out of control",
+            sessions(|own| !own.out_of_control.is_empty()),
+        ),
+        (
+            "Segments",
+            content.sessions.last().map_or(0, |last| last.segment),
+        ),
+        ("Runs left out", content.left_out.len()),
+    ]
+}
+
+/// Class, sign and headline; the sign tells them apart without colour too.
+fn standing(content: &Content) -> (&'static str, &'static str, &'static str) {
+    match content.sessions.last() {
+        None => ("not-shown", "?", "There is no session to tell of"),
+        Some(last) if last.moved.is_some() => ("not-met", "✗", "Something moved"),
+        Some(last) if !last.out_of_control.is_empty() => ("not-met", "✗", "Out of control"),
+        Some(last) if last.against == 0 => (
+            "not-shown",
+            "?",
+            "Nothing to hold the newest session against",
+        ),
+        Some(_) => ("met", "✓", "Nothing moved"),
+    }
+}
+
+fn sentence(content: &Content) -> Markup {
+    let Some(last) = content.sessions.last() else {
+        return html! {};
+    };
+    html! {
+        @match (&last.moved, last.against) {
+            (_, 0) => "It begins a segment, so there is nothing to hold it against.",
+            (Some(moved), against) => { "Held against " (against) " before it: " (moved) "." },
+            (None, against) => { "Held against " (against) " before it, base, target and joints are where they were, as far as both can tell." },
+        }
+        @if !last.out_of_control.is_empty() { " Out of control: " (last.out_of_control.join(", ")) "." }
+    }
+}

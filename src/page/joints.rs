@@ -1,0 +1,80 @@
+//! Joint curves: the error of each joint over its angle, with its band.
+
+use maud::{Markup, html};
+
+use super::content::Content;
+use crate::io::tables::joint_errors::JointErrorRow;
+use crate::report::chart::{Axis, Chart, Marks, Series};
+
+/// Points that a curve has at most: a curve of whole degrees is drawn by every second or third.
+const MOST: usize = 360;
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let rows = &content.joint_errors;
+    if rows.is_empty() {
+        return None;
+    }
+    let reach = rows.iter().flat_map(|row| span(row)[1..].to_vec());
+    let reach = reach.fold(0.0, |reach: f64, value| reach.max(value.abs()));
+    Some(html! {
+        p {
+            "What each joint deviates by at its angle, beside its constant offset, all joints on one scale. The band is two "
+            "standard deviations up and down, of the curve and the gear lines together; the gear lines are too fine to be drawn "
+            "here and stand in " code { "joint_errors" } ". Dashed: beyond the angles that stations visited."
+        }
+        div.pair { @for curve in rows.chunk_by(|a, b| a.joint == b.joint) { (figure(curve, reach)) } }
+    })
+}
+
+fn figure(rows: &[JointErrorRow], reach: f64) -> Markup {
+    let name = rows.first().map_or_else(String::new, |row| {
+        format!("Joint {}, {}", row.joint, row.joint_name)
+    });
+    let every = rows.len().div_ceil(MOST).max(1);
+    let drawn: Vec<&JointErrorRow> = rows.iter().step_by(every).collect();
+    let is_first = |row: &&JointErrorRow| row.measured;
+    let visited = drawn
+        .iter()
+        .copied()
+        .find(is_first)
+        .map_or(0.0, |row| row.angle_rad);
+    let line = |belongs: &dyn Fn(&JointErrorRow) -> bool| {
+        let own = drawn.iter().filter(|row| belongs(row));
+        Marks::Line(own.map(|row| point(row)).collect())
+    };
+    let band = Marks::Band(drawn.iter().map(|row| span(row)).collect());
+    let beyond = vec![
+        line(&|row| !row.measured && row.angle_rad < visited),
+        line(&|row| !row.measured && row.angle_rad > visited),
+    ];
+    let chart = Chart {
+        title: format!("Error curve: {name}"),
+        description:
+            "Deviation of the joint over its angle, with a band of two standard deviations."
+                .to_owned(),
+        x: Axis::new("joint angle", "°"),
+        y: Axis::new("deviation", "mrad").including(&[-reach, reach]),
+        series: vec![
+            Series::new("", vec![band, line(&|row| row.measured)]).looking(0),
+            Series::new("", beyond).looking(4),
+        ],
+        limits: Vec::new(),
+    };
+    html! { figure { (chart.svg()) figcaption { (name) } } }
+}
+
+/// Angle in degrees and deviation in mrad.
+fn point(row: &JointErrorRow) -> [f64; 2] {
+    [row.angle_rad.to_degrees(), mrad(row.curve_rad)]
+}
+
+/// Angle, and two standard deviations down and up.
+fn span(row: &JointErrorRow) -> [f64; 3] {
+    let [x, y] = point(row);
+    let half = 2.0 * mrad(row.sd_rad);
+    [x, y - half, y + half]
+}
+
+fn mrad(rad: f64) -> f64 {
+    1e3 * rad
+}

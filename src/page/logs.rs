@@ -1,0 +1,132 @@
+//! What the logs gave: clocks, pairing, and everything that was left out, by reason.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::content::{Content, Session};
+use super::words;
+use crate::io::table::Word as _;
+use crate::io::tables::stations::PairingVerdict;
+use crate::units::NS_PER_S;
+
+pub(super) fn clocks_section(content: &Content) -> Option<Markup> {
+    if content.sessions.is_empty() {
+        return None;
+    }
+    let head = html! { th { "Session" } th { "Stations" } th { "Measured" } th.word { "Not measured" } th { "Tracker's clock ahead, s" } th { "Runs faster, ppm" } th { "Edges" } th { "rms, ms" } };
+    let body = html! { @for session in &content.sessions { (clock_row(session)) } };
+    Some(html! {
+        p { "The tracker's clock against the controller's, at the first stamp of the controller's log, with standard errors." }
+        (super::table(&head, &body))
+        @for session in &content.sessions { p.note { (session.name) ": " (session.clock.method) "." } }
+    })
+}
+
+fn clock_row(session: &Session) -> Markup {
+    let clock = &session.clock;
+    let all: usize = session.dwells.iter().map(|(_, _, count)| count).sum();
+    let paired: usize = session
+        .dwells
+        .iter()
+        .filter(|(verdict, ..)| *verdict == PairingVerdict::Paired)
+        .map(|(_, _, count)| count)
+        .sum();
+    html! {
+        tr {
+            th.word scope="row" { (session.name) small { @if session.trained { "trained" } @else { "only judged" } } }
+            td { (all) }
+            td { (paired) }
+            td.word { (unmeasured(session)) }
+            td { (words::fixed(clock.offset_ns / NS_PER_S, 4)) " ± " (words::fixed(clock.offset_se_ns / NS_PER_S, 4)) }
+            td { (words::fixed(clock.drift_ppm, 2)) " ± " (words::fixed(clock.drift_se_ppm, 2)) }
+            td { (clock.matched_edges) }
+            td { (words::fixed(clock.edge_rms_ns / 1e6, 2)) }
+        }
+    }
+}
+
+/// Why stations have no measurement, with how many.
+fn unmeasured(session: &Session) -> String {
+    let reasons = session.dwells.iter().filter_map(|(_, reason, count)| {
+        let reason = (*reason)?;
+        Some(format!("{count} {}", words::plain(reason.word())))
+    });
+    let reasons: Vec<String> = reasons.collect();
+    if reasons.is_empty() {
+        "none".to_owned()
+    } else {
+        reasons.join(", ")
+    }
+}
+
+/// Reasons that are listed at most; logs can give as many as they like.
+const MOST: usize = 40;
+
+pub(super) fn rejects_section(content: &Content) -> Markup {
+    let reasons = reasons(content);
+    let hidden = reasons.len().saturating_sub(MOST);
+    let head = html! { th { "Session" } th.word { "Stage" } th.word { "Reason" } th.word { "What" } th { "How many" } };
+    let body = html! {
+        @for (reason, (number, unknown)) in reasons.iter().take(MOST) {
+            tr {
+                td.word { (reason.0) }
+                td.word { (reason.1) }
+                td.word { (words::plain(reason.3)) }
+                td.word { (reason.2) }
+                td { (words::whole(*number)) @if *unknown { " and an unknown number" } }
+            }
+        }
+    };
+    html! {
+        p { "Nothing is lost in silence: what came into a stage is what it kept and what it rejected." }
+        (counts(content))
+        h3 { "By reason" }
+        @if reasons.is_empty() { p { "Nothing was rejected." } } @else { (super::table(&head, &body)) }
+        @if hidden > 0 { p.note { (hidden) " more reasons stand in " code { "rejects" } "." } }
+    }
+}
+
+/// Session, stage, what, why.
+type Reason<'c> = (&'c str, &'c str, &'c str, &'c str);
+
+/// How many were left out for each reason, and whether for some of them that is not known.
+fn reasons(content: &Content) -> BTreeMap<Reason<'_>, (u64, bool)> {
+    let mut reasons: BTreeMap<Reason<'_>, (u64, bool)> = BTreeMap::new();
+    for session in &content.sessions {
+        for reject in &session.rejects {
+            let own = reasons
+                .entry((
+                    &session.name,
+                    reject.stage.word(),
+                    reject.kind.word(),
+                    &reject.reason,
+                ))
+                .or_default();
+            own.0 += reject.number.unwrap_or(0);
+            own.1 |= reject.number.is_none();
+        }
+    }
+    reasons
+}
+
+fn counts(content: &Content) -> Markup {
+    let head = html! { th { "Stage" } th.word { "What" } th { "Came in" } th { "Kept" } th.word { "Rejected" } };
+    let body = html! {
+        @for count in &content.counts {
+            tr {
+                th.word scope="row" { (count.stage) }
+                td.word { (count.of) }
+                td { (words::whole(count.read)) }
+                td { (words::whole(count.kept)) }
+                td.word {
+                    @if count.rejected.is_empty() { "none" }
+                    @for (place, (reason, number)) in count.rejected.iter().enumerate() {
+                        @if place > 0 { ", " } (words::whole(*number)) " " (words::plain(reason))
+                    }
+                }
+            }
+        }
+    };
+    super::table(&head, &body)
+}

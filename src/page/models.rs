@@ -1,0 +1,106 @@
+//! How the models came out: convergence, rank, what each part brought, what the results are valid for.
+
+use maud::{Markup, html};
+
+use super::content::Content;
+use super::words;
+use crate::fit::CONDITION_LIMIT;
+use crate::io::tables::calibrations::CalibrationRow;
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let first = content.calibrations.first()?;
+    let head = html! { th { "Model" } th { "Stations" } th { "Weighted down" } th { "Parameters" } th { "Rank" } th { "Condition" } th { "s²" } th { "Misfit per axis, mm" } th.word { "Ended because" } };
+    let body = html! { @for calibration in &content.calibrations { (row(calibration)) } };
+    let ill: Vec<&CalibrationRow> = content
+        .calibrations
+        .iter()
+        .filter(|c| c.condition.is_some_and(|found| found > CONDITION_LIMIT))
+        .collect();
+    let parts = content
+        .calibrations
+        .iter()
+        .find(|calibration| !calibration.parts_tried.is_empty());
+    Some(html! {
+        p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
+        (super::table(&head, &body))
+        p.note { "An s² far above 1 says that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
+        @for calibration in ill {
+            p.warning {
+                "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.condition, 0))
+                ", above " (CONDITION_LIMIT) ": some of its parameters are hardly determined by these poses, though its predictions near them are."
+            }
+        }
+        @if let Some(calibration) = parts { h3 { "Parts of the whole model" } (part_rows(calibration)) }
+        @if !content.notes.is_empty() { h3 { "Notes" } ul { @for note in &content.notes { li { (note) } } } }
+        h3 { "Valid for" }
+        dl.list { @for (name, value) in valid_for(first) { div { dt { (name) } dd { (value) } } } }
+    })
+}
+
+fn row(calibration: &CalibrationRow) -> Markup {
+    html! {
+        tr {
+            th.word scope="row" { (words::model(calibration.model_kind)) }
+            td { (calibration.stations) }
+            td { (calibration.stations_downweighted) }
+            td { (calibration.parameters) }
+            td { @match calibration.rank { Some(rank) => (rank), None => "–" } }
+            td { (words::optional(calibration.condition, 0)) }
+            td { (words::optional(calibration.variance_factor, 2)) }
+            td { (words::optional(calibration.misfit_mm, 3)) }
+            td.word { (calibration.convergence) @if let Some(made) = calibration.iterations { small { (made) " iterations" } } }
+        }
+    }
+}
+
+fn part_rows(calibration: &CalibrationRow) -> Markup {
+    let head = html! { th { "Part" } th { "Evidence, nats" } th.word { "Kept" } };
+    let body = html! {
+        @for (name, gain) in calibration.parts_tried.iter().zip(&calibration.parts_gain_nat) {
+            tr {
+                th.word scope="row" { (words::plain(name)) }
+                td { (words::number(*gain, 1)) }
+                td.word { @if *gain > 0.0 { "yes" } @else { "no" } }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// What a model is valid for: name and value.
+fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
+    let degrees =
+        |angles: &[f64]| -> Vec<f64> { angles.iter().copied().map(f64::to_degrees).collect() };
+    // A minus is wider than a hyphen.
+    let range =
+        |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°").replace('-', "\u{2212}");
+    let joints = degrees(&row.joint_lower_rad)
+        .into_iter()
+        .zip(degrees(&row.joint_upper_rad))
+        .map(range);
+    let joints = row
+        .joint_names
+        .iter()
+        .zip(joints)
+        .map(|(name, range)| format!("{name} {range}"));
+    let temperature = row
+        .temperature_min_c
+        .zip(row.temperature_max_c)
+        .map(|(low, high)| format!("{low:.1} to {high:.1} °C, as met while measuring"));
+    let option = row.absolute_accuracy_option;
+    let stated = [
+        ("Arm", Some(row.arm_model.clone())),
+        ("Tool", row.tool.clone()),
+        ("Payload", row.payload_kg.map(|kg| format!("{kg} kg"))),
+        ("Mounting", row.mounting.clone()),
+        ("Base", row.base.clone()),
+        ("Controller", row.controller_model.clone()),
+        (
+            "Absolute accuracy option",
+            option.map(|on| if on { "on" } else { "off" }.to_owned()),
+        ),
+        ("Temperature", temperature),
+        ("Joint angles", Some(joints.collect::<Vec<_>>().join(", "))),
+    ];
+    stated.map(|(name, value)| (name, value.unwrap_or_else(|| "not stated".to_owned())))
+}

@@ -1,0 +1,128 @@
+//! The head of the page: what the plan promises, in words, and what has to be measured for it.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Figure, Promise};
+use super::words::asked;
+use crate::page::verdict::{fact, mm};
+use crate::page::words::{fixed, percent, whole};
+
+/// What becomes of the tolerance, as the tables show it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Standing {
+    Met,
+    NotMet,
+    NotShown,
+}
+
+impl Standing {
+    /// As the row of `runs` has it: with too few robots for a bound nothing is shown.
+    fn of(content: &Content) -> Self {
+        let bound = content.promise.as_ref().and_then(|own| own.bound_mm);
+        match (found(content), bound) {
+            (Some(found), _) if found.holds() => Self::Met,
+            (_, Some(_)) => Self::NotMet,
+            (_, None) => Self::NotShown,
+        }
+    }
+
+    /// Class, sign and headline; the sign tells them apart without colour too.
+    const fn words(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::Met => ("met", "✓", "The plan meets the tolerance"),
+            Self::NotMet => ("not-met", "✗", "The plan does not meet the tolerance"),
+            Self::NotShown => (
+                "not-shown",
+                "?",
+                "The plan is not shown to meet the tolerance",
+            ),
+        }
+    }
+}
+
+/// What the planned session gave on simulated robots.
+fn found(content: &Content) -> Option<&Figure> {
+    content.figures.iter().find(|row| row.study == "promise")
+}
+
+pub(super) fn header(content: &Content) -> Markup {
+    let standing = Standing::of(content);
+    let (class, sign, headline) = standing.words();
+    html! {
+        header {
+            p.which { "Plan · " (content.robot) }
+            h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
+            @if let Some(promise) = &content.promise {
+                p.lead { (sentence(promise)) }
+                p.lead { (shown(content, promise, standing)) }
+                (facts(content, promise))
+            }
+            p.note {
+                "Promised, not measured: robots were drawn from what the pipeline file expects, measured as planned, fitted and "
+                "compensated by the code that works on real sessions. A session that carries the plan's id is held against this promise."
+            }
+        }
+    }
+}
+
+fn sentence(promise: &Promise) -> Markup {
+    let (Some(mean), Some(bound)) = (promise.mean_mm, promise.bound_mm) else {
+        return html! {
+            "Nothing is promised: " (promise.robots) " simulated robots are too few for "
+            (asked(promise.share, promise.confidence)) ". Raise " code { "whole_model_robots" } "."
+        };
+    };
+    html! {
+        "Measured as planned and compensated by the identified arm, the mean error stays below " strong { (fixed(mean, 3)) " mm" }
+        ", and " (percent(promise.bound_share)) " % of positions come within " strong { (fixed(bound, 3)) " mm" }
+        " (with " (percent(promise.bound_confidence)) " % confidence): for " (percent(promise.share)) " % of robots, with "
+        (percent(promise.confidence)) " % confidence."
+    }
+}
+
+/// What the simulated robots show of the tolerance.
+fn shown(content: &Content, promise: &Promise, standing: Standing) -> Markup {
+    let at_least = found(content).map(|row| row.share_at_least);
+    html! {
+        (promise.meet) " of " (promise.robots) " simulated robots that took no part in choosing poses meet the tolerance of "
+        (promise.tolerance_mm) " mm"
+        @if let Some(share) = at_least {
+            ": with " (percent(promise.confidence)) " % confidence at least "
+            data value=(share) { (fixed(100.0 * share, 1)) } " % of all such robots do, "
+            @match standing {
+                Standing::Met => "and ",
+                Standing::NotMet | Standing::NotShown => "but ",
+            }
+            (percent(promise.share)) " % are asked for"
+        }
+        "."
+    }
+}
+
+fn facts(content: &Content, promise: &Promise) -> Markup {
+    let count = |purpose: &str| {
+        content
+            .visits
+            .iter()
+            .filter(|visit| visit.purpose == purpose)
+            .count() as u64
+    };
+    let bound = format!(
+        "Promised bound on {} % of errors",
+        percent(promise.bound_share)
+    );
+    let over = asked(promise.share, promise.confidence);
+    html! {
+        dl.facts {
+            (fact("Promised mean error", &mm(promise.mean_mm), &html! { (over) }))
+            (fact(&bound, &mm(promise.bound_mm), &html! { (over) }))
+            (fact("Tolerance", &html! { (promise.tolerance_mm) " mm" }, &html! {
+                (promise.meet) " of " (promise.robots) " robots meet it"
+            }))
+            (fact("Poses to identify", &html! { (whole(count("identify"))) }, &html! {
+                (whole(count("drift_check"))) " again, for drift"
+            }))
+            (fact("Poses to verify", &html! { (whole(count("verify"))) }, &html! { "they take no part in the fit" }))
+        }
+    }
+}

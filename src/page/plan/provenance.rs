@@ -1,0 +1,47 @@
+//! Provenance: what the plan was made from, which tables it wrote, and how to read them.
+
+use maud::{Markup, html};
+
+use super::content::Content;
+use crate::page::provenance::{files, settings};
+
+pub(super) fn section(content: &Content) -> Markup {
+    let provenance = &content.provenance;
+    html! {
+        dl.list {
+            div { dt { "Plan" } dd { code { (content.plan) } } }
+            div { dt { "Robot" } dd { (content.robot) } }
+            div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
+            div { dt { "posegrid" } dd { (provenance.version) } }
+        }
+        p.note {
+            "The plan's id follows from inputs, settings and version. Name it in " code { "[report] plan" } ", or in the log's metadata record "
+            code { "session" } " as " code { "plan" } ", and the session's report says what became of the promise."
+        }
+        h3 { "Inputs" }
+        (files(&provenance.inputs, "Bytes"))
+        h3 { "Tables" }
+        (files(&provenance.tables, "Rows"))
+        details { summary { "Every setting, defaults filled in" } pre { (settings(provenance)) } }
+    }
+}
+
+pub(super) fn reading_section(content: &Content) -> Markup {
+    let query = format!(
+        "SELECT study, value, design, source, interpolation, step_mm, poses, mean_mm, p95_mm, bound_mm, meet, robots\n\
+         FROM read_parquet('lake/plan_figures/**/*.parquet')\nWHERE run = '{}';",
+        content.plan
+    );
+    html! {
+        p {
+            "Every figure on this page is in the plan's tables, Parquet files " code { "TABLE/ROBOT/plan/RUN.parquet" } " beside it: "
+            code { "sampling_plan" } " is the session, pose by pose, " code { "plan_figures" } " what it follows from. With DuckDB, for one:"
+        }
+        pre { (query) }
+        p {
+            "Errors are of fresh poses, against the simulated truth without the tracker's noise. A robot meets the tolerance where the "
+            "distribution-free bound on its own errors does; " em { "at least" } " is the share of all robots that is shown to, by Clopper and "
+            "Pearson. " code { "posegrid schema TABLE" } " says what each column is."
+        }
+    }
+}

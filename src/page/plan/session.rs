@@ -1,0 +1,144 @@
+//! The session: where the poses lie, in which order they are visited, and what an early end would leave.
+
+use maud::{Markup, html};
+
+use super::content::{Content, Visit};
+use super::words;
+use crate::page::words::{fixed, whole};
+use crate::report::chart::{Axis, Chart, Marks, Series};
+
+/// Visits that are listed at most; the table has all.
+const MOST_LISTED: usize = 500;
+/// Places that one purpose is drawn with at most: more hide each other.
+const MOST_DRAWN: usize = 400;
+/// Projections of the work space: name, across, upwards.
+const VIEWS: [(&str, usize, usize); 3] = [
+    ("From above", 0, 1),
+    ("From the front", 0, 2),
+    ("From the side", 1, 2),
+];
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let visits = &content.visits;
+    if visits.is_empty() {
+        return None;
+    }
+    Some(html! {
+        p {
+            (whole(visits.len() as u64)) " visits in an order of short joint travel. On poses to " em { "identify" } " the model is fitted; those to "
+            em { "verify" } " take no part in it and hold the promise to account; ringed poses are visited " em { "again" } ", for the drift of the base."
+        }
+        div.pair {
+            @for view in VIEWS { figure { (view_of(visits, view)) figcaption { (view.0) ", frame of commands; each axis has a scale of its own." } } }
+            figure { (early_end(visits)) figcaption {
+                "What the model expects to be left once so many poses are measured, in the order they were chosen: a session that has to end "
+                "early keeps the first by " code { "chosen_as" } "."
+            } }
+        }
+        (counts(content))
+        details {
+            summary { "Every visit in order" }
+            (rows(content))
+            @if visits.len() > MOST_LISTED {
+                p.note { "The first " (MOST_LISTED) " of " (whole(visits.len() as u64)) "; all of them stand in " code { "sampling_plan" } "." }
+            }
+        }
+    })
+}
+
+fn view_of(visits: &[Visit], (name, across, up): (&str, usize, usize)) -> Markup {
+    let places = |purpose: &str| {
+        let own: Vec<&Visit> = visits
+            .iter()
+            .filter(|visit| visit.purpose == purpose)
+            .collect();
+        let every = own.len().div_ceil(MOST_DRAWN).max(1);
+        own.iter()
+            .step_by(every)
+            .map(|visit| [visit.at[across], visit.at[up]])
+            .collect::<Vec<_>>()
+    };
+    Chart {
+        title: format!("Planned poses, {}", name.to_lowercase()),
+        description: "Places of the target at every planned pose, by what the visit is for."
+            .to_owned(),
+        x: Axis::new(AXES[across], "mm"),
+        y: Axis::new(AXES[up], "mm"),
+        series: vec![
+            Series::points("verify", places("verify")).looking(1),
+            Series::points("identify", places("identify")).looking(0),
+            Series::new(
+                "again, for drift",
+                vec![Marks::Rings(places("drift_check"))],
+            )
+            .looking(2),
+        ],
+        limits: Vec::new(),
+    }
+    .svg()
+}
+
+/// The root of the variance that is left, against how many poses are measured.
+fn early_end(visits: &[Visit]) -> Markup {
+    let point = |visit: &Visit| {
+        let measured = visit.chosen_as? + 1;
+        Some([measured as f64, visit.variance_left_mm2?.sqrt()])
+    };
+    // A visit again for drift is of a pose that was chosen: once is enough.
+    let own = visits.iter().filter(|visit| visit.repeats.is_none());
+    let mut points: Vec<[f64; 2]> = own.filter_map(point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    Chart {
+        title: "Expected error against poses measured".to_owned(),
+        description: "Root of the predicted variance that is left over the region, falling with each chosen pose.".to_owned(),
+        x: Axis::new("poses measured, in the order chosen", ""),
+        y: Axis::new("expected error, rms over the region", "mm").logarithmic(),
+        series: vec![Series::line_and_points("", points).looking(0)],
+        limits: Vec::new(),
+    }
+    .svg()
+}
+
+/// Candidates in and out.
+fn counts(content: &Content) -> Markup {
+    html! {
+        @for count in &content.counts {
+            p.note {
+                (whole(count.read)) " " (count.of) " were drawn and " (whole(count.kept)) " suit the constraints"
+                @for (reason, rejected) in &count.rejected { "; " (whole(*rejected)) " " (crate::page::words::plain(reason)) }
+                "."
+            }
+        }
+    }
+}
+
+fn rows(content: &Content) -> Markup {
+    let head = html! {
+        th { "Target" } th.word { "Purpose" }
+        @for joint in &content.joints { th { (joint) ", °" } }
+        @for axis in AXES { th { (axis) ", mm" } }
+        th { "Chosen as" }
+    };
+    let body = html! {
+        @for visit in content.visits.iter().take(MOST_LISTED) {
+            tr {
+                th scope="row" { (visit.target) }
+                td.word { (words::purpose(&visit.purpose)) @if let Some(first) = repeated(content, visit) { ", of " (first) } }
+                @for angle in &visit.joints_rad { td { (fixed(angle.to_degrees(), 3)) } }
+                @for place in visit.at { td { (fixed(place, 1)) } }
+                td { @match visit.chosen_as { Some(place) => (place), None => "–" } }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// The name of the visit whose pose this one repeats.
+fn repeated<'c>(content: &'c Content, visit: &Visit) -> Option<&'c str> {
+    let first = content
+        .visits
+        .iter()
+        .find(|own| Some(own.pose) == visit.repeats)?;
+    Some(&first.target)
+}

@@ -1,0 +1,192 @@
+//! The uniform grid: what each step leaves on simulated robots, and the largest that holds.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::content::{Content, Figure};
+use super::words;
+use crate::page::words::{fixed, percent, whole};
+use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let steps: Vec<&Figure> = content
+        .figures
+        .iter()
+        .filter(|row| row.study == "step")
+        .collect();
+    let chosen = steps.iter().copied().find(|row| row.chosen);
+    let shown = chosen.or_else(|| best(&steps))?;
+    let own: Vec<&Figure> = steps
+        .iter()
+        .copied()
+        .filter(|row| is_alike(row, shown))
+        .collect();
+    Some(html! {
+        p { (sentence(chosen)) }
+        p {
+            "Each robot's grid is measured at the table's orientation, and positions between its nodes are corrected by it. Means and "
+            "95th percentiles are means over robots; the bound is what the asked share of robots stays below, with the asked confidence."
+        }
+        div.pair {
+            figure { (chart(content, &steps, &own, chosen)) figcaption { (caption(shown, &own)) } }
+            div { (own_rows(&own)) }
+        }
+        details {
+            summary { "Every source of node values and every interpolation" }
+            (all_rows(&steps))
+        }
+    })
+}
+
+/// Where no step holds: the row that comes nearest.
+fn best<'c>(steps: &[&'c Figure]) -> Option<&'c Figure> {
+    let key = |row: &Figure| row.bound_mm.or(row.p95_mm).unwrap_or(f64::INFINITY);
+    steps
+        .iter()
+        .copied()
+        .min_by(|a, b| key(a).total_cmp(&key(b)))
+}
+
+fn is_alike(row: &Figure, other: &Figure) -> bool {
+    (&row.source, &row.interpolation) == (&other.source, &other.interpolation)
+}
+
+fn sentence(chosen: Option<&Figure>) -> Markup {
+    let Some(row) = chosen else {
+        return html! { "No step holds for the asked share of robots." };
+    };
+    html! {
+        "The largest step that holds, with all smaller ones, is " strong { (row.step_mm.unwrap_or(0.0)) " mm" } ": "
+        (row.poses) " poses, " (words::origin(row)) ". " (row.meet) " of " (row.robots)
+        " robots meet the tolerance: at least " (fixed(100.0 * row.share_at_least, 1)) " % of all, " (percent(row.share_asked)) " % are asked for."
+    }
+}
+
+/// The steps of the family that is drawn.
+fn own_rows(steps: &[&Figure]) -> Markup {
+    let head =
+        html! { th { "Step, mm" } th { "Poses" } (words::errors_head()) (words::robots_head()) };
+    let body = html! {
+        @for row in in_order(steps) {
+            tr.chosen[row.chosen] {
+                th scope="row" { (row.step_mm.unwrap_or(0.0)) @if row.chosen { small { "largest" } } }
+                td { (whole(row.poses.unsigned_abs())) }
+                (words::errors(row))
+                (words::robots(row))
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+fn all_rows(steps: &[&Figure]) -> Markup {
+    let head = html! {
+        th { "Step, mm" } th.word { "Node values" } th { "Poses" } th { "Nodes not reached" } (words::errors_head())
+        (words::robots_head()) th { "Poses refused" } th { "Outside" }
+    };
+    let body = html! {
+        @for row in in_order(steps) {
+            tr.chosen[row.chosen] {
+                th scope="row" { (row.step_mm.unwrap_or(0.0)) }
+                td.word { (words::family(row)) }
+                td { (whole(row.poses.unsigned_abs())) }
+                td { (row.not_reached) }
+                (words::errors(row))
+                (words::robots(row))
+                td { (whole(row.refused.unsigned_abs())) }
+                td { (whole(row.outside.unsigned_abs())) }
+            }
+        }
+    };
+    html! {
+        (super::table(&head, &body))
+        p.note {
+            "Refused: fresh poses, all robots together, in a cell that cannot serve, as its corners are too far apart in joint angles; "
+            "outside: beyond the grid's last nodes, where the box is no multiple of the step."
+        }
+    }
+}
+
+fn in_order<'c>(steps: &[&'c Figure]) -> Vec<&'c Figure> {
+    let mut rows = steps.to_vec();
+    rows.sort_by(|a, b| {
+        a.step_mm
+            .unwrap_or(0.0)
+            .total_cmp(&b.step_mm.unwrap_or(0.0))
+    });
+    rows
+}
+
+fn chart(content: &Content, steps: &[&Figure], own: &[&Figure], chosen: Option<&Figure>) -> Markup {
+    let mut series = vec![
+        Series::line_and_points("bound over robots", points(own, |row| row.bound_mm)),
+        Series::line_and_points("95th percentile", points(own, |row| row.p95_mm)),
+        Series::line_and_points("mean", points(own, |row| row.mean_mm)),
+    ];
+    series.extend(other_bounds(steps, own));
+    let ring = points(&Vec::from_iter(chosen), |row| row.bound_mm.or(row.mean_mm));
+    series.push(Series::new("largest that holds", vec![Marks::Rings(ring)]));
+    Chart {
+        title: "Accuracy against step".to_owned(),
+        description: "Error left by grids of several steps on simulated robots: mean, 95th percentile and bound over robots."
+            .to_owned(),
+        x: Axis::new("step", "mm").including(&[0.0]),
+        y: Axis::new("error norm left on fresh poses", "mm").including(&[0.0]),
+        series,
+        limits: tolerance(content),
+    }
+    .svg()
+}
+
+/// The tolerance as a line.
+pub(super) fn tolerance(content: &Content) -> Vec<Limit> {
+    let limit = |mm: f64| Limit {
+        name: format!("tolerance {mm} mm"),
+        value: mm,
+    };
+    content
+        .promise
+        .iter()
+        .map(|promise| limit(promise.tolerance_mm))
+        .collect()
+}
+
+/// Step and value, in the order of the steps.
+fn points(steps: &[&Figure], value: impl Fn(&Figure) -> Option<f64>) -> Vec<[f64; 2]> {
+    let point = |row: &&Figure| Some([row.step_mm?, value(row)?]);
+    in_order(steps).iter().filter_map(point).collect()
+}
+
+/// Bounds of each source and interpolation that is not the drawn one.
+fn other_bounds(steps: &[&Figure], own: &[&Figure]) -> Vec<Series> {
+    let others = steps
+        .iter()
+        .filter(|row| !own.iter().any(|drawn| is_alike(row, drawn)));
+    let mut families: BTreeMap<String, Vec<&Figure>> = BTreeMap::new();
+    for row in others {
+        families.entry(words::family(row)).or_default().push(row);
+    }
+    let bounds = |(place, (family, rows)): (usize, (String, Vec<&Figure>))| {
+        let name = format!("bound, {family}");
+        Series::line_and_points(&name, points(&rows, |row| row.bound_mm)).looking(3 + place)
+    };
+    families.into_iter().enumerate().map(bounds).collect()
+}
+
+fn caption(shown: &Figure, own: &[&Figure]) -> String {
+    let unjudged = own.iter().filter(|row| row.mean_mm.is_none());
+    let steps: Vec<String> = unjudged
+        .filter_map(|row| Some(row.step_mm?.to_string()))
+        .collect();
+    let none = if steps.is_empty() {
+        String::new()
+    } else {
+        format!(" No pose could be judged at {} mm.", steps.join(", "))
+    };
+    format!(
+        "On {} simulated robots; drawn are {}.{none}",
+        shown.robots,
+        words::origin(shown)
+    )
+}

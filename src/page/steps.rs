@@ -1,0 +1,250 @@
+//! Error against step: what each step leaves on held-out stations, its bound, and which step was chosen.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use super::content::Content;
+use super::words;
+use crate::grid::{Judgement, Source};
+use crate::io::table::Word as _;
+use crate::io::tables::grid_steps::StepRow;
+use crate::io::tables::words::TableVerdict;
+use crate::report::Split;
+use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
+
+pub(super) fn section(content: &Content) -> Option<Markup> {
+    let chosen = content.steps.iter().find(|step| step.chosen)?;
+    let is_table = |step: &&StepRow| step.judgement == Judgement::Table;
+    let by_blocks = |step: &&StepRow| step.split == Split::Blocks;
+    let (blocks, sessions): (Vec<&StepRow>, Vec<&StepRow>) =
+        content.steps.iter().partition(by_blocks);
+    let (tables, cells): (Vec<&StepRow>, Vec<&StepRow>) = blocks.into_iter().partition(is_table);
+    let own: Vec<&StepRow> = tables
+        .iter()
+        .copied()
+        .filter(|step| is_alike(step, chosen))
+        .collect();
+    Some(html! {
+        p {
+            "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
+            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen. The chosen one "
+            "has the verdict of the run, which a test session can make worse. Visits of one pose count once, with the worst."
+        }
+        div.pair {
+            figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
+            div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
+        }
+        @if !sessions.is_empty() {
+            p { "The chosen table held against test sessions, at those of their poses that it answers for:" }
+            (session_rows(&sessions))
+        }
+        details {
+            summary { "Every source of node values and every interpolation" }
+            (all_rows(&tables))
+            @for reason in reasons(&tables) { p.note { "Not shown, nodes " (reason) "." } }
+        }
+        @if !cells.is_empty() {
+            details {
+                summary { "The same in a cell of its own around each held-out station" }
+                p.note { "At the station's own orientation and configuration: what a grid could do there, never a verdict." }
+                (all_rows(&cells))
+            }
+        }
+    })
+}
+
+fn is_alike(step: &StepRow, other: &StepRow) -> bool {
+    (step.source, step.interpolation) == (other.source, other.interpolation)
+}
+
+/// The chosen table by test sessions.
+fn session_rows(steps: &[&StepRow]) -> Markup {
+    let head = html! { th.word { "Test session" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" } };
+    let body = html! {
+        @for step in steps {
+            tr {
+                th.word scope="row" { (step.of_session) }
+                td { (judged_on(step)) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.max_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { (words::verdict(step.verdict)) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// How many poses judged, and how many visits of them where these are more.
+fn judged_on(step: &StepRow) -> Markup {
+    html! { (step.held_out) @if step.visits > step.held_out { small { (step.visits) " visits" } } }
+}
+
+/// The steps of the chosen source and interpolation.
+fn own_rows(steps: &[&StepRow]) -> Markup {
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th.word { "Verdict" } };
+    let body = html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                th scope="row" { (step.step_mm) @if step.chosen { small { "chosen" } } }
+                td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
+                td { (judged_on(step)) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { (words::verdict(step.verdict)) }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+fn all_rows(steps: &[&StepRow]) -> Markup {
+    let head = html! {
+        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Judged on" }
+        th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" }
+    };
+    let body = html! {
+        @for step in steps {
+            tr.chosen[step.chosen] {
+                th scope="row" { (step.step_mm) }
+                td.word { (step.source.word()) }
+                td.word { (step.interpolation.word()) }
+                td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
+                td { (judged_on(step)) }
+                td { (words::optional(step.mean_mm, 3)) }
+                td { (words::optional(step.p95_mm, 3)) }
+                td { (words::optional(step.max_mm, 3)) }
+                td { (words::optional(step.bound_mm, 3)) }
+                td.word { @if step.judgement == Judgement::Table { (words::verdict(step.verdict)) } @else { "–" } }
+            }
+        }
+    };
+    super::table(&head, &body)
+}
+
+/// Why steps are not shown, each reason once.
+fn reasons(steps: &[&StepRow]) -> Vec<String> {
+    let not_shown = steps
+        .iter()
+        .filter(|step| step.verdict == TableVerdict::NotShown);
+    let reason = |step: &&StepRow| {
+        let reason = step.reason.as_deref()?;
+        // How many poses each step has stands in the table already.
+        let needed = reason.split_once(" held out; ").map(|(_, needed)| needed);
+        let reason = needed.map_or_else(
+            || reason.to_owned(),
+            |needed| format!("too few held-out poses; {needed}"),
+        );
+        Some(format!("{}: {reason}", step.source.word()))
+    };
+    let mut reasons: Vec<String> = not_shown.filter_map(reason).collect();
+    reasons.sort();
+    reasons.dedup();
+    reasons
+}
+
+/// Whether any step of the published kind has figures; if none, local cells are drawn.
+fn judgement(content: &Content) -> Judgement {
+    let shown = |step: &StepRow| {
+        (step.judgement, step.split) == (Judgement::Table, Split::Blocks) && step.mean_mm.is_some()
+    };
+    if content.steps.iter().any(shown) {
+        Judgement::Table
+    } else {
+        Judgement::LocalCell
+    }
+}
+
+fn chart(content: &Content, chosen: &StepRow) -> Markup {
+    let drawn: Vec<&StepRow> = content
+        .steps
+        .iter()
+        .filter(|step| step.split == Split::Blocks && step.judgement == judgement(content))
+        .collect();
+    let (own, others): (Vec<&StepRow>, Vec<&StepRow>) =
+        drawn.into_iter().partition(|step| is_alike(step, chosen));
+    let is_chosen = |step: &StepRow| (step.step_mm - chosen.step_mm).abs() < 1e-9;
+    let at = points(&own, |step| {
+        step.bound_mm.or(step.mean_mm).filter(|_| is_chosen(step))
+    });
+    let mut series = own_series(&own, chosen.expanded_uncertainty_mm.unwrap_or(0.0));
+    series.extend(other_bounds(&others));
+    series.push(Series::new("chosen", vec![Marks::Rings(at)]));
+    Chart {
+        title: "Error against step".to_owned(),
+        description: caption(content, chosen),
+        x: Axis::new("step", "mm").including(&[0.0]),
+        y: Axis::new("error norm left on held-out stations", "mm").including(&[0.0]),
+        series,
+        limits: vec![Limit {
+            name: format!("tolerance {} mm", content.tolerance.mm),
+            value: content.tolerance.mm,
+        }],
+    }
+    .svg()
+}
+
+/// Step and value, in the order of the steps.
+fn points(steps: &[&StepRow], value: impl Fn(&StepRow) -> Option<f64>) -> Vec<[f64; 2]> {
+    let point = |step: &&StepRow| Some([step.step_mm, value(step)?]);
+    let mut points: Vec<[f64; 2]> = steps.iter().filter_map(point).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    points
+}
+
+/// Bound with the uncertainty above it, 95th percentile and mean.
+fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
+    let bounds = points(steps, |step| step.bound_mm);
+    let guarded = bounds
+        .iter()
+        .map(|[x, bound]| [*x, *bound, bound + uncertainty_mm])
+        .collect();
+    let marks = vec![
+        Marks::Whiskers(guarded),
+        Marks::Line(bounds.clone()),
+        Marks::Points(bounds),
+    ];
+    vec![
+        Series::new("bound, with U above it", marks),
+        Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
+        Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
+    ]
+}
+
+/// Bounds of each source and interpolation that was not chosen.
+fn other_bounds(steps: &[&StepRow]) -> Vec<Series> {
+    let mut families: BTreeMap<String, Vec<&StepRow>> = BTreeMap::new();
+    for step in steps {
+        let name = format!(
+            "bound, {}, {}",
+            step.source.word(),
+            step.interpolation.word()
+        );
+        families.entry(name).or_default().push(step);
+    }
+    let bounds = |(place, (name, steps)): (usize, (String, Vec<&StepRow>))| {
+        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(3 + place)
+    };
+    families.into_iter().enumerate().map(bounds).collect()
+}
+
+fn caption(content: &Content, chosen: &StepRow) -> String {
+    let of = if judgement(content) == Judgement::Table {
+        "Judged by the tables themselves"
+    } else {
+        "Judged by local cells, as no table has a station to be judged on"
+    };
+    let source = if chosen.source == Source::Model {
+        "the model"
+    } else {
+        "measured stations"
+    };
+    let step = chosen.step_mm;
+    format!(
+        "{of}. Node values from {source}, {} inside a cell; the chosen step is {step} mm.",
+        chosen.interpolation.word()
+    )
+}

@@ -1,0 +1,151 @@
+//! Values of the tables → words on the page, and numbers in fixed digits.
+
+use maud::{Markup, html};
+
+use crate::fit::Identifiability;
+use crate::io::table::Word as _;
+use crate::io::tables::words::TableVerdict;
+use crate::report::{BaseRefit, Model, Split, Subject};
+
+/// What corrects the error.
+pub(super) const fn model(model: Model) -> &'static str {
+    model.about().name
+}
+
+/// The look of a model in every chart.
+pub(super) const fn look(model: Model) -> usize {
+    model.about().look
+}
+
+/// The order of subjects on a page: by split, session, base, model and angles, in the alphabet of the tables' words.
+pub(super) fn order(
+    subject: &Subject,
+) -> (&'static str, &str, &'static str, &'static str, &'static str) {
+    (
+        subject.split.word(),
+        &subject.of_session,
+        subject.base_refit.word(),
+        subject.model.word(),
+        subject.angles.word(),
+    )
+}
+
+/// The model of a subject, with the angles where they make a difference.
+pub(super) fn subject(subject: &Subject) -> String {
+    subject.model.name_at(subject.angles)
+}
+
+/// The stations that judged.
+pub(super) fn stations(subject: &Subject) -> String {
+    let session = &subject.of_session;
+    if (subject.model, subject.split) == (Model::Table, Split::Session) {
+        return format!("{session}, driven by a table; base from its first stations");
+    }
+    if (subject.model, subject.split) == (Model::RawCommand, Split::None) {
+        return format!("{session}, every station");
+    }
+    judged(subject)
+}
+
+/// The stations that took no part or did, by how they were kept from training.
+pub(super) fn judged(subject: &Subject) -> String {
+    let session = &subject.of_session;
+    match (subject.split, subject.base_refit) {
+        (Split::None, _) => format!("{session}, training"),
+        (Split::Blocks, _) => format!("{session}, held-out blocks"),
+        (Split::Session, BaseRefit::First) => {
+            format!("{session}, unseen; base from its first stations")
+        }
+        (Split::Session, BaseRefit::All) => {
+            format!("{session}, unseen; base refitted on all of it")
+        }
+        (Split::Session, BaseRefit::None) => format!("{session}, unseen"),
+    }
+}
+
+/// A verdict in words.
+pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
+    match verdict {
+        TableVerdict::Met => "met",
+        TableVerdict::NotMet => "not met",
+        TableVerdict::NotShown => "not shown",
+    }
+}
+
+/// Whether a parameter could be told apart.
+pub(super) const fn identifiability(found: Identifiability) -> &'static str {
+    match found {
+        Identifiability::ToldApart => "told apart",
+        Identifiability::Fixed => "fixed by the settings",
+        Identifiability::MovesNothing => "moves nothing that was measured",
+        Identifiability::StructurallyDependent => "the same motion as others",
+        Identifiability::Weak => "hardly more than its prior",
+    }
+}
+
+/// A table's word with its underscores as spaces; a sentence stays as it is.
+pub(super) fn plain(word: &str) -> String {
+    let is_word = !word.contains(' ');
+    if is_word {
+        word.replace('_', " ")
+    } else {
+        word.to_owned()
+    }
+}
+
+/// A number in fixed digits, with a real minus; the element carries the value that the table has.
+pub(super) fn number(value: f64, digits: usize) -> Markup {
+    html! { data value=(value) { (fixed(value, digits)) } }
+}
+
+/// The same of a value that may be absent.
+pub(super) fn optional(value: Option<f64>, digits: usize) -> Markup {
+    html! { @match value { Some(value) => (number(value, digits)), None => "–" } }
+}
+
+/// A number in fixed digits; never `-0`.
+pub(super) fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    match text.strip_prefix('-') {
+        Some(rest) if rest.chars().all(|c| matches!(c, '0' | '.')) => rest.to_owned(),
+        Some(rest) => format!("\u{2212}{rest}"),
+        None => text,
+    }
+}
+
+/// A whole number with its thousands apart.
+pub(super) fn whole(value: u64) -> String {
+    let digits = value.to_string();
+    let place = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
+    digits
+        .char_indices()
+        .fold(String::new(), |mut text, (i, digit)| {
+            if place(i) {
+                text.push('\u{202f}');
+            }
+            text.push(digit);
+            text
+        })
+}
+
+/// A share as a percentage without needless digits.
+pub(super) fn percent(share: f64) -> String {
+    let text = format!("{:.2}", 100.0 * share);
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_in_fixed_digits() {
+        assert_eq!(fixed(-0.0004, 3), "0.000");
+        assert_eq!(fixed(-1.25, 1), "\u{2212}1.2");
+        assert_eq!(whole(1_234_567), "1\u{202f}234\u{202f}567");
+        assert_eq!(
+            [percent(0.95), percent(0.995), percent(1.0)],
+            ["95", "99.5", "100"]
+        );
+    }
+}

@@ -1,0 +1,43 @@
+//! What a piece of work found → its tables, its page and its row of `runs`, which makes the run exist.
+
+use crate::io::lake::{Commit, OpenRun};
+use crate::io::tables::counts::counts;
+use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
+use crate::manifest::Work;
+use crate::page::{self, About, Said};
+use crate::pipeline::outcome::Outcome;
+
+/// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
+pub fn publish(
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    mut run: OpenRun<'_>,
+    work: &Work,
+    said: &Said,
+) -> Result<Commit, PublishError> {
+    let key = run.key().clone();
+    run.publish_kept()?;
+    let sessions = outcome.training.iter().chain(&outcome.test);
+    let sessions: Vec<SessionRows> = sessions
+        .map(|session| SessionRows::of(session, context.arm, &key.of_session(&session.name)))
+        .collect::<Result<_, _>>()?;
+    let rows = RunRows::of(outcome, context, &key)?;
+    let of_sessions = sessions.iter().flat_map(SessionRows::tables);
+    for table in of_sessions.chain(rows.tables()) {
+        run.publish(table)?;
+    }
+    let counts = counts(outcome);
+    let about = About {
+        work,
+        tolerance: context.tolerance,
+        choice: &outcome.grids.choice.words,
+        verdict: &outcome.verdict,
+        counts: &counts,
+        written: run.written(),
+        said,
+    };
+    let html = page::html(&page::content(rows, sessions, &about));
+    run.publish_page(&html)?;
+    let row = work.runs_table(&counts, run.written(), &ending(outcome, context))?;
+    Ok(run.commit(&row)?)
+}
