@@ -12,7 +12,6 @@ use crate::io::targets::{CorrectedBy, Targets};
 
 /// What corrects targets.
 #[derive(Debug)]
-#[expect(clippy::large_enum_variant, reason = "one value per process")]
 pub(super) enum Source {
     /// The nodes of a grid.
     Table(PublishedTable),

@@ -5,7 +5,7 @@ use nalgebra::Point3;
 use super::{About, Corrects, Made};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
-use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::fit::saved::{SavedCalibration, SavedError, SavedSession};
 use crate::fit::{Calibration, Frames, Freedom};
 use crate::kinematics::{Arm, Chain};
 
@@ -33,7 +33,7 @@ pub struct IdentifiedGeometry {
 
 pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
     let saved = SavedCalibration::read(text)?;
-    let frames = saved.sessions.iter().map(|session| session.frames());
+    let frames = saved.sessions.iter().map(SavedSession::frames);
     Ok(Box::new(IdentifiedGeometry {
         chain: saved.chain()?,
         frames: frames.collect::<Result<_, _>>()?,
