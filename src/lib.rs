@@ -44,8 +44,9 @@
 //!
 //! # Where to add
 //!
-//! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], and its name
-//!   goes into the allowed values of `schemas/accuracy.toml` (a new version of the schema, and a line in its `changes`).
+//! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], where its
+//!   name is a value of [`io::tables::accuracy::FigureName`] and a word in `schemas/accuracy.toml` (a new version of the
+//!   schema, and a line in its `changes`).
 //! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
 //!   [`kinematics::arm::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
@@ -53,7 +54,8 @@
 //!   station has one measured point or pose ([`join::Attained`]).
 //! - *A model*: a further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]). A model of another kind implements
-//!   [`fit::ErrorModel`] for grids and compensation, and is a variant of [`report::Model`] for figures and tables.
+//!   [`fit::ErrorModel`] for grids and compensation, and is a variant of [`report::Model`] for figures and tables, with its
+//!   word in [`io::tables::words`].
 //! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
