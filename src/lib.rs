@@ -47,8 +47,9 @@
 //!
 //! # Where to add
 //!
-//! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], and its name
-//!   goes into the allowed values of `schemas/accuracy.toml` (a new version of the schema, and a line in its `changes`).
+//! - *A figure*: compute it in [`report`] from residuals or stations; its rows are made in [`io::tables::accuracy`], where its
+//!   name is a value of [`io::tables::accuracy::FigureName`] and a word in `schemas/accuracy.toml` (a new version of the
+//!   schema, and a line in its `changes`).
 //! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
 //!   [`kinematics::arm::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses

@@ -149,7 +149,7 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         bound_rank: Some(78),
         held_out_needed: 59,
         expanded_uncertainty_mm: Some(0.03),
-        tolerance_mm: 0.5,
+        tolerance_mm: Some(0.5),
         verdict: if chosen {
             TableVerdict::Met
         } else {

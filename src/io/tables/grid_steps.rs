@@ -91,7 +91,7 @@ row! {
         /// Expanded uncertainty of the measurement, mm.
         expanded_uncertainty_mm: Option<f64>,
         /// The tolerance, mm.
-        tolerance_mm: f64,
+        tolerance_mm: Option<f64>,
         /// Whether it is met.
         verdict: TableVerdict,
         /// Why not.
@@ -166,7 +166,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         bound_rank: bound_rank(counted.poses, coverage),
         held_out_needed: whole(least_count(coverage)),
         expanded_uncertainty_mm: Some(context.grid.guard_mm),
-        tolerance_mm: context.tolerance.mm,
+        tolerance_mm: Some(context.tolerance.mm),
         verdict,
         reason,
         chosen: judged.chosen,
