@@ -5,7 +5,6 @@ mod driven;
 pub mod fetch;
 pub mod file;
 pub mod history;
-pub mod outcome;
 pub mod plan;
 pub mod planning;
 mod promise;

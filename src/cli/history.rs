@@ -19,9 +19,8 @@ use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
 use crate::io::table::TableError;
-use crate::pipeline::history::{
-    Asked, HistoryError, LeftOut, PastSession, Reason, RobotHistory, history,
-};
+use crate::io::tables::past::PastSession;
+use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistory, history};
 use output::output;
 use words::words;
 

@@ -7,7 +7,6 @@ mod made;
 
 use std::fmt::Write as _;
 
-use super::outcome::{Driven, DrivenBy, JoinedSession, Outcome};
 use super::plan::SessionFiles;
 use super::run::RunError;
 use crate::compensation::Conditions;
@@ -15,6 +14,7 @@ use crate::history::table_state::Shown;
 use crate::io::input::Bound;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::log::Limits;
+use crate::io::tables::outcome::{Driven, DrivenBy, JoinedSession, Outcome};
 use crate::io::targets::driving;
 use crate::join::Station;
 use crate::kinematics::Arm;

@@ -24,12 +24,12 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::history::Judged;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::store::Place;
+use crate::io::tables::past::PastSession;
 use crate::manifest::RunKey;
 use crate::progress::Progress;
-pub use figures::{Figure, Kind, figures};
+pub use figures::figures;
 use order::{CurrentRow, current, within};
 use rows::{Fact, Row};
 use summary::{Entry, Summary};
@@ -66,17 +66,6 @@ pub struct RobotHistory {
     pub from_summary: usize,
     /// Why the summary could not be written.
     pub summary_error: Option<String>,
-}
-
-/// A session in the history.
-#[derive(Debug, Clone)]
-pub struct PastSession {
-    /// Its current run.
-    pub key: RunKey,
-    /// First stamp of its controller's log.
-    pub measured_at_ns: i64,
-    /// What the history says of it.
-    pub judged: Judged,
 }
 
 /// A run that takes no part.
@@ -234,12 +223,6 @@ fn of_robot(
 }
 
 impl RobotHistory {
-    /// Whether the change that each session showed lasts, as the session after it tells.
-    pub fn lasting(sessions: &[PastSession]) -> Vec<Option<bool>> {
-        let next = sessions.iter().skip(1).map(|next| next.judged.settles);
-        next.chain([None]).take(sessions.len()).collect()
-    }
-
     fn take(&mut self, row: CurrentRow, entry: Entry) {
         match entry.judged {
             Ok(judged) => self.sessions.push(PastSession {

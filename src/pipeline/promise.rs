@@ -4,9 +4,9 @@
 //! itself is in the lake. The session's errors at the poses that verify are those of models which did not see them: the
 //! whole model from commands alone, blocks held out.
 
-use super::outcome::{JoinedSession, Outcome};
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::io::tables::sampling_plan::promise;
 use crate::manifest::RunKey;
 use crate::report::promise::{PromiseKept, Verified, held_against};

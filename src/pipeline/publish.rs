@@ -2,10 +2,10 @@
 
 use crate::io::lake::{Commit, OpenRun};
 use crate::io::tables::counts::counts;
+use crate::io::tables::outcome::Outcome;
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::manifest::Work;
 use crate::page::{self, About, Said};
-use crate::pipeline::outcome::Outcome;
 
 /// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
 pub fn publish(

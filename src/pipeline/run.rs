@@ -11,7 +11,6 @@ mod session;
 use nalgebra::Isometry3;
 
 use super::fetch::Fetched;
-use super::outcome::Outcome;
 use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
 use super::publish::publish;
@@ -22,6 +21,7 @@ use crate::grid::Verdict;
 use crate::io::lake::{Commit, Lake};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
+use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};

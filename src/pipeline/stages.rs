@@ -15,11 +15,11 @@ mod unseen;
 use nalgebra::{Isometry3, UnitVector3, Vector3};
 use thiserror::Error;
 
-use super::outcome::{JoinedSession, Outcome};
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSettings};
 use crate::grid::{GridError, GridSettings, Tolerance};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;

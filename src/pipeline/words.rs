@@ -1,10 +1,10 @@
 //! What a run found, in lines that a person reads.
 
 use super::damage;
-use super::outcome::{JoinedSession, Outcome};
 use super::stages::scales;
 use crate::fit::Corrects;
 use crate::fit::full::{FullModel, PartEvidence};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Pairing, Station};
 use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Moment, Split};

@@ -19,9 +19,9 @@ use posegrid::ingest::{
 };
 use posegrid::io::log::{Limits, SessionLogs, SessionRead, read_session};
 use posegrid::io::log_writer::{write_controller_log, write_tracker_log};
+use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::{Attained, Command, JoinSettings, Pairing, Station, join};
 use posegrid::kinematics::{Arm, RobotFile};
-use posegrid::pipeline::outcome::JoinedSession;
 use posegrid::progress::Quiet;
 use posegrid::units::Stamp;
 

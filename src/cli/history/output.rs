@@ -9,9 +9,10 @@ use crate::io::lake::Lake;
 use crate::io::table::{Row as _, Table, write};
 use crate::io::tables::drift::{self, DriftRow};
 use crate::io::tables::history::{self, HistoryRow};
+use crate::io::tables::past::{Figure, PastSession};
 use crate::io::whole_file::replace_whole;
 use crate::manifest::RunKey;
-use crate::pipeline::history::{Figure, HistoryError, PastSession, RobotHistory, figures, trend};
+use crate::pipeline::history::{HistoryError, RobotHistory, figures, trend};
 
 /// Writes the tables and the pages; gives their paths.
 pub(super) fn output(
@@ -25,10 +26,11 @@ pub(super) fn output(
     };
     std::fs::create_dir_all(folder).map_err(wrong)?;
     let all: Vec<Vec<Vec<Figure>>> = robots.iter().map(|robot| read(lake, robot)).collect();
+    let drifts = robots.iter().flat_map(|robot| drift::rows(&robot.sessions));
     let mut written = Vec::new();
     for table in [
         HistoryRow::table_of_several(history::rows(&rows(robots, &all)))?.table,
-        DriftRow::table_of_several(drift::rows(robots))?.table,
+        DriftRow::table_of_several(drifts.collect())?.table,
     ] {
         let name = format!("{}.parquet", table.schema().table);
         written.push(put(folder, &name, &bytes(&table, folder)?)?);

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use crate::history::FALSE_ALARM;
-use crate::pipeline::history::{PastSession, RobotHistory};
+use crate::io::tables::past::PastSession;
+use crate::pipeline::history::RobotHistory;
 
 /// Changes told on stdout, the newest ones.
 const TOLD: usize = 3;
@@ -70,7 +71,7 @@ fn in_control(session: &PastSession) -> String {
 type Changed<'h> = (&'h PastSession, Option<bool>);
 
 fn changes(robot: &RobotHistory) -> Vec<String> {
-    let lasting = RobotHistory::lasting(&robot.sessions);
+    let lasting = PastSession::lasting(&robot.sessions);
     let has_moved = |(session, _): &Changed<'_>| session.judged.in_words().is_some();
     let with_lasting = robot.sessions.iter().zip(lasting);
     let changed: Vec<Changed<'_>> = with_lasting.filter(has_moved).collect();

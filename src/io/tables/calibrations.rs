@@ -9,8 +9,8 @@ use crate::fit::{
     Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
 use crate::io::table::{row, words};
+use crate::io::tables::outcome::Outcome;
 use crate::kinematics::{Motion, Parameter};
-use crate::pipeline::outcome::Outcome;
 use crate::report::{Angles, Model};
 
 row! {

@@ -9,10 +9,10 @@ use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
 use crate::io::table::row;
+use crate::io::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
 use crate::manifest::RunKey;
-use crate::pipeline::outcome::Outcome;
 use crate::report::Angles;
 
 row! {

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use super::stations::Unpaired;
 use super::validity;
 use crate::io::table::Word as _;
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{Pairing, ReadingCounts};
 use crate::manifest::StageCount;
-use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::report::Model;
 
 /// The counts of a run, over all its sessions.

@@ -1,10 +1,10 @@
 //! `drift`: what moved between sessions, suspect by suspect, and how far.
 
+use super::past::PastSession;
 use super::words::Unit;
 use crate::history::compare::Shift;
 use crate::history::suspects::{Asked, Suspect, SuspectVerdict};
 use crate::io::table::{row, words};
-use crate::pipeline::history::{PastSession, RobotHistory};
 
 row! {
     /// What a session says of one suspect: a test, or how far a component moved.
@@ -102,15 +102,11 @@ impl From<Suspect> for SuspectKind {
     }
 }
 
-/// The rows of all robots.
-pub fn rows(robots: &[RobotHistory]) -> Vec<DriftRow> {
-    let of_robot = |robot: &RobotHistory| -> Vec<DriftRow> {
-        let lasting = RobotHistory::lasting(&robot.sessions);
-        let each = robot.sessions.iter().zip(lasting);
-        each.flat_map(|(session, lasting)| of_session(session, lasting))
-            .collect()
-    };
-    robots.iter().flat_map(of_robot).collect()
+/// The rows of one robot's sessions, which are in order.
+pub fn rows(sessions: &[PastSession]) -> Vec<DriftRow> {
+    let each = sessions.iter().zip(PastSession::lasting(sessions));
+    each.flat_map(|(session, lasting)| of_session(session, lasting))
+        .collect()
 }
 
 fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {

@@ -5,8 +5,8 @@ use super::words::{self, TableVerdict};
 use crate::figures::{Figures, bound_rank, least_count};
 use crate::grid::{Grids, Interpolation, Judged, Judgement, Refusal, Source};
 use crate::io::table::row;
+use crate::io::tables::outcome::Outcome;
 use crate::kinematics::Configuration;
-use crate::pipeline::outcome::Outcome;
 use crate::report::{Angles, Model, Split};
 
 row! {

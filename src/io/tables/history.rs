@@ -2,9 +2,9 @@
 //!
 //! Charted figures come from the history itself; parameters and joint curves are those that the runs published.
 
+use super::past::{Figure, Kind, PastSession};
 use super::words::Unit;
 use crate::io::table::{row, words};
-use crate::pipeline::history::{Figure, Kind, PastSession};
 
 row! {
     /// A figure of a session.

@@ -7,7 +7,7 @@ use super::validity::learnt_from;
 use crate::fit::full::FullModel;
 use crate::fit::full::curves::JointError;
 use crate::io::table::row;
-use crate::pipeline::outcome::Outcome;
+use crate::io::tables::outcome::Outcome;
 
 /// The curve is given this far beyond what was measured, degrees: there the deviation grows back to the prior's.
 const BEYOND_DEG: f64 = 15.0;

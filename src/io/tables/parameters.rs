@@ -7,8 +7,8 @@ use crate::fit::full::layout::Block;
 use crate::fit::identifiability::{confounded, is_told_apart, most_correlated};
 use crate::fit::{Calibration, Identifiability, Unknown};
 use crate::io::table::{row, words};
+use crate::io::tables::outcome::Outcome;
 use crate::kinematics::{Arm, Axis, Element, LinkQuantity, Motion, Parameter};
-use crate::pipeline::outcome::Outcome;
 use crate::report::Model;
 
 row! {

@@ -3,8 +3,8 @@
 use super::stations::Unpaired;
 use crate::ingest::{LogReject, SpanClock};
 use crate::io::table::{Word, row, words};
+use crate::io::tables::outcome::JoinedSession;
 use crate::join::{JoinReject, Station};
-use crate::pipeline::outcome::JoinedSession;
 
 row! {
     /// What was left out for one reason at one place.

@@ -8,9 +8,9 @@ use super::words::xyzw;
 use crate::fit::commanded::Shortfall;
 use crate::fit::saved::axes_from_joints;
 use crate::io::table::{row, words};
+use crate::io::tables::outcome::JoinedSession;
 use crate::join::{Pairing, Station, Unmeasured};
 use crate::kinematics::Arm;
-use crate::pipeline::outcome::JoinedSession;
 
 row! {
     /// A dwell of the arm.

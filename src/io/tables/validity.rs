@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use crate::figures::extremes;
 use crate::grid::Reach;
+use crate::io::tables::outcome::Outcome;
 use crate::join::Station;
 use crate::kinematics::Configuration;
-use crate::pipeline::outcome::Outcome;
 
 /// The paired stations that a run learnt from.
 pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = &'a Station> {

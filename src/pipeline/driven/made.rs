@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use super::super::history;
-use super::super::outcome::{Driven, JoinedSession, Outcome};
 use crate::compensation::validity::Outside;
 use crate::compensation::{Conditions, UsedWith, Validity};
 use crate::figures::extremes;
@@ -13,6 +12,7 @@ use crate::history::{Judged, between};
 use crate::io::common::Common;
 use crate::io::lake::{Lake, LakeError};
 use crate::io::table::Table;
+use crate::io::tables::outcome::{Driven, JoinedSession, Outcome};
 use crate::kinematics::Arm;
 use crate::report::Model;
 use crate::report::driven::TablePromise;

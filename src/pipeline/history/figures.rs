@@ -2,51 +2,17 @@
 
 use rayon::prelude::*;
 
-use super::PastSession;
 use crate::history::control::Charted;
 use crate::io::lake::Lake;
 use crate::io::table::Row;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::ParameterRow;
+use crate::io::tables::past::{Figure, Kind, PastSession};
 use crate::io::tables::words::Unit;
 use crate::report::Model;
 
 /// Joint curves are given at every so many degrees.
 const EVERY_DEG: f64 = 15.0;
-
-/// One figure of a session.
-#[derive(Debug, Clone)]
-pub struct Figure {
-    /// What it is.
-    pub kind: Kind,
-    /// Its name.
-    pub name: String,
-    /// The joint, from 1.
-    pub joint: Option<usize>,
-    /// The joint's angle, rad.
-    pub angle_rad: Option<f64>,
-    /// Its value.
-    pub value: f64,
-    /// Its standard deviation.
-    pub sd: Option<f64>,
-    /// Its unit.
-    pub unit: Unit,
-    /// Where it stands on its chart, if it has one.
-    pub charted: Option<Charted>,
-}
-
-/// What a figure is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// An accuracy figure.
-    Accuracy,
-    /// How far base, target or a joint's offset stands from the first session.
-    SinceFirst,
-    /// An identified parameter.
-    Parameter,
-    /// A point of a joint's error curve.
-    JointCurve,
-}
 
 /// The figures of each session; and, in words, what of them could not be read.
 pub fn figures(lake: &Lake, sessions: &[PastSession]) -> (Vec<Vec<Figure>>, Vec<String>) {

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{Figure, Kind, PastSession, RobotHistory};
+use super::RobotHistory;
 use crate::history::FALSE_ALARM;
 use crate::io::table::Word as _;
+use crate::io::tables::past::{Figure, Kind, PastSession};
 use crate::manifest::VERSION;
 use crate::page::history::content::{Content, Curve, Parameter, Point, Series, Session};
 use crate::page::history::html;
@@ -25,7 +26,7 @@ pub fn trend(robot: &RobotHistory, figures: &[Vec<Figure>]) -> String {
 }
 
 fn sessions(robot: &RobotHistory) -> Vec<Session> {
-    let lasting = RobotHistory::lasting(&robot.sessions);
+    let lasting = PastSession::lasting(&robot.sessions);
     let session = |(past, lasting): (&PastSession, Option<bool>)| Session {
         name: past.key.session.clone(),
         run: past.key.run.clone(),

@@ -17,7 +17,7 @@ use crate::fit::commanded::Shortfall;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::{Gauge, Models};
 use crate::grid::GridStation;
-use crate::pipeline::outcome::JoinedSession;
+use crate::io::tables::outcome::JoinedSession;
 
 /// Other days for each station.
 const DAYS: usize = 8;

@@ -6,8 +6,8 @@ use super::StageSettings;
 use super::turns::commanded_turns;
 use crate::fit::Gauge;
 use crate::fit::commanded::CommandedPose;
+use crate::io::tables::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::join::Station;
-use crate::pipeline::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::report::driven::{self, DrivenStation};
 
 /// What the session says of the table that drove it; `None` where none did.

@@ -10,7 +10,7 @@ use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
 use crate::fit::{Gauge, Models};
 use crate::grid::{GridStation, Grids, Judged};
-use crate::pipeline::outcome::{Driven, JoinedSession};
+use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
     Accuracy, Angles, BaseRefit, Model, Moment, Point, ResidualSet, Split, Subject, accuracy,

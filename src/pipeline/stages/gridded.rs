@@ -6,8 +6,8 @@ use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{Gauge, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
+use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
-use crate::pipeline::outcome::JoinedSession;
 use crate::progress::Progress;
 
 /// The session's paired stations as grids see them: commanded tool poses, and what was attained against them.

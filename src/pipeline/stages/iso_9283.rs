@@ -15,9 +15,9 @@ use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{Corrects, Frames, Gauge, Models};
 use crate::geometry::Transform;
+use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
-use crate::pipeline::outcome::{Driven, JoinedSession};
 use crate::report::iso_9283::{self, Iso9283, Orientation, Says, Visit, Visited};
 use crate::report::refit::{self, Placed};
 use crate::report::{

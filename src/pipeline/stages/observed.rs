@@ -5,8 +5,8 @@ use nalgebra::Point3;
 use super::StageSettings;
 use crate::fit::visits::{self, Dwell};
 use crate::fit::{self, Observation, commanded};
+use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
-use crate::pipeline::outcome::JoinedSession;
 
 /// Observations of all training sessions, with the fold that holds each out.
 pub(super) struct Observed {

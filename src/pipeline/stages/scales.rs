@@ -5,7 +5,7 @@ use super::observed::Observed;
 use crate::fit::Models;
 use crate::fit::scale::{FittedScale, SessionScale};
 use crate::grid::{Grids, Verdict};
-use crate::pipeline::outcome::JoinedSession;
+use crate::io::tables::outcome::JoinedSession;
 use crate::report::Accuracy;
 
 /// The scales of all sessions that trained, in their order.

@@ -3,8 +3,8 @@
 use crate::fit::Gauge;
 use crate::fit::commanded::{CommandedPose, Trust};
 use crate::grid::Verdict;
+use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
-use crate::pipeline::outcome::JoinedSession;
 use crate::report::Model;
 use crate::report::tip::Turn;
 

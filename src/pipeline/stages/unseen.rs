@@ -16,8 +16,8 @@ use crate::fit::same_arm::{self, LeftBy};
 use crate::fit::{Frames, Gauge, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
+use crate::io::tables::outcome::JoinedSession;
 use crate::kinematics::Arm;
-use crate::pipeline::outcome::JoinedSession;
 use crate::report::refit::{self, Placed};
 use crate::report::verdict::{Judge, RunVerdict, figure_of_model};
 use crate::report::{

@@ -19,9 +19,9 @@ use crate::fit::{
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
+use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
 use crate::kinematics::{Arm, RobotFile};
-use crate::pipeline::outcome::{JoinedSession, Outcome};
 use crate::progress::Quiet;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
 use crate::report::verdict::{Judge, RunVerdict};
