@@ -83,6 +83,14 @@ pub struct Residual {
     pub turn: Option<Turn>,
 }
 
+impl Residual {
+    /// Squared Mahalanobis distance, `rᵀ Σ⁻¹ r`; `None` without a covariance, or with one that is not positive definite.
+    pub fn mahalanobis_squared(&self) -> Option<f64> {
+        let factor = self.covariance?.cholesky()?;
+        Some(self.residual.dot(&factor.solve(&self.residual)))
+    }
+}
+
 /// Residuals of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResidualSet {

@@ -86,7 +86,7 @@ pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
 }
 
 /// Writes a result to stdout as it is.
-pub fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
+pub(super) fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
     delivered(bars.write_aside(Stream::Results, result))
 }
 

@@ -67,7 +67,7 @@ impl<'a> Gauge<'a> {
     }
 
     /// The measured target in the base frame.
-    pub fn measured_target(&self, attained: &Attained) -> Point3<f64> {
+    fn measured_target(&self, attained: &Attained) -> Point3<f64> {
         self.frames
             .tracker_from_base
             .isometry()

@@ -6,7 +6,7 @@
 mod rows;
 mod unknowns;
 
-use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::observation::Observation;
@@ -65,7 +65,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The same, the target's orientation free or not whatever the observations are: for predictions without any.
-    pub fn with_target_turn(
+    pub(super) fn with_target_turn(
         observations: &'a [Observation],
         arm: &Chain,
         starts: &[Frames],
@@ -152,7 +152,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Offsets that the prior expects.
-    pub const fn prior_mean(&self) -> &DVector<f64> {
+    pub(super) const fn prior_mean(&self) -> &DVector<f64> {
         &self.expected
     }
 
@@ -162,23 +162,23 @@ impl<'a> Problem<'a> {
     }
 
     /// The prior's precision of each unknown (1/sd², zero where there is no prior).
-    pub const fn prior_precision(&self) -> &DVector<f64> {
+    pub(super) const fn prior_precision(&self) -> &DVector<f64> {
         &self.precision
     }
 
     /// The prior's part of the cost's gradient at `offsets`, halved: `P (expected − x)`.
-    pub fn prior_pull(&self, offsets: &DVector<f64>) -> DVector<f64> {
+    pub(super) fn prior_pull(&self, offsets: &DVector<f64>) -> DVector<f64> {
         self.precision.component_mul(&(&self.expected - offsets))
     }
 
     /// The prior's part of the cost at `offsets`.
-    pub fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
+    pub(super) fn prior_cost(&self, offsets: &DVector<f64>) -> f64 {
         let away = offsets - &self.expected;
         self.precision.dot(&away.component_mul(&away))
     }
 
     /// Rows of residuals in all.
-    pub fn row_count(&self) -> usize {
+    pub(super) fn row_count(&self) -> usize {
         self.observations
             .iter()
             .map(|o| if o.orientation.is_some() { 6 } else { 3 })
@@ -278,7 +278,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Gives the whitened rows at `offsets` to `take`, block by block in a fixed order, no station weighted down.
-    pub fn each_block(&self, offsets: &DVector<f64>, mut take: impl FnMut(&BlockRows)) {
+    pub(super) fn each_block(&self, offsets: &DVector<f64>, mut take: impl FnMut(&BlockRows)) {
         let chains = self.with_columns(offsets);
         let weights = vec![1.0; self.observations.len()];
         let mut rows = BlockRows::default();
@@ -286,31 +286,6 @@ impl<'a> Problem<'a> {
             self.fill(&mut rows, *block, &chains, &weights);
             take(&rows);
         }
-    }
-
-    /// Whitened position residuals of other measurements at the same poses, in the blocks and rows of
-    /// [`Self::each_block`].
-    pub fn residual_blocks(
-        &self,
-        offsets: &DVector<f64>,
-        measured: &[Point3<f64>],
-    ) -> Vec<[f64; 3 * BLOCK]> {
-        let mut blocks = Vec::with_capacity(self.blocks.len());
-        for (session, stations) in self.stations.iter().enumerate() {
-            let [x, y, z] = self.batch(session, offsets).positions(&stations.axes);
-            for first in (0..stations.places.len()).step_by(BLOCK) {
-                let mut block = [0.0; 3 * BLOCK];
-                for i in first..stations.places.len().min(first + BLOCK) {
-                    let end = Vector3::new(x[i], y[i], z[i]);
-                    let away = stations.whiten(i, measured[stations.places[i]].coords - end);
-                    for row in 0..3 {
-                        block[row * BLOCK + i - first] = away[row];
-                    }
-                }
-                blocks.push(block);
-            }
-        }
-        blocks
     }
 
     fn fill(

@@ -172,7 +172,7 @@ fn scaled(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> DMatrix<f64> {
 }
 
 /// `s⁻² Jᵀ W J + P`.
-pub fn posterior_information(
+pub(super) fn posterior_information(
     information: &DMatrix<f64>,
     precision: &DVector<f64>,
     factor: f64,

@@ -99,7 +99,7 @@ impl HeldOut {
     }
 
     /// Adds the same beside what the model predicts without a grid.
-    pub fn add_beside(
+    fn add_beside(
         &mut self,
         station: &GridStation,
         interpolated: &Vector3<f64>,
@@ -130,7 +130,7 @@ impl HeldOut {
     }
 
     /// Whether what is left is, on average, no less than what was there: the grid does not help.
-    pub fn is_no_help(&self) -> bool {
+    pub(super) fn is_no_help(&self) -> bool {
         !self.norms.is_empty()
             && self.norms.iter().sum::<f64>() >= self.uncorrected.iter().sum::<f64>()
     }
@@ -144,7 +144,11 @@ pub struct LocalCell {
 }
 
 /// Places a cell of step `step` around each station, at the station's own orientation and configuration.
-pub fn local_cells(reach: &Reach<'_>, stations: &[GridStation], step: [f64; 3]) -> Vec<LocalCell> {
+pub(super) fn local_cells(
+    reach: &Reach<'_>,
+    stations: &[GridStation],
+    step: [f64; 3],
+) -> Vec<LocalCell> {
     let place = |station: &GridStation| {
         let fraction = quasi_random(station.number);
         let least = station.position - fraction.component_mul(&Vector3::from(step));
@@ -178,7 +182,7 @@ pub fn local_cells(reach: &Reach<'_>, stations: &[GridStation], step: [f64; 3]) 
 }
 
 /// Judges `stations` by their local cells, each with the model of its fold.
-pub fn by_local_cell(
+pub(super) fn by_local_cell(
     stations: &[GridStation],
     cells: &[LocalCell],
     folds: &[ToolErrors<'_>],

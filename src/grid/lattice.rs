@@ -80,7 +80,7 @@ impl Lattice {
     }
 
     /// Cells in all.
-    pub fn cell_count(&self) -> usize {
+    pub(super) fn cell_count(&self) -> usize {
         self.counts.iter().map(|count| count - 1).product()
     }
 

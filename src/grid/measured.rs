@@ -91,7 +91,7 @@ impl MeasuredGrid {
     }
 
     /// How many pitches a step is along each axis; `None` where it is no whole multiple or leaves no cell.
-    pub fn multiples(&self, step_mm: f64) -> Option<[usize; 3]> {
+    pub(super) fn multiples(&self, step_mm: f64) -> Option<[usize; 3]> {
         let multiple = |axis: usize| {
             let exact = step_mm / self.lattice.step[axis];
             (1..self.lattice.counts[axis]).find(|&whole| (whole as f64 - exact).abs() < 1e-3)
@@ -124,7 +124,7 @@ impl MeasuredGrid {
     }
 
     /// The grid of every `multiples`-th node from `phase`; `None` where it has no cell.
-    pub fn decimated(&self, multiples: [usize; 3], phase: [usize; 3]) -> Option<Decimated> {
+    pub(super) fn decimated(&self, multiples: [usize; 3], phase: [usize; 3]) -> Option<Decimated> {
         let counts: [usize; 3] = std::array::from_fn(|axis| {
             (self.lattice.counts[axis].saturating_sub(1 + phase[axis])) / multiples[axis] + 1
         });

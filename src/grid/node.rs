@@ -63,7 +63,10 @@ impl GridStation {
     }
 
     /// What `interpolated` would leave of its errors of another day: their norms, mm.
-    pub fn left_another_day(&self, interpolated: &Vector3<f64>) -> impl Iterator<Item = f64> {
+    pub(super) fn left_another_day(
+        &self,
+        interpolated: &Vector3<f64>,
+    ) -> impl Iterator<Item = f64> {
         let left = self.error - interpolated;
         self.another_day
             .iter()

@@ -116,7 +116,7 @@ impl GridSettings {
 
 impl GridPlan {
     /// Whether the table claims to serve a station: its configuration, and its orientation within the tolerance.
-    pub fn is_like(&self, station: &GridStation) -> bool {
+    pub(super) fn is_like(&self, station: &GridStation) -> bool {
         station.configuration == self.configuration
             && station.orientation.angle_to(&self.orientation) <= self.tolerance_rad
     }

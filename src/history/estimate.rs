@@ -48,17 +48,17 @@ impl Estimate {
     }
 
     /// Whether it still knows where a base stood.
-    pub const fn has_base(&self) -> bool {
+    pub(super) const fn has_base(&self) -> bool {
         self.base.is_some()
     }
 
     /// Whether it still knows where a target sat.
-    pub const fn has_target(&self) -> bool {
+    pub(super) const fn has_target(&self) -> bool {
         self.target.is_some()
     }
 
     /// Whether base or target stands `limit` mm or mrad and more from where the other has it; false where one has none.
-    pub fn is_far_from(&self, other: &Self, part: Suspect, limit: f64) -> bool {
+    pub(super) fn is_far_from(&self, other: &Self, part: Suspect, limit: f64) -> bool {
         let pair = match part {
             Suspect::Base => (other.base, self.base),
             Suspect::Target => (other.target, self.target),

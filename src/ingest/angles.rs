@@ -56,7 +56,7 @@ impl JointAngles {
     }
 
     /// Those of some rows.
-    pub fn of_rows(&self, rows: Range<usize>) -> &[f64] {
+    pub(super) fn of_rows(&self, rows: Range<usize>) -> &[f64] {
         &self.values[self.places(rows)]
     }
 
@@ -104,7 +104,7 @@ impl JointAngles {
     }
 
     /// Multiplies the rows from `first` on.
-    pub fn scale_from(&mut self, first: usize, factor: f64) {
+    pub(super) fn scale_from(&mut self, first: usize, factor: f64) {
         let places = self.places(first..self.len());
         self.values[places]
             .iter_mut()
@@ -117,7 +117,7 @@ impl JointAngles {
     }
 
     /// Removes the first rows.
-    pub fn evict(&mut self, rows: usize) {
+    pub(super) fn evict(&mut self, rows: usize) {
         self.values.drain(..rows * self.joints);
     }
 

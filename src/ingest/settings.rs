@@ -120,7 +120,7 @@ pub struct Mapping {
 
 impl AngleUnit {
     /// rad in one of it.
-    pub const fn to_rad(self) -> f64 {
+    pub(super) const fn to_rad(self) -> f64 {
         match self {
             Self::Rad => 1.0,
             Self::Deg => PI / 180.0,

@@ -107,7 +107,7 @@ impl Common<'_> {
     }
 
     /// Lowest and highest reported angle of each of so many joints over the stations used, rad.
-    pub fn joint_ranges(self, joints: usize) -> Result<Vec<[f64; 2]>, CommonError> {
+    pub(super) fn joint_ranges(self, joints: usize) -> Result<Vec<[f64; 2]>, CommonError> {
         let list = |column: &str| -> Result<Vec<f64>, CommonError> {
             let lists = self.table.list(column);
             let row = |row| {
@@ -198,7 +198,7 @@ impl Common<'_> {
     }
 
     /// That a column's value is none such a table has.
-    pub fn value_error(self, column: &str, problem: String) -> CommonError {
+    pub(super) fn value_error(self, column: &str, problem: String) -> CommonError {
         CommonError::Value {
             path: self.path.to_owned(),
             column: column.to_owned(),

@@ -47,7 +47,7 @@ impl Bound {
 
     /// Of the values of a Parquet file in memory, which takes a tenth of them or less on the disk.
     #[must_use]
-    pub const fn of_values(self) -> Self {
+    pub(super) const fn of_values(self) -> Self {
         Self {
             bytes: self.bytes.saturating_mul(16),
             ..self

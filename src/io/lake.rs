@@ -46,7 +46,7 @@ pub use lock::{Holder, Lock, Locking};
 pub use parts::{OpenTable, WholeTable};
 pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
-pub use vouch::{VouchedBy, read_by_path, read_given};
+pub use vouch::{VouchedBy, read_given};
 
 /// The folder of the pages, beside those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";

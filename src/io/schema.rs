@@ -211,7 +211,7 @@ impl TableSchema {
 
 impl ColumnSchema {
     /// Whether that version of its table has the column.
-    pub fn is_in(&self, version: u32) -> bool {
+    pub(super) fn is_in(&self, version: u32) -> bool {
         self.since.is_none_or(|since| since <= version)
     }
 }
@@ -246,12 +246,12 @@ impl ColumnType {
     }
 
     /// Whether it holds numbers, or lists of them.
-    pub const fn is_number(self) -> bool {
+    pub(super) const fn is_number(self) -> bool {
         !matches!(self, Self::Bool | Self::String | Self::ListString)
     }
 
     /// Whether it holds one value, not a list.
-    pub const fn is_scalar(self) -> bool {
+    pub(super) const fn is_scalar(self) -> bool {
         !matches!(self, Self::ListFloat64 | Self::ListInt64 | Self::ListString)
     }
 }

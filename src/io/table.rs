@@ -67,7 +67,7 @@ impl Table {
     }
 
     /// The digest of all columns but `except`, hexadecimal; the same whatever file holds them.
-    pub fn digest_without(&self, except: &[&str]) -> String {
+    pub(super) fn digest_without(&self, except: &[&str]) -> String {
         digest::of_columns(self, except)
     }
 

@@ -30,7 +30,7 @@ pub fn kept(positions: &[[f64; 3]], mad_factor: f64, usual_mm: [f64; 3]) -> Vec<
 }
 
 /// Standard deviation by the median absolute deviation. Overwrites `values`.
-pub fn robust_sigma(values: &mut [f64]) -> f64 {
+pub(super) fn robust_sigma(values: &mut [f64]) -> f64 {
     let middle = median(values);
     for value in values.iter_mut() {
         *value = (*value - middle).abs();
@@ -39,7 +39,7 @@ pub fn robust_sigma(values: &mut [f64]) -> f64 {
 }
 
 /// Mean and standard deviation (n − 1) per axis, mm. Needs two positions or more.
-pub fn mean_and_scatter(positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
+pub(super) fn mean_and_scatter(positions: &[Vector3<f64>]) -> (Vector3<f64>, Vector3<f64>) {
     let count = positions.len() as f64;
     let mean = positions[0]
         + positions

@@ -54,7 +54,7 @@ struct Mark {
 ///
 /// # Panics
 /// Without pairs.
-pub fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
+pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Refined {
     let edges = edges(dwells, pairs);
     let by_edges = edges.len() >= MIN_EDGES;
     let marks = if by_edges {

@@ -39,7 +39,7 @@ struct Stated {
 }
 
 /// The command of each dwell, in the dwells' order.
-pub fn in_force(
+pub(super) fn in_force(
     commands: &dyn Poses<Controller>,
     dwells: &[Occasion],
 ) -> Result<Vec<Option<Command>>, PosesError> {

@@ -32,12 +32,12 @@ impl Span {
     }
 
     /// The edge where it was seen, otherwise the first sample, s.
-    pub fn arrival_s(&self) -> f64 {
+    pub(super) fn arrival_s(&self) -> f64 {
         self.arrived_s.unwrap_or(self.start_s)
     }
 
     /// The edge where it was seen, otherwise the last sample, s.
-    pub fn departure_s(&self) -> f64 {
+    pub(super) fn departure_s(&self) -> f64 {
         self.left_s.unwrap_or(self.end_s)
     }
 
@@ -95,7 +95,7 @@ pub struct TargetDwell {
 }
 
 /// The arm's dwells: `rest` of its joints' angles.
-pub fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
+pub(super) fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
     let dwell = |still: &Still| ArmDwell {
         start: Stamp::from_ns(still.start_ns),
         end: Stamp::from_ns(still.end_ns),
@@ -108,7 +108,7 @@ pub fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
 }
 
 /// The target's dwells.
-pub fn target_dwells(sightings: &Sightings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
+pub(super) fn target_dwells(sightings: &Sightings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
     let rest = sightings.rest();
     let dwell = |still: &Still| {
         let mut axes = sightings.of(still.stretch)?.axes();

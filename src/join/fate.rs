@@ -94,7 +94,7 @@ impl Fates {
     }
 
     /// Gives single rows, in order, each a fate of its own.
-    pub fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Fate)>) {
+    pub(super) fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Fate)>) {
         let mut run = (0..0, Fate::Moving);
         for (row, fate) in each {
             if run.0.end == row && run.1 == fate {

@@ -27,7 +27,7 @@ pub struct Observation {
 }
 
 /// Finds the dwells of both logs, where it is known where the joints rest.
-pub fn observe(
+pub(super) fn observe(
     sightings: &Sightings<'_>,
     arm_rest: &Rest,
     arm: &Arm,
@@ -57,7 +57,7 @@ impl Observation {
     }
 
     /// The usual standard deviation of a reading at rest per axis, mm.
-    pub fn usual_scatter_mm(&self) -> [f64; 3] {
+    pub(super) fn usual_scatter_mm(&self) -> [f64; 3] {
         let all = |axis: usize| {
             self.target
                 .iter()
@@ -92,7 +92,7 @@ pub fn check_joints(rest: &Rest, arm: &Arm) -> Result<(), JoinError> {
 }
 
 /// That their stamps do not decrease.
-pub fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
+pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
     let samples = "temperatures";
     let mut pairs = temperatures.stamps.windows(2);
     match pairs.position(|pair| pair[1] < pair[0]) {

@@ -45,7 +45,7 @@ impl Relation {
     }
 
     /// What the tracker is ahead at controller seconds.
-    pub fn ahead_s(self, controller_s: f64) -> f64 {
+    pub(super) fn ahead_s(self, controller_s: f64) -> f64 {
         self.drift.mul_add(controller_s, self.offset_s)
     }
 }
@@ -70,7 +70,7 @@ pub struct Dwells<'a> {
 
 impl Dwells<'_> {
     /// Half way through the controller's log, s.
-    pub fn session_middle_s(&self) -> f64 {
+    pub(super) fn session_middle_s(&self) -> f64 {
         self.arm.last().map_or(0.0, |dwell| dwell.span.end_s / 2.0)
     }
 }
@@ -109,7 +109,7 @@ impl Ruler {
 }
 
 /// The relations under which the logs agree best, best first.
-pub fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
+pub(super) fn relations(dwells: Dwells, ruler: &Ruler) -> Vec<Relation> {
     let session_middle_s = dwells.session_middle_s();
     let mut grown: Vec<(f64, Relation)> = Vec::new();
     for block in blocks(dwells.target.len()) {
@@ -203,7 +203,7 @@ fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) ->
 }
 
 /// The pairs of dwells that overlap by more than half of the shorter one; each dwell is in at most one pair.
-pub fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
+pub(super) fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
     let mut pairs: Vec<Pair> = Vec::new();
     let Some(first) = dwells.target.first() else {
         return pairs;

@@ -62,7 +62,7 @@ impl Placement {
     }
 
     /// Median distance over `sightings`, mm.
-    pub fn median_mm(&self, sightings: &[Sighting]) -> f64 {
+    pub(super) fn median_mm(&self, sightings: &[Sighting]) -> f64 {
         let mut distances: Vec<f64> = sightings.iter().map(|s| self.distance_mm(s)).collect();
         median(&mut distances)
     }

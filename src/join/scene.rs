@@ -78,7 +78,7 @@ impl Scene {
     }
 
     /// When each dwell begins, s after the first controller stamp.
-    pub fn starts_s(&self) -> Vec<f64> {
+    pub(super) fn starts_s(&self) -> Vec<f64> {
         let mut at_s = 0.0;
         let mut starts = Vec::new();
         for (station, dwell_s) in self.dwell_s.iter().enumerate() {
@@ -158,7 +158,7 @@ impl Scene {
     }
 
     /// Keeps the readings for which `keep(controller seconds)` holds.
-    pub fn keep_readings(&self, recording: &mut Recording, keep: impl Fn(f64) -> bool) {
+    pub(super) fn keep_readings(&self, recording: &mut Recording, keep: impl Fn(f64) -> bool) {
         let readings = &mut recording.readings;
         let kept: Vec<bool> = readings
             .stamps
@@ -183,7 +183,7 @@ impl Scene {
         self.joined_with(recording, &JoinSettings::default())
     }
 
-    pub fn joined_with(&self, recording: &Recording, settings: &JoinSettings) -> Joined {
+    fn joined_with(&self, recording: &Recording, settings: &JoinSettings) -> Joined {
         let arm = ur10();
         let joined =
             join_recorded(recording, &arm, settings).unwrap_or_else(|error| panic!("{error}"));

@@ -24,7 +24,7 @@ const LEAST_AGE_STEP_S: f64 = 0.02;
 const LONGEST_S: f64 = 2.0;
 
 /// The settling time in s, by the dwells of `pairs`.
-pub fn settling_s(
+pub(super) fn settling_s(
     seen: &Observation,
     sightings: &Sightings<'_>,
     pairs: &[Pair],

@@ -16,7 +16,6 @@ mod dh;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::arm::Arm;
 use super::chain::Chain;
 use super::sin_cos::sin_cos;
 
@@ -164,24 +163,6 @@ impl Poses {
             Translation3::from(Vector3::from_fn(|row, _| self.position[row][i])),
             UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation)),
         )
-    }
-}
-
-impl Arm {
-    /// The axis variables that follow from columns of reported joint angles, `joints[j][i]`: [`Arm::axes`] for many poses.
-    ///
-    /// # Panics
-    /// When the number of columns is not the number of joints.
-    pub fn axis_columns(&self, joints: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let count = joints.first().map_or(0, Vec::len);
-        let mut columns = vec![Vec::with_capacity(count); joints.len()];
-        for i in 0..count {
-            let pose: Vec<f64> = joints.iter().map(|column| column[i]).collect();
-            for (column, axis) in columns.iter_mut().zip(self.axes(&pose)) {
-                column.push(axis);
-            }
-        }
-        columns
     }
 }
 

@@ -144,7 +144,7 @@ struct Counted {
 }
 
 /// Topics of which more messages were rejected than a share, in words; `counts` as a row of `runs` has them.
-pub fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
+pub(super) fn rejected_beyond(counts: &str, allowed: f64) -> Vec<String> {
     let counts: Vec<Counted> = serde_json::from_str(counts).unwrap_or_default();
     let beyond = |counted: &&Counted| {
         let rejected = counted.read.saturating_sub(counted.kept);

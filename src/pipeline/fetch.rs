@@ -92,7 +92,7 @@ impl Fetched {
     }
 
     /// Whether anything was copied.
-    pub fn is_copied(&self) -> bool {
+    pub(super) fn is_copied(&self) -> bool {
         !self.copies.is_empty()
     }
 }

@@ -105,7 +105,7 @@ impl Planning {
     }
 
     /// The same of a plan that was made, which started from the table `known_arm`: its session may have a later run by now.
-    pub fn load_again(
+    pub(super) fn load_again(
         path: &Path,
         lake: Option<&Path>,
         known_arm: Option<&Path>,

@@ -362,7 +362,7 @@ pub fn judge_sizes(
 }
 
 /// What the whole model trained on `poses` leaves at `tests`.
-pub fn on_robot(
+pub(super) fn on_robot(
     robot: &mut Robot<'_>,
     poses: &[Commanded],
     tests: &[Commanded],

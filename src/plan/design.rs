@@ -85,7 +85,7 @@ impl<'c> Design<'c> {
     }
 
     /// Mean over the region of the trace of the covariance that is left, mm².
-    pub fn left_mm2(&self) -> f64 {
+    pub(super) fn left_mm2(&self) -> f64 {
         let sum: f64 = self.region.iter().map(Matrix3::trace).sum();
         sum / self.region.len().max(1) as f64
     }
@@ -105,7 +105,7 @@ impl<'c> Design<'c> {
     }
 
     /// Chooses the candidate that says most of all columns of the model together; `None` when all are chosen.
-    pub fn choose_informative(&mut self) -> Option<Choice> {
+    pub(super) fn choose_informative(&mut self) -> Option<Choice> {
         let gain = |candidate: usize| {
             let noise = self.candidates[candidate].noise.determinant();
             (self.measured(candidate).determinant() / noise).ln()

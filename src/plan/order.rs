@@ -52,7 +52,7 @@ pub struct Revisits {
 ///
 /// # Panics
 /// When a pose or `home` has fewer joints than `speeds`.
-pub fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) -> Vec<usize> {
+pub(super) fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) -> Vec<usize> {
     if joints.is_empty() {
         return Vec::new();
     }
@@ -68,7 +68,7 @@ pub fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) -> Vec<
 }
 
 /// The visits of a session: every pose of `order` once, and some again as `revisits` says.
-pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
+pub(super) fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
     let early = &order[..revisits.drift_poses.min(order.len())];
     let checks = || early.iter().map(|&of| Visit::DriftCheck { of });
     let ends = |done: usize, every: Option<NonZeroUsize>| {

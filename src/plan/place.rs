@@ -163,7 +163,7 @@ pub struct Drawn {
 }
 
 /// A pose at a position.
-pub fn posed(position: &Point3<f64>, orientation: &UnitQuaternion<f64>) -> Isometry3<f64> {
+pub(super) fn posed(position: &Point3<f64>, orientation: &UnitQuaternion<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(position.coords), *orientation)
 }
 

@@ -36,7 +36,7 @@ pub enum Purpose {
 }
 
 /// The fewest poses that a session may have.
-pub const fn least_poses(settings: &PlanSettings) -> usize {
+pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
     if settings.known.is_some() {
         LEAST_KNOWN_POSES
     } else {

@@ -198,7 +198,7 @@ impl<'a> Measured<'a> {
 }
 
 /// One robot measured on one grid: what each source and interpolation leaves on fresh poses.
-pub fn on_robot(
+pub(super) fn on_robot(
     robot: &mut Robot<'_>,
     grid: &Grid,
     tests: &[Visit],
@@ -233,7 +233,7 @@ fn rows(
 }
 
 /// What each source and interpolation gave on the robots, `place` being which of each robot's grids.
-pub fn by_family(
+pub(super) fn by_family(
     robots: &[Vec<Vec<RobotOutcome>>],
     place: usize,
     settings: &PlanSettings,

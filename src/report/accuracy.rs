@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 
 use nalgebra::Vector3;
 
-use super::evaluate::mahalanobis_squared;
 use super::{Accuracy, Calibrated, Moment, Point, ResidualSet, Split};
 use crate::figures::{Counted, Figures};
 use crate::fit::Corrects;
@@ -38,7 +37,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
     let blocks: BTreeSet<_> = judged.iter().filter_map(|residual| residual.fold).collect();
     let distances: Vec<f64> = judged
         .iter()
-        .filter_map(|residual| mahalanobis_squared(residual))
+        .filter_map(|residual| residual.mahalanobis_squared())
         .collect();
     Accuracy {
         subject: set.subject.clone(),

@@ -447,12 +447,3 @@ fn turned(covariance: &Matrix3<f64>, to_from: &Isometry3<f64>) -> Matrix3<f64> {
     let turn = to_from.rotation.to_rotation_matrix();
     turn.transpose() * covariance * turn
 }
-
-/// Squared Mahalanobis distance of a residual; `None` without a covariance.
-pub fn mahalanobis_squared(residual: &Residual) -> Option<f64> {
-    let solved = residual.covariance?.cholesky()?.solve(&residual.residual);
-    Some(
-        DVector::from_column_slice(residual.residual.as_slice())
-            .dot(&DVector::from_column_slice(solved.as_slice())),
-    )
-}

@@ -23,6 +23,11 @@ pub struct Turn {
 }
 
 impl Turn {
+    /// Measured minus predicted or commanded orientation as a rotation vector in the base frame, rad.
+    pub fn residual(&self) -> Vector3<f64> {
+        (self.attained * self.wanted.inverse()).scaled_axis()
+    }
+
     /// What it adds to the error at the end of a lever along the flange's axes, mm.
     pub fn at_end_of(&self, lever: &Vector3<f64>) -> Vector3<f64> {
         self.attained * lever - self.wanted * lever

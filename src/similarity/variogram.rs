@@ -57,7 +57,7 @@ const SHARE_OF_A_BIN: f64 = 0.01;
 const RISING_SHARE: f64 = 0.5;
 
 /// All shapes fitted to `bins`, the best first; empty with too few bins.
-pub fn fit_all(bins: &[Bin]) -> Vec<VariogramModel> {
+pub(super) fn fit_all(bins: &[Bin]) -> Vec<VariogramModel> {
     if bins.len() < LEAST_BINS {
         return Vec::new();
     }

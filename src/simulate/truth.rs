@@ -179,7 +179,7 @@ impl Truth {
     }
 
     /// The clocks as the crate states them.
-    pub fn clock_model(&self) -> ClockModel {
+    pub(super) fn clock_model(&self) -> ClockModel {
         ClockModel {
             origin: Stamp::from_ns(self.clock.origin_ns),
             offset_ns: self.clock.offset_ns,

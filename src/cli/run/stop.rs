@@ -22,7 +22,7 @@ const BY_SIGNAL: u8 = 128;
 
 impl Stop {
     /// Listens from now on. After the first signal the next one has its usual effect, which ends the process at once.
-    pub fn on_signals() -> io::Result<Self> {
+    pub(super) fn on_signals() -> io::Result<Self> {
         let stop = Self::default();
         let asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {

@@ -128,7 +128,7 @@ impl Components {
     }
 
     /// Takes over the sizes of parts that `others` has too.
-    pub fn inherit(&mut self, others: &Self) {
+    pub(super) fn inherit(&mut self, others: &Self) {
         for component in &mut self.all {
             if let Some(other) = others.all.iter().find(|other| other.part == component.part) {
                 component.size = other.size;
@@ -145,7 +145,7 @@ impl Components {
     }
 
     /// Sets the size of every component that `is_of` picks to zero: the model without that part.
-    pub fn drop_parts(&mut self, is_of: impl Fn(Part) -> bool) {
+    pub(super) fn drop_parts(&mut self, is_of: impl Fn(Part) -> bool) {
         for component in self
             .all
             .iter_mut()

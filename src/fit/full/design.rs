@@ -43,7 +43,7 @@ pub struct PoseView<'a> {
 }
 
 /// Point masses whose torque a joint gives way to: later joints' origins, and the target.
-pub fn gravity_columns(joints: usize) -> usize {
+pub(super) fn gravity_columns(joints: usize) -> usize {
     (1..=joints).sum()
 }
 

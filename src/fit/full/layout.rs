@@ -44,12 +44,12 @@ pub enum Block {
 
 impl Block {
     /// Whether it is a joint's smooth error curve, of all sessions or of one.
-    pub const fn is_curve(self) -> bool {
+    pub(super) const fn is_curve(self) -> bool {
         matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
     }
 
     /// Whether it is the arm's own in whatever session: beyond geometry, which shares its block with the sessions' frames.
-    pub const fn is_of_arm(self) -> bool {
+    pub(super) const fn is_of_arm(self) -> bool {
         matches!(
             self,
             Self::Gravity | Self::Blend | Self::StopShort | Self::Curve(_) | Self::Line { .. }

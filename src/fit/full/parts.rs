@@ -38,7 +38,7 @@ const OPTIONAL: [Optional; 6] = [
 
 impl Settled {
     /// Tries the model without each optional part, and drops those whose absence the evidence prefers.
-    pub fn weigh_parts(&mut self) -> Vec<PartEvidence> {
+    pub(super) fn weigh_parts(&mut self) -> Vec<PartEvidence> {
         let mut found = Vec::new();
         for (name, is_of) in OPTIONAL {
             let mut variances = self.posterior.scale.map(|scale| scale * scale);

@@ -77,7 +77,7 @@ impl Sums {
 
     /// The posterior where `before`, the posterior of other rows, is the prior, means taken out of the values; `None` if
     /// rounding made M indefinite.
-    pub fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
+    pub(super) fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
         let matrix = self.scaled(&before.scale) + before.factor.product();
         let ln_before = before.factor.ln_determinant();
         self.at(before.scale.clone(), matrix, ln_before)

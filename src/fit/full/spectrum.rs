@@ -54,7 +54,7 @@ impl Kernel {
 ///
 /// The spectral density of a Matérn 3/2 of `length`, sampled at the basis' frequencies: a slow function whose faster parts
 /// are small but not ruled out, as a squared exponential's would be.
-pub fn smooth_variances(span: f64, length: f64, count: usize) -> Vec<f64> {
+pub(super) fn smooth_variances(span: f64, length: f64, count: usize) -> Vec<f64> {
     let density = |k: usize| {
         let turn = std::f64::consts::PI * k as f64 / span * length;
         (1.0 + turn * turn / 3.0).powi(-2)

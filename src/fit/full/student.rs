@@ -26,7 +26,7 @@ pub enum Tails {
 
 impl Tails {
     /// From a setting in which 0 stands for a normal distribution.
-    pub fn from_setting(freedom: f64) -> Self {
+    pub(super) fn from_setting(freedom: f64) -> Self {
         if freedom > 0.0 {
             Self::Student(freedom)
         } else {
@@ -84,7 +84,7 @@ impl Tails {
     }
 
     /// Covariance over scale.
-    pub fn inflation(self) -> f64 {
+    pub(super) fn inflation(self) -> f64 {
         match self {
             Self::Student(freedom) if freedom > 2.0 => freedom / (freedom - 2.0),
             Self::Normal | Self::Student(_) => 1.0,

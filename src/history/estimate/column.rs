@@ -46,7 +46,7 @@ impl Column {
     }
 
     /// Whether it is a motion of base or target.
-    pub const fn is_of_a_frame(&self) -> bool {
+    pub(super) const fn is_of_a_frame(&self) -> bool {
         matches!(self, Self::Chain(Parameter::Base(_) | Parameter::Target(_)))
     }
 

@@ -130,7 +130,7 @@ pub fn read_given(path: &Path, schema: &'static TableSchema) -> Result<Table, Fi
 /// Reads a published table by its path, and says what vouches for it. Where it stands in its lake, as
 /// `TABLE/ROBOT/SESSION/RUN.parquet` beside a folder `runs`, its run's row has to name it with its digest. Elsewhere the
 /// digest of its content, which the file carries, has to hold; one without is read too, and what vouches for it told.
-pub fn read_by_path(
+pub(super) fn read_by_path(
     path: &Path,
     schema: &'static TableSchema,
 ) -> Result<(Table, VouchedBy), FileError> {

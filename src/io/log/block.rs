@@ -194,7 +194,7 @@ impl<P> Block<P> {
     }
 
     /// Channels that messages were left out for because nothing defines them.
-    pub fn unknown_channels(&self) -> impl Iterator<Item = u16> {
+    pub(super) fn unknown_channels(&self) -> impl Iterator<Item = u16> {
         self.faults.iter().filter_map(|(fault, _)| match fault {
             BlockFault::UnknownChannel(id) => Some(*id),
             _ => None,

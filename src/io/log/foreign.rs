@@ -1,7 +1,7 @@
 //! What a file is that is no MCAP log, by its first bytes, and what to do with it.
 
 /// A guess with an advice, with a leading blank; empty where nothing is known.
-pub fn what_it_is(start: &[u8]) -> &'static str {
+pub(super) fn what_it_is(start: &[u8]) -> &'static str {
     match start {
         [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => {
             " (a ROS 1 bag: `mcap convert in.bag out.mcap`)"

@@ -136,12 +136,12 @@ impl<'s> Frames<'s> {
     }
 
     /// Where the log that is walked begins.
-    pub const fn log_start(&self) -> u64 {
+    pub(super) const fn log_start(&self) -> u64 {
         self.log.start
     }
 
     /// One past the closing mark of the log that is walked, if it was met.
-    pub const fn log_end(&self) -> Option<u64> {
+    pub(super) const fn log_end(&self) -> Option<u64> {
         self.log.end
     }
 

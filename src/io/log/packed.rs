@@ -39,7 +39,7 @@ pub struct PackedFault {
 }
 
 /// Whether a file that begins so is in zstd: a frame, or one that decompressors skip.
-pub fn is_zstd(start: &[u8]) -> bool {
+pub(super) fn is_zstd(start: &[u8]) -> bool {
     matches!(
         start,
         [0x28, 0xb5, 0x2f, 0xfd, ..] | [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..]
@@ -47,7 +47,7 @@ pub fn is_zstd(start: &[u8]) -> bool {
 }
 
 /// Decompresses `file`, which is named `name` in errors.
-pub fn unpack(
+pub(super) fn unpack(
     file: File,
     name: &str,
     limits: Limits,

@@ -245,7 +245,7 @@ impl ChunkRecord {
     }
 
     /// Whether this cannot be anything else by chance: its length is exactly what its fields add up to.
-    pub fn is_certain(&self, length: u64) -> bool {
+    pub(super) fn is_certain(&self, length: u64) -> bool {
         self.has_known_compression()
             && self.header_size.checked_add(self.compressed_size) == Some(length)
     }
@@ -260,7 +260,7 @@ impl ChunkRecord {
     }
 
     /// Whether it can be decompressed here.
-    pub fn has_known_compression(&self) -> bool {
+    pub(super) fn has_known_compression(&self) -> bool {
         matches!(self.compression.as_str(), "" | "zstd" | "lz4")
     }
 
@@ -296,14 +296,14 @@ impl<'a> MetadataRecord<'a> {
 pub const MOST_EXTENSION: u64 = 64;
 
 /// Whether a record of `length` bytes holds fields of so many, and no more than an extension besides.
-pub fn extends(fields: u64, length: u64) -> bool {
+pub(super) fn extends(fields: u64, length: u64) -> bool {
     length
         .checked_sub(fields)
         .is_some_and(|more| more <= MOST_EXTENSION)
 }
 
 /// A channel and how many of its messages a message index lists, if the start of its body is sound for that length.
-pub fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u64)> {
+pub(super) fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u64)> {
     let mut fields = Fields::new(body_start);
     let (channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
     (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some((channel, bytes / 16))

@@ -70,21 +70,21 @@ impl<D> Default for Registry<D> {
 
 impl<D> Registry<D> {
     /// Whether exactly this schema is known.
-    pub fn has_schema(&self, record: &SchemaRecord<'_>) -> bool {
+    pub(super) fn has_schema(&self, record: &SchemaRecord<'_>) -> bool {
         self.schemas
             .get(&record.id)
             .is_some_and(|schema| schema.is(record))
     }
 
     /// Whether exactly this channel is known.
-    pub fn has_channel(&self, record: &ChannelRecord<'_>) -> bool {
+    pub(super) fn has_channel(&self, record: &ChannelRecord<'_>) -> bool {
         self.channels
             .get(&record.id)
             .is_some_and(|(channel, _)| channel.is(record))
     }
 
     /// The decoder of a channel.
-    pub fn decoder(&self, channel_id: u16) -> Option<&D> {
+    pub(super) fn decoder(&self, channel_id: u16) -> Option<&D> {
         self.channels.get(&channel_id).map(|(_, decoder)| decoder)
     }
 
@@ -94,7 +94,7 @@ impl<D> Registry<D> {
     }
 
     /// The log ends: gives its channels away, by id. The ids of another one in the same file are its own.
-    pub fn end_log(&mut self) -> impl Iterator<Item = Channel> {
+    pub(super) fn end_log(&mut self) -> impl Iterator<Item = Channel> {
         self.before += self.channels.len();
         self.schemas.clear();
         let channels = std::mem::take(&mut self.channels);

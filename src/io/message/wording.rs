@@ -73,7 +73,7 @@ impl Wording {
     }
 
     /// Whether what is read now is noted.
-    pub const fn is_taken_down(&self) -> bool {
+    pub(super) const fn is_taken_down(&self) -> bool {
         !self.is_other
     }
 
@@ -112,7 +112,7 @@ impl Wording {
     }
 
     /// Something was read that depends on more: the value of a number, or what else was put at its place.
-    pub const fn depends_on_more(&mut self) {
+    pub(super) const fn depends_on_more(&mut self) {
         self.is_other = true;
     }
 

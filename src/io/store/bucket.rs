@@ -73,7 +73,7 @@ impl fmt::Debug for Bucket {
 
 impl Bucket {
     /// The prefix at an address, reached as the environment says. Nothing is sent yet.
-    pub fn from_environment(place: &Place) -> Result<Self, StoreError> {
+    pub(super) fn from_environment(place: &Place) -> Result<Self, StoreError> {
         let (client, secrets) = environment::client(place)?;
         let (_, prefix) = place.bucket().expect("an address, as a client was made");
         let system =

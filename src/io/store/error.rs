@@ -116,15 +116,6 @@ impl StoreError {
             }
         )
     }
-
-    /// Whether there is nothing there, rather than nothing to be had.
-    pub fn is_not_found(&self) -> bool {
-        match self {
-            Self::Folder { source, .. } => source.kind() == io::ErrorKind::NotFound,
-            Self::Bucket { trouble, .. } => *trouble == BucketTrouble::NoObject,
-            _ => false,
-        }
-    }
 }
 
 /// What to try about an error of the file system; nothing where that is plain.

@@ -33,7 +33,8 @@ row! {
         residual as [residual_x_mm, residual_y_mm, residual_z_mm]: [f64; 3],
         /// Its norm.
         residual_mm: f64,
-        /// Of the orientation, rad: not told.
+        /// Measured minus predicted or commanded orientation as a rotation vector, base frame, rad; `None` where it was not
+        /// measured.
         turned as [residual_rx_rad, residual_ry_rad, residual_rz_rad]: Option<[f64; 3]>,
         /// Covariance of measured minus predicted, mm²: xx xy xz yy yz zz; `None` for a model without one.
         predicted_cov_mm2 as [
@@ -88,15 +89,9 @@ fn of_residual(subject: &Subject, residual: &Residual) -> ResidualRow {
         at: (residual.predicted.coords + residual.residual).into(),
         residual: residual.residual.into(),
         residual_mm: residual.residual.norm(),
-        turned: None,
+        turned: residual.turn.map(|turn| turn.residual().into()),
         predicted_cov_mm2: residual.covariance.as_ref().map(upper),
-        mahalanobis_squared: distance_squared(residual),
+        mahalanobis_squared: residual.mahalanobis_squared(),
         weight: residual.weight,
     }
-}
-
-/// `rᵀ Σ⁻¹ r`; `None` without a covariance, or one that is not positive definite.
-fn distance_squared(residual: &Residual) -> Option<f64> {
-    let factor = residual.covariance?.cholesky()?;
-    Some(residual.residual.dot(&factor.solve(&residual.residual)))
 }

@@ -194,13 +194,13 @@ impl Levels {
     }
 
     /// Whether too many stretches are kept.
-    pub fn are_too_many(&self) -> bool {
+    pub(super) fn are_too_many(&self) -> bool {
         let stretches = self.by.iter().map(|by| by.stretches.len());
         stretches.sum::<usize>() > self.most_stretches
     }
 
     /// Keeps only the stretches by the thresholds near this one.
-    pub fn forget_all_but(&mut self, threshold: f64) {
+    pub(super) fn forget_all_but(&mut self, threshold: f64) {
         let place = self.place(threshold);
         let near = place.saturating_sub(self.near)..place + self.near + 1;
         self.kept = near.start.max(self.kept.start)..near.end.min(self.kept.end);

@@ -30,12 +30,12 @@ impl Ladder {
     }
 
     /// The rungs' thresholds.
-    pub fn rungs(&self) -> &[f64] {
+    pub(super) fn rungs(&self) -> &[f64] {
         &self.0
     }
 
     /// Every threshold that may be chosen, sorted.
-    pub fn thresholds(&self) -> Vec<f64> {
+    pub(super) fn thresholds(&self) -> Vec<f64> {
         let between = self.0.windows(2).map(|pair| (pair[0] * pair[1]).sqrt());
         let above = self.0.iter().map(|rung| rung * ABOVE_PLATEAU_START);
         let mut all: Vec<f64> = self.0.iter().copied().chain(between).chain(above).collect();

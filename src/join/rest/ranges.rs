@@ -67,7 +67,7 @@ impl Ranges {
     }
 
     /// Windows that reach across a break in time hold no rest.
-    pub fn break_at(&mut self, sample_before: usize, samples: usize) {
+    pub(super) fn break_at(&mut self, sample_before: usize, samples: usize) {
         let end = (sample_before + 1).min(self.of_windows.len());
         let first = (sample_before + 2).saturating_sub(samples).min(end);
         self.of_windows[first..end].fill(f64::INFINITY);

@@ -35,7 +35,7 @@ impl Sums {
     }
 
     /// Forgets the sums up to the first samples.
-    pub fn drop_front(&mut self, samples: usize) {
+    pub(super) fn drop_front(&mut self, samples: usize) {
         self.0.drain(..samples);
     }
 

@@ -99,12 +99,12 @@ impl Claim {
     }
 
     /// Whether another version computed it.
-    pub fn is_other_version(&self) -> bool {
+    pub(super) fn is_other_version(&self) -> bool {
         self.version != VERSION
     }
 
     /// Whether a processor of another kind, or with other features, computed it.
-    pub fn is_other_machine(&self) -> bool {
+    pub(super) fn is_other_machine(&self) -> bool {
         self.platform != platform() || self.cpu_features != cpu_features()
     }
 

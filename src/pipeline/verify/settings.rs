@@ -17,7 +17,7 @@ pub struct ChangedSetting {
 
 impl ChangedSetting {
     /// Whether only one side has the key: between versions, a setting that one of them does not know.
-    pub const fn is_one_sided(&self) -> bool {
+    pub(super) const fn is_one_sided(&self) -> bool {
         self.claimed.is_none() != self.found.is_none()
     }
 }

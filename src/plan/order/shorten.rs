@@ -50,7 +50,7 @@ impl Path {
     }
 
     /// Always on to the nearest pose not yet visited.
-    pub fn nearest_neighbour(&self) -> Vec<usize> {
+    pub(super) fn nearest_neighbour(&self) -> Vec<usize> {
         let mut left: Vec<usize> = (0..self.home()).collect();
         let mut order = Vec::with_capacity(left.len());
         let mut here = self.home();
@@ -62,7 +62,7 @@ impl Path {
     }
 
     /// `order` improved until no move between near poses shortens it.
-    pub fn shortened(&self, order: Vec<usize>) -> Vec<usize> {
+    pub(super) fn shortened(&self, order: Vec<usize>) -> Vec<usize> {
         let near = self.neighbours();
         let mut tour = Tour::new(self, order);
         loop {

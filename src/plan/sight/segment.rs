@@ -16,7 +16,7 @@ impl Segment {
 
     /// Whether any point of the segment lies in the box, its sides included: the shares of the way between the two
     /// planes of each axis must have one in common.
-    pub fn meets_box(&self, least: [f64; 3], most: [f64; 3]) -> bool {
+    pub(super) fn meets_box(&self, least: [f64; 3], most: [f64; 3]) -> bool {
         let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
         for axis in 0..3 {
             let (from, to) = (self.from[axis], self.to[axis]);
@@ -35,7 +35,7 @@ impl Segment {
     }
 
     /// Distance of a point, mm.
-    pub fn distance_to(&self, point: &Point3<f64>) -> f64 {
+    pub(super) fn distance_to(&self, point: &Point3<f64>) -> f64 {
         let way = self.to - self.from;
         let share = share((point - self.from).dot(&way), way.norm_squared());
         (self.from + way * share - point).norm()

@@ -27,7 +27,7 @@ const FEW_DECADES: i32 = 2;
 impl Scale {
     /// The same scale ending at `low` and `high` themselves, with the ticks between: where no line has to end at a tick.
     #[must_use]
-    pub fn ending_at(mut self, low: f64, high: f64) -> Self {
+    pub(super) fn ending_at(mut self, low: f64, high: f64) -> Self {
         if low < high && !self.log {
             let slack = 1e-9 * (high - low);
             self.ticks
@@ -39,7 +39,7 @@ impl Scale {
 
     /// The same scale with ticks at whole numbers only.
     #[must_use]
-    pub fn in_whole_numbers(mut self) -> Self {
+    pub(super) fn in_whole_numbers(mut self) -> Self {
         self.ticks
             .retain(|tick| (tick.value - tick.value.round()).abs() < 1e-9);
         for tick in &mut self.ticks {
@@ -142,7 +142,7 @@ impl Scale {
 }
 
 /// The least of 1, 2, 5 times a power of ten that is not below `step`.
-pub fn nice(step: f64) -> f64 {
+fn nice(step: f64) -> f64 {
     let decade = power(exponent(step));
     let factor = [1.0, 2.0, 5.0]
         .into_iter()
@@ -151,7 +151,7 @@ pub fn nice(step: f64) -> f64 {
 }
 
 /// The largest of 1, 2, 5 times a power of ten that is not above `value`.
-pub fn nice_below(value: f64) -> f64 {
+pub(super) fn nice_below(value: f64) -> f64 {
     let decade = power(exponent(value));
     let factors = [5.0, 2.0].into_iter();
     let factor = factors

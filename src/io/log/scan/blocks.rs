@@ -71,7 +71,7 @@ impl Run {
 
     /// Where framing is lost right behind a message, its own length may be what is wrong; where it is lost from the last
     /// record on, that one is none.
-    pub fn yield_to(&mut self, lost: &mut Lost) {
+    pub(super) fn yield_to(&mut self, lost: &mut Lost) {
         let (start, is_message) = self.last;
         let is_framing = matches!(lost.why, Loss::Framing(_));
         let of_message = is_message && lost.start == self.end;

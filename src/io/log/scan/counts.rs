@@ -35,7 +35,7 @@ impl Counts {
     }
 
     /// The channels that have any, by id.
-    pub fn by_channel(&self) -> BTreeMap<u16, u64> {
+    pub(super) fn by_channel(&self) -> BTreeMap<u16, u64> {
         let of_channels = self.met.iter().map(|&channel| (channel, self.of(channel)));
         of_channels.collect()
     }

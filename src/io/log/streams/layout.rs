@@ -175,7 +175,7 @@ struct Said<'m> {
 
 impl Layout {
     /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as protobuf does.
-    pub fn of_type(name: &str) -> Option<Self> {
+    pub(super) fn of_type(name: &str) -> Option<Self> {
         common(name).map(|common| common.layout)
     }
 
@@ -428,7 +428,7 @@ fn without_orientation(
 }
 
 /// What a stream's message types are called, for an error.
-pub const fn suitable_types(stream: Stream) -> &'static str {
+pub(super) const fn suitable_types(stream: Stream) -> &'static str {
     match stream {
         Stream::Joints => {
             "sensor_msgs/msg/JointState, control_msgs/msg/JointTrajectoryControllerState and foxglove.JointStates"

@@ -27,7 +27,7 @@ impl Status {
     }
 
     /// Whether the point was taught by a robot with the absolute-accuracy option.
-    pub const fn taught_absolutely_accurate(self) -> bool {
+    pub(super) const fn taught_absolutely_accurate(self) -> bool {
         self.is_set(4)
     }
 }

@@ -11,7 +11,7 @@ use crate::units::span;
 
 /// Why to wait for the log at `path`, in words; nothing where it is whole, has been still for `settle`, or cannot be read:
 /// then its run has more to say.
-pub fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<String> {
+pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<String> {
     let changed = fs::metadata(path).and_then(|metadata| metadata.modified());
     let age = age(changed.ok()?, SystemTime::now(), settle)?;
     if age >= settle || !has_no_end(path, limits).ok()? {
