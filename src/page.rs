@@ -1,6 +1,6 @@
 //! The page of a run: what it published → one HTML file that opens anywhere, from a mail too: no script, no network.
 //!
-//! Input is [`Content`], the rows of the run's tables ([`content`]); output is the text of the page. It is a pure
+//! Input is [`Content`], the rows of the run's tables ([`mod@content`]); output is the text of the page. It is a pure
 //! function: the same rows give the same bytes. Sections, the verdict first:
 //!
 //! 1. verdict, chosen step and bound in words; 2. the work space before and after on one scale; 3. error against step;
