@@ -141,6 +141,36 @@ impl Corrected {
 }
 
 /// The command at which the tool point attains `target`, if the table can tell.
+///
+/// ```
+/// use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+/// use posegrid::compensation::{CompensationTable, Known, Target, Terms, Validity, compensate};
+/// use posegrid::geometry::{Position, Transform};
+/// use posegrid::grid::{Interpolation, Lattice};
+///
+/// // A cube of 100 mm at whose nodes the arm goes 0.3 mm too far in x.
+/// let lattice = Lattice { origin: Point3::new(900.0, 0.0, 700.0), step: [100.0; 3], counts: [2; 3] };
+/// let node = Known {
+///     joints: vec![0.0; 6],
+///     error: Vector3::new(0.3, 0.0, 0.0),
+///     covariance: Matrix3::identity() * 4e-4,
+/// };
+/// let terms = Terms {
+///     table_id: "example".to_owned(),
+///     orientation: UnitQuaternion::identity(),
+///     orientation_tolerance_rad: 0.1,
+///     configuration: None,
+///     interpolation: Interpolation::Trilinear,
+///     idw_power: 2.0,
+///     validity: Validity { conditions: Default::default(), temperature_c: None },
+/// };
+/// let table = CompensationTable::new(terms, Transform::identity(), lattice, vec![Ok(node); 8])?;
+/// let wanted = Position::claim(Point3::new(950.0, 40.0, 720.0));
+/// let target = Target { name: "rivet 1".to_owned(), position: Some(wanted), ..Target::default() };
+/// let corrected = compensate(&table, &target)?;
+/// assert!((corrected.correction - Vector3::new(-0.3, 0.0, 0.0)).norm() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Corrected, Refused> {
     let admitted = table.terms().admit(target);
     let corrected = admitted.and_then(|()| {

@@ -87,6 +87,17 @@ pub fn median(values: &[f64]) -> Option<f64> {
 /// Distribution-free upper bound on the share `coverage.share` of the errors' population.
 ///
 /// `None` where n is too small for the asked confidence: "not shown", never a smaller claim.
+///
+/// ```
+/// use posegrid::figures::{Coverage, least_count, upper_tolerance_bound};
+///
+/// let coverage = Coverage { share: 0.95, confidence: 0.95 };
+/// let errors_mm: Vec<f64> = (1..=59).map(|i| 0.01 * f64::from(i)).collect();
+/// // 59 errors are the fewest that show anything, and then it is the largest of them.
+/// assert_eq!(least_count(coverage).round(), 59.0);
+/// assert_eq!(upper_tolerance_bound(&errors_mm, coverage), Some(0.59));
+/// assert_eq!(upper_tolerance_bound(&errors_mm[..58], coverage), None);
+/// ```
 pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
     let rank = bound_rank(norms.len(), coverage)?;
     ascending(norms).get(rank - 1).copied()

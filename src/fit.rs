@@ -180,6 +180,27 @@ impl Calibration {
 }
 
 /// Identifies what `freedom` allows on the observations of `sessions` sessions.
+///
+/// ```
+/// # use std::path::Path;
+/// # use posegrid::io::log::{SessionLogs, read_session};
+/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::progress::Quiet;
+/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
+/// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
+/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let stations = &joined.stations;
+/// use posegrid::fit::{FitSettings, Freedom, identify, observations};
+///
+/// let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// let settings = FitSettings::default();
+/// let before = identify(&plan.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
+/// let after = identify(&plan.arm, &seen, 1, Freedom::Geometry, &settings)?;
+/// assert!(after.misfit_mm < before.misfit_mm, "training errors: no verdict, see `report`");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn identify(
     arm: &Arm,
     observations: &[Observation],

@@ -33,6 +33,16 @@ pub enum Tool {}
 pub enum Command {}
 
 /// A rigid transform from frame `From` to frame `To`; translation in mm.
+///
+/// ```
+/// use nalgebra::Isometry3;
+/// use posegrid::geometry::{Base, Flange, Target, Transform};
+///
+/// let base_from_flange = Transform::<Base, Flange>::claim(Isometry3::translation(800.0, 0.0, 600.0));
+/// let flange_from_target = Transform::<Flange, Target>::claim(Isometry3::translation(0.0, 0.0, 50.0));
+/// let base_from_target: Transform<Base, Target> = base_from_flange * flange_from_target;
+/// assert_eq!(base_from_target.origin().point().z, 650.0);
+/// ```
 pub struct Transform<To, From> {
     isometry: Isometry3<f64>,
     frames: PhantomData<(To, From)>,

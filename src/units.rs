@@ -85,7 +85,19 @@ impl<C> fmt::Debug for Stamp<C> {
     }
 }
 
-/// How the two clocks of a session relate: `tracker − t₀ = (1 + drift)(controller − t₀) + offset`.
+/// How the two clocks of a session relate, as an equation that goes both ways.
+///
+/// ```
+/// use posegrid::units::{ClockModel, Stamp};
+///
+/// let clocks = ClockModel { origin: Stamp::from_ns(1_000), offset_ns: 2.5e9, drift: 12e-6 };
+/// let an_hour_later = clocks.origin.plus_ns(3_600_000_000_000);
+/// let seen = clocks.to_tracker(an_hour_later);
+/// assert_eq!(seen.ns() - an_hour_later.ns(), 2_500_000_000 + 43_200_000); // offset and 43.2 ms of drift
+/// assert_eq!(clocks.to_controller(seen), an_hour_later);
+/// ```
+///
+/// The equation: `tracker − t₀ = (1 + drift)(controller − t₀) + offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClockModel {
     /// t₀, the first stamp of the controller's log.

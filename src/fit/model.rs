@@ -18,6 +18,31 @@ use super::problem::Frames;
 use crate::kinematics::Arm;
 
 /// A model of an arm's errors.
+///
+/// ```
+/// # use std::path::Path;
+/// # use posegrid::io::log::{SessionLogs, read_session};
+/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::progress::Quiet;
+/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
+/// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
+/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let stations = &joined.stations;
+/// use posegrid::fit::model::{At, PoseModel, Query};
+/// # use posegrid::fit::{FitSettings, Freedom, identify, observations};
+/// # let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// # let (freedom, settings) = (Freedom::Geometry, FitSettings::default());
+/// # let model = identify(&plan.arm, &seen, 1, freedom, &settings)?;
+///
+/// // Where the geometry has the reflector at the first station, in the tracker's frame, and how far that may be off.
+/// let prediction = model.predict(&At::Joints(Query::of(&seen[0])))?;
+/// let left = seen[0].position - prediction.position;
+/// let covariance = model.spread(0, &prediction).covariance();
+/// assert!(left.norm() < 1.0 && covariance.trace().sqrt() < 1.0, "mm");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait PoseModel: Any + Debug + Send + Sync {
     /// The frames of each session that it was identified on, in their order; none of a model that knows no tracker.
     fn frames(&self) -> &[Frames];

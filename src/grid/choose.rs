@@ -27,6 +27,21 @@ impl Tolerance {
     }
 
     /// The verdict of a bound on as many poses: `bound + guard ≤ tolerance`.
+    ///
+    /// ```
+    /// use posegrid::figures::PoseErrors;
+    /// use posegrid::grid::{Tolerance, Verdict};
+    ///
+    /// let tolerance = Tolerance { mm: 0.5, share: 0.95, confidence: 0.95 };
+    /// let mut errors = PoseErrors::default();
+    /// for pose in 0..60 {
+    ///     errors.add(pose, 0, 0, 0.005 * pose as f64);
+    /// }
+    /// let bound = errors.bound(tolerance.coverage());
+    /// let verdict = |guard_mm| tolerance.verdict(bound, errors.counted(), guard_mm);
+    /// assert_eq!(verdict(0.05), Verdict::Meets);
+    /// assert_eq!(verdict(0.25), Verdict::DoesNotMeet);
+    /// ```
     pub fn verdict(&self, bound: Option<f64>, counted: Counted, guard_mm: f64) -> Verdict {
         match bound {
             Some(bound) if bound + guard_mm <= self.mm => Verdict::Meets,

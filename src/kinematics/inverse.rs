@@ -109,6 +109,22 @@ const APPROACHES: [u32; 3] = [1, 8, 64];
 /// `offsets` are those of the arm's free parameters, in [`super::Chain::parameters`]' order; zeros for the nominal arm.
 /// Angles of coupled axes are the reported ones, as everywhere.
 ///
+/// ```
+/// use nalgebra::Isometry3;
+/// use posegrid::kinematics::{InverseSettings, RobotFile, inverse};
+///
+/// let file: RobotFile = toml::from_str(&std::fs::read_to_string("pipelines/robots/ur10.toml")?)?;
+/// let arm = file.arm()?;
+/// let joints = [0.3, -1.2, 1.5, -1.8, -1.5, 0.4];
+/// let base_from_flange = *arm.flange(&joints).isometry();
+/// let near = joints.map(|angle| angle + 0.1);
+/// let nominal = vec![0.0; arm.chain().parameters().len()];
+/// let (at_flange, settings) = (Isometry3::identity(), InverseSettings::default());
+/// let found = inverse(&arm, &nominal, &base_from_flange, &at_flange, &near, &settings)?;
+/// assert!(found.iter().zip(joints).all(|(a, b)| (a - b).abs() < 1e-6));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Panics
 /// When the length of `seed` or `offsets` does not fit the arm.
 pub fn inverse(

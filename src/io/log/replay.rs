@@ -57,6 +57,22 @@ pub struct SessionRead {
 ///
 /// Damage does not fail it: what is lost is in the rejects, for the pipeline's limit to judge. Zero positions are kept: some
 /// instruments write them for a missing reflector, and the join counts them as such.
+///
+/// ```
+/// use std::path::Path;
+/// use posegrid::io::log::{SessionLogs, read_session};
+/// use posegrid::pipeline::plan::{Overrides, Plan};
+/// use posegrid::progress::Quiet;
+///
+/// let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
+/// let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
+/// let rule = plan.join.arm_rule();
+/// let read = read_session(&logs, &plan.mapping, plan.limits, &rule, &mut (), &Quiet)?;
+/// assert!(read.rejects.is_empty(), "nothing is lost");
+/// assert!(read.input.joints.stretches.len() > 50, "dwells of the arm");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn read_session(
     logs: &SessionLogs,
     mapping: &Mapping,

@@ -72,6 +72,22 @@ pub struct Head {
 ///
 /// A published table has to say in its metadata which table and version it is. An accepted one may come from anywhere:
 /// columns that may be null may be missing, others may be there, and narrower types are widened.
+///
+/// ```
+/// # use posegrid::{io::{schema, table::{self, Columns}}, manifest::RunKey};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("curve.parquet");
+/// # let curve = Columns::new(schema::find("joint_errors")?, 1)
+/// #     .key(&RunKey::new("ur10", "2020-11-09", "00ff"))
+/// #     .same("joint", 1_u64).same("joint_name", "shoulder_pan_joint").same("angle_rad", 0.5)
+/// #     .same("error_rad", -1.2e-4).same("curve_rad", -1.2e-4).same("sd_rad", 2.0e-5)
+/// #     .same("gear_lines_rad", 0.0).same("measured", true).finish()?;
+/// # table::write(&curve, std::fs::File::create(&path)?)?;
+/// let table = table::read(&path, schema::find("joint_errors")?)?;
+/// assert_eq!(table.text("joint_name").value(0), "shoulder_pan_joint");
+/// assert_eq!(table.f64("error_rad").value(0), -1.2e-4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn read(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
     read_within(path, schema, Bound::TABLE)
 }
