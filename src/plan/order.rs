@@ -68,7 +68,7 @@ pub(super) fn visiting_order(joints: &[Vec<f64>], home: &[f64], speeds: &[f64]) 
 }
 
 /// The visits of a session: every pose of `order` once, and some again as `revisits` says.
-pub(super) fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
+pub fn with_repeats(order: &[usize], revisits: &Revisits) -> Vec<Visit> {
     let early = &order[..revisits.drift_poses.min(order.len())];
     let checks = || early.iter().map(|&of| Visit::DriftCheck { of });
     let ends = |done: usize, every: Option<NonZeroUsize>| {

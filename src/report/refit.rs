@@ -90,7 +90,7 @@ pub fn middle(predicted: &[Placed]) -> Point3<f64> {
 
 /// The same with the session's scale, which is expected to be off by `scale_sd` (a share); without it where the session's scale is
 /// beyond what is ordinary, or nothing is left that it could be held against.
-pub(super) fn refit_with_scale(
+pub fn refit_with_scale(
     measured: &[Point3<f64>],
     predicted: &[Placed],
     with_target: bool,

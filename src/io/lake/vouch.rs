@@ -114,7 +114,7 @@ impl Lake {
     }
 }
 
-/// Reads a published table by its path, as a person names it ([`read_by_path`]); one that nothing vouches for is told.
+/// Reads a published table by its path, as a person names it; one that nothing vouches for is told.
 pub fn read_given(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
     let (table, vouched) = read_by_path(path, schema)?;
     if vouched == VouchedBy::Nothing {
