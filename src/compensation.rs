@@ -196,7 +196,7 @@ fn by_pose(
             orientation: target.orientation,
         });
         let gap = if first {
-            Reason::at_target
+            Reason::Target
         } else {
             Reason::Command
         };

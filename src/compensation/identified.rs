@@ -145,12 +145,12 @@ impl Correction<'_> {
         let settled = settle(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
             joints = self.reach.solve(&pose, &joints)?;
-            let error = self.errors.error(&joints).map_err(Reason::at_target)?;
+            let error = self.errors.error(&joints).map_err(Reason::Target)?;
             Ok((error, joints.clone()))
         })?;
         let at_command = self.exception(&settled.found)?;
         let error = self.errors.error_with_covariance(&settled.found);
-        let (_, covariance) = error.map_err(Reason::at_target)?;
+        let (_, covariance) = error.map_err(Reason::Target)?;
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();

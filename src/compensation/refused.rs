@@ -18,25 +18,14 @@ pub struct Refused {
 /// Why a target has no corrected command.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Reason {
-    /// The table does not surround the target.
-    #[error("{0}; the table cannot tell the error there, and nothing is extrapolated")]
+    /// The model has no prediction at the target.
+    #[error("{}; {}", .0, advice(.0))]
     Target(Gap),
     /// The table surrounds the target, but not the command that would attain it.
     #[error(
         "would need a command that {0}; move the target inwards by that much, or use a larger table"
     )]
     Command(Gap),
-    /// The tool is turned too far from the table's.
-    #[error(
-        "is turned {angle_deg:.3}° from the table's tool orientation, which is valid up to {limit_deg:.3}°; use a table \
-         made for the target's orientation"
-    )]
-    Orientation {
-        /// Angle between the target's orientation and the table's, degrees.
-        angle_deg: f64,
-        /// The largest for which the table is valid, degrees.
-        limit_deg: f64,
-    },
     /// Another arm configuration.
     #[error("asks for arm configuration {wanted:?}, the table is for {}", match table {
         Some(table) => format!("{table:?}"),
@@ -150,25 +139,10 @@ pub enum Reason {
 }
 
 impl Reason {
-    /// Why a model has no prediction at the target itself.
-    pub(super) const fn at_target(gap: Gap) -> Self {
-        match gap {
-            Gap::Orientation {
-                angle_deg,
-                limit_deg,
-            } => Self::Orientation {
-                angle_deg,
-                limit_deg,
-            },
-            gap => Self::Target(gap),
-        }
-    }
-
     /// The word for tables.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Target(gap) | Self::Command(gap) => gap.name(),
-            Self::Orientation { .. } => "orientation",
             Self::Configuration { .. }
             | Self::NoConfiguration
             | Self::Unmeasured { .. }
@@ -185,5 +159,13 @@ impl Reason {
             Self::Tool { .. } => "tool",
             Self::NoConvergence { .. } => "no_convergence",
         }
+    }
+}
+
+/// What to try where a model has no prediction at a target.
+const fn advice(gap: &Gap) -> &'static str {
+    match gap {
+        Gap::Orientation { .. } => "use a table made for the target's orientation",
+        _ => "the table cannot tell the error there, and nothing is extrapolated",
     }
 }

@@ -102,7 +102,7 @@ impl Terms {
         }
         self.validity.admit(target)?;
         let turned = self.serves(target.orientation.as_ref());
-        turned.map_err(Reason::at_target)
+        turned.map_err(Reason::Target)
     }
 
     /// Whether a tool's orientation, where it is stated, is near enough to the table's.

@@ -11,7 +11,7 @@ const SHARE_OF_PRIOR: f64 = 0.5;
 /// Two parameters are confounded when they correlate by more than this.
 const CONFOUNDED: f64 = 0.9;
 
-/// What is known of a parameter beside its value.
+/// How far the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identifiability {
     /// It was told apart from the others.

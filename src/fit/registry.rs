@@ -61,7 +61,7 @@ pub struct About {
     pub name: &'static str,
     /// The place of its colour and marks among those of charts.
     pub look: usize,
-    /// What it does about errors.
+    /// The errors that it corrects.
     pub corrects: Corrects,
     /// The joint angles that it is held against stations at: for similarity the first, for a verdict the last that there is; none
     /// of a model that has no prediction at joint angles.

@@ -37,7 +37,7 @@ pub enum Suspect {
     Anything,
 }
 
-/// What is found of a suspect.
+/// The verdict on a suspect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SuspectVerdict {
     /// It did not change, as far as the covariances show.

@@ -306,7 +306,7 @@ mod tests {
         (kept, counts)
     }
 
-    /// What is emitted with a buffer of so many samples, in blocks of up to so many rows.
+    /// Samples and summary of `files`, read in blocks of up to `block` rows with `buffered` samples in the buffer.
     fn emitted(files: &[File], buffered: usize, block: usize) -> (File, StreamSummary) {
         const PIECE: usize = 5;
         let mut in_order = InOrder::new(TemperatureBuffer::default(), "/t", PIECE, buffered);

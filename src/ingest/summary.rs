@@ -47,7 +47,7 @@ pub enum IngestError {
         topic: String,
         /// Rows that were decoded.
         decoded: u64,
-        /// Of the first reject, with a leading colon, or empty.
+        /// The reason of the first reject with a colon before it; empty where nothing was rejected.
         first_reason: String,
     },
     /// Header stamps that nobody set.

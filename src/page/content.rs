@@ -11,6 +11,7 @@ use crate::io::tables::parameters::ParameterRow;
 use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::semivariograms::SemivariogramRow;
 use crate::report::Subject;
+use crate::report::verdict::Judge;
 
 pub use origin::{Count, Provenance, Session};
 
@@ -59,19 +60,6 @@ pub struct Content {
     pub counts: Vec<Count>,
     /// What the run was made from.
     pub provenance: Provenance,
-}
-
-/// Who judges the run, and what they say.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Judge {
-    /// The stations that judge, in words.
-    pub stations: String,
-    /// The verdict in words.
-    pub verdict: String,
-    /// The figures it rests on, in words.
-    pub words: String,
-    /// What else has to be known, in words.
-    pub remark: Option<String>,
 }
 
 /// Measured minus predicted at all stations of a subject.

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use super::content::{Content, Count, Judge, Provenance, Residuals, Session};
+use super::content::{Content, Count, Provenance, Residuals, Session};
 use super::words;
 use crate::grid::Tolerance;
 use crate::io::table::Word as _;
@@ -14,7 +14,7 @@ use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::{RunRows, SessionRows};
 use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::Point;
-use crate::report::verdict::{self, RunVerdict};
+use crate::report::verdict::RunVerdict;
 
 /// What a run says besides its tables.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +64,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         run,
         tolerance: about.tolerance,
         verdict: about.verdict.verdict(),
-        judges: about.verdict.judges().iter().map(judge).collect(),
+        judges: about.verdict.judges().to_vec(),
         choice: about.choice.to_owned(),
         warnings: about.said.warnings.clone(),
         notes: about.said.notes.clone(),
@@ -80,15 +80,6 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
         sessions: in_order(sessions, about.work),
         counts: about.counts.iter().map(count).collect(),
         provenance: made_from(about.work, about.written),
-    }
-}
-
-fn judge(judge: &verdict::Judge) -> Judge {
-    Judge {
-        stations: judge.stations.words(),
-        verdict: verdict::word(&judge.verdict).to_owned(),
-        words: judge.words.clone(),
-        remark: judge.remark.clone(),
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, ParsingOptions};
 
-use super::content::{Content, Count, Judge, Provenance, Residuals, Session};
+use super::content::{Content, Count, Provenance, Residuals, Session};
 use super::html;
 use super::shell::STYLE;
 use crate::fit::Identifiability;
@@ -22,6 +22,7 @@ use crate::io::tables::stations::{PairingVerdict, Unpaired};
 use crate::io::tables::words::{Role, TableVerdict, Unit};
 use crate::join::Unmeasured;
 use crate::report::iso_9283::Characteristic;
+use crate::report::verdict::{Judge, Judging};
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
@@ -338,8 +339,8 @@ fn content(name: &str) -> Content {
         },
         verdict: Verdict::Meets,
         judges: vec![Judge {
-            stations: text(),
-            verdict: "met".to_owned(),
+            stations: Judging::Session(text()),
+            verdict: Verdict::Meets,
             words: text(),
             remark: Some(text()),
         }],

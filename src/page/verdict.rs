@@ -2,12 +2,13 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Judge};
+use super::content::Content;
 use super::words;
 use crate::grid::Verdict;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
 use crate::io::tables::grid_steps::StepRow;
+use crate::report::verdict::{self, Judge};
 use crate::report::{Model, Moment, Split};
 
 pub(super) fn header(content: &Content) -> Markup {
@@ -36,12 +37,12 @@ fn judges(judges: &[Judge]) -> Markup {
             p { "The verdict is the worst of:" }
             ul {
                 @for judge in judges {
-                    li { (judge.stations) ": " strong { (judge.verdict) } ". " (judge.words) }
+                    li { (judge.stations.words()) ": " strong { (verdict::word(&judge.verdict)) } ". " (judge.words) }
                 }
             }
         }
         @for remark in judges.iter().filter_map(|judge| Some((&judge.stations, judge.remark.as_ref()?))) {
-            p.warning { (remark.0) ": " (remark.1) }
+            p.warning { (remark.0.words()) ": " (remark.1) }
         }
     }
 }
@@ -91,7 +92,7 @@ fn sentence(content: &Content, chosen: Option<&StepRow>) -> Markup {
 /// Whether the verdict is worse than that of held-out blocks, which are told first.
 fn decided_by_a_session(content: &Content) -> bool {
     let blocks = content.judges.first();
-    blocks.is_some_and(|blocks| blocks.verdict == "met")
+    blocks.is_some_and(|blocks| blocks.verdict == Verdict::Meets)
 }
 
 /// The figures that the verdict rests on.

@@ -11,7 +11,7 @@
 //! - where the detector finds the threshold of rest too late to have kept the dwells by it: with that threshold alone
 //!   ([`rest_of`]).
 //!
-//! What is found is the same, to the last bit.
+//! Dwells and samples are then those of a single replay, to the last bit.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -149,7 +149,7 @@ impl LogSource<'_> {
         self.replay_buffered(joints)
     }
 
-    /// The same if no message is further out of order than the buffer reaches.
+    /// One replay with `buffered` samples in the buffer; its summaries say whether that was enough.
     fn replay_buffered(&self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
         let streams = Mutex::new(SessionStreams::new(self.mapping, self.buffered, joints));
         let files = self

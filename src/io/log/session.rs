@@ -198,7 +198,7 @@ impl Visitor for Nothing {
     fn merge(&mut self, _: &Extent, (): &mut (), _: &mut Vec<LogReject>) {}
 }
 
-/// What is wanted of a file; each topic can be wanted for one stream.
+/// Checks that no topic of a file is wanted for two streams.
 fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted>, LogError> {
     let wanted: Vec<Wanted> = wanted.collect();
     let mut topics = BTreeSet::new();

@@ -257,6 +257,7 @@ stored! {
     Arc<[String]> as &'v [String]: AsRef::as_ref, |array, row| Self::from(texts(array, row));
 }
 
+/// A whole number; those that a field of unsigned numbers has are never negative in a table of ours.
 fn whole(array: &dyn Array, row: usize) -> i64 {
     array.as_primitive::<Int64Type>().value(row)
 }

@@ -47,7 +47,7 @@ row! {
         standard_error: Option<f64>,
         /// The shift's unit.
         unit: Option<Unit>,
-        /// What is found of the suspect.
+        /// The verdict on the suspect.
         verdict: SuspectVerdict,
         /// Whether the next session has the change too; `None` where there is none.
         lasting: Option<bool>,
@@ -145,7 +145,7 @@ fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
     tests.chain(shifts).chain(anew).collect()
 }
 
-/// What is found of a suspect, without a test or a shift.
+/// The row of a verdict on a suspect, without a test or a shift.
 fn row(
     session: &PastSession,
     lasting: Option<bool>,

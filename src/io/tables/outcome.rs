@@ -83,7 +83,7 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
-    /// The gauge of the first training session.
+    /// The gauge of the last training session, which table and grids are for.
     pub gauge: Gauge<'a>,
     /// Residuals by model, split, angles and base.
     pub residuals: Vec<ResidualSet>,

@@ -20,11 +20,11 @@ row! {
         sessions: Vec<String>,
         /// Sessions that only judged.
         test_sessions: Vec<String>,
-        /// Files read: their names,
+        /// Names of the files read.
         input_names: Vec<String>,
-        /// their sizes,
+        /// Sizes of the files read, in the order of their names, bytes.
         input_bytes: Vec<u64>,
-        /// and their digests.
+        /// BLAKE3 digests of the files read, in the order of their names, hexadecimal.
         input_digests: Vec<String>,
         /// Every setting as JSON.
         settings: String,
@@ -32,11 +32,11 @@ row! {
         settings_digest: String,
         /// What came into each stage and what became of it, as JSON.
         counts: String,
-        /// Files written: their names, as TABLE/SESSION,
+        /// Names of the files written, as TABLE/SESSION.
         table_names: Vec<String>,
-        /// their rows,
+        /// Rows of the files written, in the order of their names.
         table_rows: Vec<u64>,
-        /// and their digests.
+        /// BLAKE3 digests of the files written, in the order of their names, hexadecimal.
         table_digests: Vec<String>,
         /// Whether the tolerance is met.
         verdict: TableVerdict,

@@ -67,7 +67,7 @@ fn charted(charted: &Charted) -> Figure {
 fn parameters(lake: &Lake, session: &PastSession) -> Result<Vec<Figure>, String> {
     let rows: Vec<ParameterRow> = read(lake, session)?;
     let has = |model: &Model| rows.iter().any(|row| row.model == *model);
-    let best = [Model::Full, Model::Geometric].into_iter().find(has);
+    let best = Model::serving().find(has);
     let own = rows
         .into_iter()
         .filter(|row| Some(row.model) == best && row.unit != Unit::One);
