@@ -190,7 +190,7 @@ fn by_pose(
     wanted: &Position<Command>,
 ) -> Result<Corrected, Reason> {
     let mut first = true;
-    let settled = fixed_point::settle(wanted.point(), |command| {
+    let converged = fixed_point::converge(wanted.point(), |command| {
         let predicted = model.predict(&At::Tool {
             position: *command,
             orientation: target.orientation,
@@ -207,12 +207,12 @@ fn by_pose(
     })?;
     Ok(Corrected {
         target: *wanted,
-        command: Position::claim(settled.command),
+        command: Position::claim(converged.command),
         orientation: target.orientation,
         joints: None,
-        correction: settled.command - wanted.point(),
-        covariance: settled.found,
-        iterations: settled.iterations,
+        correction: converged.command - wanted.point(),
+        covariance: converged.found,
+        iterations: converged.iterations,
         allowed: None,
     })
 }

@@ -1,4 +1,4 @@
-//! Fit: joined stations → an identified arm, with its covariance and with what could not be told apart.
+//! Fit: joined stations → an identified arm, with its covariance and with what is not identifiable.
 //!
 //! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps
 //! ([`crate::method::identification`]):
@@ -10,13 +10,13 @@
 //!
 //! What every model of errors can be asked is one trait ([`model`]), and which models there are stands in one list ([`registry`]).
 //!
-//! Beyond geometry: the whole error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
+//! Beyond geometry: the full error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
 //! visits of one pose ([`visits`]), and whether the instrument's length unit agrees with the arm's lengths ([`scale`]).
 
 pub mod commanded;
+pub mod error_frame;
 pub mod full;
 mod gap;
-pub mod gauge;
 pub mod holdout;
 pub mod identifiability;
 pub mod loss;
@@ -38,8 +38,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use error_frame::ErrorFrame;
 pub use gap::{Gap, Refusal};
-pub use gauge::Gauge;
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;
 pub use loss::Loss;

@@ -102,7 +102,7 @@ pub struct Judged {
     pub held_out: HeldOut,
     /// Figures of what is left; `None` without any station.
     pub figures: Option<Figures>,
-    /// Distribution-free upper tolerance bound of commands of another day: each joint comes to them from a side of its own,
+    /// Distribution-free upper tolerance bound with between-session variation: each joint comes to them from a side of its own,
     /// and the base has drifted as it does in a session. Where nothing is known of that, that of the session; `None` with
     /// too few stations.
     pub bound: Option<f64>,

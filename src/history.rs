@@ -1,13 +1,13 @@
 //! History: the sessions of one robot in order → what changed between them, and whether it is within its control limits.
 //!
 //! Input is one [`SessionFigures`] after another: what the session identified ([`Estimate`]) and its accuracy figures.
-//! Output is a [`Judged`] for each. Steps of [`Course::next`]:
+//! Output is a [`Judged`] for each. Steps of [`SessionHistory::next`]:
 //! 1. Another nominal arm, pipeline file, setting, version or model begins a new segment ([`Basis`]): nothing is compared across.
 //! 2. The session is held against all sessions before it, pooled, with the covariances of both (`compare`). What one of
 //!    them cannot determine takes no part, so priors and choices of datum cannot show as a change.
-//! 3. Each part that may have moved is asked what its change alone explains ([`suspects`]). The smallest p-value times the
-//!    number of suspects, held against [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts
-//!    that cannot be told apart.
+//! 3. Each part that may have moved is asked what its change alone explains ([`hypotheses`]). The smallest p-value times the
+//!    number of hypotheses, held against [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts
+//!    that cannot be distinguished.
 //! 4. What moved is forgotten in the pool. The next session tells whether the change lasts: where that agrees with
 //!    the pool as it was, the change was of one session alone.
 //! 5. Base, target and joints since the first session, and the accuracy figures, go on control charts ([`control`]) that
@@ -19,9 +19,9 @@
 mod bits;
 pub mod compare;
 pub mod control;
-mod course;
 pub mod estimate;
-pub mod suspects;
+pub mod hypotheses;
+mod session_history;
 pub mod table_state;
 mod words;
 
@@ -30,9 +30,9 @@ use serde::{Deserialize, Serialize};
 
 use compare::Shift;
 use control::Charted;
-pub use course::{Course, between};
 use estimate::Estimate;
-use suspects::{Asked, Finding, Suspect};
+use hypotheses::{Asked, Finding, Hypothesis};
+pub use session_history::{SessionHistory, between};
 
 /// Probability that a session without any change is said to have one: one false alarm in 1000 sessions at most.
 pub const FALSE_ALARM: f64 = 1e-3;
@@ -84,12 +84,12 @@ pub struct Judged {
     /// Sessions pooled that it was held against; 0 for the first of a segment.
     pub against: usize,
     /// Parts that were set up anew.
-    pub set_up_anew: Vec<Suspect>,
-    /// What each suspect explains.
+    pub set_up_anew: Vec<Hypothesis>,
+    /// What each hypothesis explains.
     pub asked: Vec<Asked>,
     /// What moved.
     pub finding: Finding,
-    /// How far, of the parts named; of the first of those that cannot be told apart.
+    /// How far, of the parts named; of the first of those that cannot be distinguished.
     pub moved: Vec<Shift>,
     /// What this session says of a change that the session before it showed: whether it lasts.
     pub settles: Option<bool>,

@@ -3,42 +3,42 @@
 //! Input is what the logs show ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`]. The method is in
 //! [`crate::method::join`].
 //!
-//! 1. [`sighting`], [`observe`], [`rest`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
+//! 1. [`readings`], [`observe`], [`stationary`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
 //! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
 //! 4. [`clock`]: offset and drift on the matched edges.
-//! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`fate`]: one for each reading.
+//! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`disposition`]: one for each reading.
 //! 6. [`command`]: the commanded pose in force during each dwell.
 
 pub mod average;
 pub mod clock;
 pub mod command;
 pub mod decide;
+pub mod disposition;
 pub mod dwell;
 mod error;
-pub mod fate;
+#[cfg(test)]
+mod fault_tests;
 pub mod observe;
 pub mod pair;
 pub mod pattern;
 pub mod placement;
-pub mod rest;
+pub mod readings;
 #[cfg(test)]
 mod scene;
 mod settings;
 pub mod settle;
-pub mod sighting;
-#[cfg(test)]
-mod troubles;
+pub mod stationary;
 
 use nalgebra::{Point3, UnitQuaternion};
 
 use self::decide::Decision;
+use self::disposition::{Disposition, Dispositions, Why};
 use self::dwell::ArmDwell;
-use self::fate::{Fate, Fates, Why};
 use self::observe::Observation;
 use self::pattern::Relation;
-use self::rest::Rest;
-use self::sighting::Sightings;
+use self::readings::Readings;
+use self::stationary::Stationary;
 use crate::ingest::{Poses, TemperatureSamples};
 use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
@@ -64,10 +64,10 @@ pub struct Joined {
 /// Thresholds as they were used: the settings' where given, otherwise found from the logs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// Joint motion within the window of rest, rad.
-    pub still_rad: f64,
-    /// Target motion within the window of rest, mm.
-    pub still_mm: f64,
+    /// Joint motion within the stationary window, rad.
+    pub stationary_rad: f64,
+    /// Target motion within the stationary window, mm.
+    pub stationary_mm: f64,
     /// Settling time, s.
     pub settle_s: f64,
 }
@@ -77,9 +77,9 @@ pub struct Found {
 pub struct Station {
     /// Number within the session, from 0, in controller time.
     pub number: usize,
-    /// First moment at rest.
+    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last moment at rest.
+    /// Last stationary moment.
     pub end: Stamp<Controller>,
     /// Mean joint angles, rad.
     pub joints: Vec<f64>,
@@ -153,7 +153,7 @@ pub enum Unmeasured {
     NoReadings,
     /// Readings fall into it, but too few are left after settling and outlier rejection.
     TooFewReadings,
-    /// The target moved while the arm stood still.
+    /// The target moved while the arm stood stretch.
     TargetMoved,
     /// The dwell lies outside the tracker's log.
     OutsideTrackerLog,
@@ -189,7 +189,7 @@ pub struct ReadingCounts {
     pub outlier: u64,
     /// Taken while the arm moved.
     pub moving: u64,
-    /// At rest, but no station took them.
+    /// Stationary, but no station took them.
     pub unpaired: u64,
     /// No measurement at all: the zeros some instruments write.
     pub missing: u64,
@@ -212,7 +212,7 @@ pub struct JoinReject {
 #[derive(Debug)]
 pub struct JoinInput {
     /// Where the joints are stationary, by [`JoinSettings::arm_rule`], over controller time.
-    pub joints: Rest,
+    pub joints: Stationary,
     /// The commanded poses, in order of controller time; none where they were not logged.
     pub commands: Box<dyn Poses<Controller>>,
     /// The target's readings, in order of tracker time.
@@ -223,7 +223,7 @@ pub struct JoinInput {
 
 /// Joins the two logs of a session.
 ///
-/// Every dwell of the arm becomes a station with a verdict, every reading gets a fate: `counts` sums to the number of
+/// Every dwell of the arm becomes a station with a verdict, every reading gets a disposition: `counts` sums to the number of
 /// readings, and `rejects` names all that were not kept.
 ///
 /// ```
@@ -246,13 +246,13 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     settings.check()?;
     observe::check_joints(&input.joints, arm)?;
     observe::check_temperatures(&input.temperatures)?;
-    let sightings = Sightings::find(&*input.readings, settings)?;
-    let seen = observe::observe(&sightings, &input.joints, arm, settings)?;
+    let readings = Readings::find(&*input.readings, settings)?;
+    let seen = observe::observe(&readings, &input.joints, arm, settings)?;
     let decision = decide::decide(seen.dwells(), settings.geometry_gate_mm)?;
     let origin = Stamp::from_ns(input.joints.span_ns.0);
     let (clock, relation) = estimate_clock(&seen, &decision, origin);
     let evidence = pair::Evidence {
-        sightings: &sightings,
+        readings: &readings,
         temperatures: &input.temperatures,
         target: &seen.target,
         clock: clock.model,
@@ -260,27 +260,27 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
         gate_mm: settings
             .geometry_gate_mm
             .max(GATE_REACH * decision.median_mm),
-        same_mm: SAME_REACH * seen.still_mm,
+        same_mm: SAME_REACH * seen.stationary_mm,
         usual_mm: seen.usual_scatter_mm(),
         settle_s: match settings.settle_s {
             Some(settle_s) => settle_s,
-            None => settle::settling_s(&seen, &sightings, &decision.support, relation)?,
+            None => settle::settling_s(&seen, &readings, &decision.support, relation)?,
         },
         settings,
     };
-    let mut fates = first_fates(&sightings, &seen);
-    let stations = stations(&*input.commands, &seen.arm, &evidence, &mut fates)?;
-    for rows in sightings.missing() {
-        fates.set(rows, Fate::Missing);
+    let mut dispositions = first_dispositions(&readings, &seen);
+    let stations = stations(&*input.commands, &seen.arm, &evidence, &mut dispositions)?;
+    for rows in readings.missing() {
+        dispositions.set(rows, Disposition::Missing);
     }
     Ok(Joined {
         stations,
         clock,
-        rejects: fates.rejects(&sightings)?,
-        counts: fates.counts(),
+        rejects: dispositions.rejects(&readings)?,
+        counts: dispositions.counts(),
         found: Found {
-            still_rad: seen.still_rad,
-            still_mm: seen.still_mm,
+            stationary_rad: seen.stationary_rad,
+            stationary_mm: seen.stationary_mm,
             settle_s: evidence.settle_s,
         },
     })
@@ -288,7 +288,7 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
 
 /// An arm worse than the gate supposes still gets this many of its own median distances.
 const GATE_REACH: f64 = 10.0;
-/// Target dwells closer than this many rest thresholds are one place.
+/// Target dwells closer than this many stationary thresholds are one place.
 const SAME_REACH: f64 = 2.0;
 
 /// Refines the clock on the supporting pairs: published, and in seconds since the first stamps.
@@ -331,21 +331,21 @@ fn method(decision: &Decision, by_edges: bool) -> String {
     )
 }
 
-/// Before pairing: moving, or at rest with no station yet.
-fn first_fates(sightings: &Sightings<'_>, seen: &Observation) -> Fates {
-    let mut fates = Fates::new(sightings.count());
+/// Before pairing: moving, or stationary with no station yet.
+fn first_dispositions(readings: &Readings<'_>, seen: &Observation) -> Dispositions {
+    let mut dispositions = Dispositions::new(readings.count());
     for dwell in &seen.target {
         let rows = dwell.stretch.first..dwell.stretch.last + 1;
-        fates.set(rows, Fate::Unpaired(Why::NoArmDwell));
+        dispositions.set(rows, Disposition::Unpaired(Why::NoArmDwell));
     }
-    fates
+    dispositions
 }
 
 fn stations(
     commands: &dyn Poses<Controller>,
     dwells: &[ArmDwell],
     evidence: &pair::Evidence,
-    fates: &mut Fates,
+    dispositions: &mut Dispositions,
 ) -> Result<Vec<Station>, JoinError> {
     let occasion = |dwell: &ArmDwell| command::Occasion {
         start: dwell.start,
@@ -355,7 +355,7 @@ fn stations(
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
     let commands = command::in_force(commands, &occasions)?;
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
-        let (pairing, attained) = evidence.verdict(dwell, fates)?;
+        let (pairing, attained) = evidence.verdict(dwell, dispositions)?;
         Ok(Station {
             number,
             start: dwell.start,

@@ -26,7 +26,7 @@
 //! A stage is a plain function: values in, values out. It reads no file and no clock, and its only randomness is that of a seed.
 //!
 //! There is one road from logs to stations: [`io::log::read_session`] replays the samples of the logs into the detector of dwells
-//! ([`join::rest::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
+//! ([`join::stationary::Finder`]), and [`join::join`] takes what comes out of it ([`join::JoinInput`]).
 //!
 //! # Rings: who may use whom
 //!

@@ -5,7 +5,7 @@
 //!
 //! 1. verdict, chosen step and bound in words; 2. the work space before and after on one scale; 3. error against step;
 //! 4. accuracy before and after, ISO 9283 figures where there are; 5. similarity; 6. joint curves; 7. parameters and what
-//!    could not be told apart; 8. clocks, pairing and rejects; 9. how the models came out; 10. provenance.
+//!    is not identifiable; 8. clocks, pairing and rejects; 9. how the models came out; 10. provenance.
 //!
 //! The frame around the sections, and what becomes of names that may be anything, is `shell`; the page of a plan, [`plan`],
 //! stands in the same.
@@ -33,7 +33,7 @@ mod words;
 use maud::html;
 
 pub use content::Content;
-pub use from_rows::{About, Said, content};
+pub use from_rows::{About, Statements, content};
 
 use shell::{Maker, Shell, table};
 

@@ -4,9 +4,9 @@
 //! [`SamplingPlan`]. Nothing here fits, grids or judges by itself: robots are drawn by [`crate::simulate`] and go through the
 //! code that runs at night.
 //!
-//! 1. Poses of the region are placed ([`place`]) and held against what the cell allows ([`sight`]).
+//! 1. Poses of the region are placed ([`place`]) and held against what the cell allows ([`line_of_sight`]).
 //! 2. The uniform grid: accuracy over robots for each step ([`steps`]), and what else it depends on ([`influence`]).
-//! 3. Designs by number of poses, with the whole error model ([`design`], [`compare`]).
+//! 3. Designs by number of poses, with the full error model ([`design`], [`compare`]).
 //! 4. The smallest design that meets the tolerance becomes a session: identify, verify, visits again for drift, in an order
 //!    of short travel ([`order`], [`session`]).
 //! 5. The whole session is tried on robots that took no part in choosing it: what they leave is the promise.
@@ -17,6 +17,7 @@ pub mod enough;
 mod error;
 pub mod influence;
 pub mod known;
+pub mod line_of_sight;
 pub mod order;
 pub mod outcomes;
 pub mod place;
@@ -24,7 +25,6 @@ pub mod robots;
 pub mod section;
 pub mod session;
 pub mod settings;
-pub mod sight;
 pub mod steps;
 
 use std::ops::Range;

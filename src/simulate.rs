@@ -28,7 +28,7 @@ use crate::kinematics::{Arm, InverseError};
 use crate::units::{Controller, Stamp};
 
 pub use curve::{GearLine, JointCurve};
-pub use identified::{AxisError, AxisErrors, Stand};
+pub use identified::{ApproachOffset, AxisError, AxisErrors};
 pub use poses::Commanded;
 pub use random::{Ingredient, Stream};
 pub use settings::{Poses, SimulateSettings};

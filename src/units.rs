@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_span_is_told_in_its_own_unit() {
+    fn a_span_is_reported_in_its_own_unit() {
         let told = [0, 59, 60, 3599, 3600, 86_399, 86_400].map(|s| span(Duration::from_secs(s)));
         assert_eq!(
             told,

@@ -42,7 +42,7 @@ fn rows(twists: &[Twist], angles: &[f64], layout: &Layout) -> DMatrix<f64> {
         up: None,
         base: Matrix3::identity(),
         angles,
-        shortfall: None,
+        settling_error: None,
         session: None,
         time: None,
         middle: Point3::origin(),

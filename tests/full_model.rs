@@ -1,4 +1,4 @@
-//! The whole error model on stations that took no part in its training.
+//! The full error model on stations that took no part in its training.
 
 mod common;
 
@@ -94,7 +94,10 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     let queries: Vec<Query<'_>> = b[..200]
         .iter()
         .map(|o| Query {
-            known: o.shortfall.as_ref().map_or(Known::Commanded, Known::Both),
+            known: o
+                .settling_error
+                .as_ref()
+                .map_or(Known::Commanded, Known::Both),
             lever: Vector3::new(1.0, 2.0, 3.0),
             station: None,
             ..Query::of(o)
@@ -103,7 +106,7 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
     // Tables of the posterior give its covariances.
     for (query, estimate) in queries.iter().zip(many.bulk(Some(0)).estimates(&queries)) {
         let predicted = many.predict(query);
-        let covariance = many.covariances(&predicted.rows)[0] + predicted.standing;
+        let covariance = many.covariances(&predicted.rows)[0] + predicted.approach;
         let apart = (estimate.covariance - covariance).norm();
         assert!(apart < 1e-3 * covariance.norm(), "{apart} of {covariance}");
         assert!((estimate.position - predicted.position).norm() < 1e-6);

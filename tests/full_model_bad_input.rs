@@ -1,4 +1,4 @@
-//! The whole error model on input that tells too little, or of two arms: a sound answer or a clear refusal.
+//! The full error model on input that tells too little, or of two arms: a sound answer or a clear refusal.
 
 mod common;
 
@@ -78,7 +78,7 @@ fn trained(arm: &Arm, observations: &[Observation], sessions: usize) -> Result<M
     train(arm, observations, sessions, &settings)
 }
 
-/// Mean distances on `test` that the whole model, geometry, and base + target leave, mm.
+/// Mean distances on `test` that the full error model, geometry, and base + target leave, mm.
 fn left(arm: &Arm, models: &Models, test: &[Observation]) -> [f64; 3] {
     let full = models.full.as_ref().expect("a positive definite model");
     let mean = |distance: &dyn Fn(&Observation) -> f64| {

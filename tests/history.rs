@@ -41,7 +41,7 @@ fn table(folder: &Path, name: &str) -> Table {
 }
 
 #[test]
-fn a_history_is_told_kept_and_written() {
+fn a_history_is_reported_kept_and_written() {
     let cell = three();
     let first = history(&cell, &[]);
     first.expect(
@@ -115,7 +115,7 @@ fn every_run_is_used_or_left_out_with_its_reason() {
 }
 
 #[test]
-fn bad_usage_is_told() {
+fn bad_usage_is_reported() {
     let cell = Cell::new();
     history(&cell, &[]).expect(2, &["there is no lake in"]);
     let cell = three();

@@ -62,7 +62,7 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
         command_from_base: Transform::identity(),
         model: ArmModel {
             model: Model::Full,
-            predicts: Box::new(models.full.expect("a whole model")),
+            predicts: Box::new(models.full.expect("a full error model")),
             session: 0,
         },
         measured: radians(LOWER_DEG)
@@ -104,7 +104,7 @@ fn fresh(count: usize) -> Vec<(Target, Vec<f64>)> {
 }
 
 /// How far the true arm brings the tool point from where the nominal one has it at `wanted` when it is commanded `joints`
-/// and comes to them as `visits` say; in the gauge, mm.
+/// and comes to them as `visits` say; in the error reference frame, mm.
 fn left(
     session: &Simulated,
     identified: &IdentifiedArm,
@@ -133,10 +133,10 @@ fn left(
     let tracker_from_base =
         isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     let target = tracker_from_base * Point3::from(base_from_target.translation.vector);
-    let gauge = identified.gauge();
-    let in_base = gauge.frames().tracker_from_base.isometry().inverse() * target;
-    let tool = in_base + gauge.nominal_tool(joints).rotation * gauge.lever();
-    tool.coords - gauge.nominal_tool(wanted).translation.vector
+    let error_frame = identified.error_frame();
+    let in_base = error_frame.frames().tracker_from_base.isometry().inverse() * target;
+    let tool = in_base + error_frame.nominal_tool(joints).rotation * error_frame.lever();
+    tool.coords - error_frame.nominal_tool(wanted).translation.vector
 }
 
 /// What corrected commands leave of 300 fresh targets on the true arm.
@@ -175,7 +175,7 @@ fn played(session: &Simulated, arm: &Arm) -> Played {
         let information: Matrix3<f64> = done.covariance.try_inverse().expect("a covariance");
         squares.push((error.transpose() * information * error)[0]);
         // The nominal arm at the joint command is at the command.
-        let at_command = identified.gauge().nominal_tool(&joints.command);
+        let at_command = identified.error_frame().nominal_tool(&joints.command);
         assert!((at_command.translation.vector - done.command.coords()).norm() < 1e-5);
         assert!(
             done.orientation

@@ -78,7 +78,7 @@ fn the_settings_of_a_run_do_not_know_where_it_ran() {
 }
 
 #[test]
-fn sessions_are_the_folders_with_both_logs_and_others_are_told() {
+fn sessions_are_the_folders_with_both_logs_and_others_are_reported() {
     let plan = Cell::new(&[]).plan(&Overrides::default()).expect("good");
     let names: Vec<_> = plan
         .pieces
@@ -293,7 +293,7 @@ const BAD: [(&str, &str, &[&str]); 26] = [
 ];
 
 #[test]
-fn a_bad_file_is_told_what_is_wrong_where_and_what_would_do() {
+fn a_bad_file_is_reported_what_is_wrong_where_and_what_would_do() {
     for (good, bad, told) in BAD {
         let cell = Cell::new(&[(good, bad)]);
         let error = cell.plan(&Overrides::default());

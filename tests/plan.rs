@@ -339,7 +339,7 @@ struct Fresh {
 }
 
 /// One simulated session on a grid of 200 mm, from its logs' samples through all the stages of `run`: how many of its fresh
-/// poses of another day lie within the bound of the step that was chosen, and how many there are.
+/// poses of another session lie within the bound of the step that was chosen, and how many there are.
 fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fresh {
     let Planning { arm, settings, .. } = planning;
     let placer = Placer::new(arm, settings).expect("a box in reach");
@@ -383,21 +383,27 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         Ok(error.unwrap_or_else(|_| Vector3::zeros()))
     };
     let errors: Vec<NodeError> = table.nodes.iter().map(error).collect();
-    let another_day = SimulateSettings {
+    let between_sessions = SimulateSettings {
         seed: 80_000 + number,
         ..cell
     };
-    let mut stream = Stream::new(another_day.seed, Ingredient::TestPoses);
+    let mut stream = Stream::new(between_sessions.seed, Ingredient::TestPoses);
     let (fresh, _) = placer
         .random(&settings.region, settings.test_poses, &mut stream, &|_| {
             Ok(())
         })
         .expect("poses in reach");
-    let left = visits(arm, &another_day, &simulated.truth.arm, &fresh);
+    let left = visits(arm, &between_sessions, &simulated.truth.arm, &fresh);
     let left = left.iter().filter_map(|visit| {
-        let perfect = visit.perfect(&another_day);
+        let perfect = visit.perfect(&between_sessions);
         let command = perfect.command.as_ref()?.position;
-        let station = GridStation::of(&perfect, Some(command), &found.gauge, placer.reach(), 0)?;
+        let station = GridStation::of(
+            &perfect,
+            Some(command),
+            &found.error_frame,
+            placer.reach(),
+            0,
+        )?;
         let power = table.idw_power;
         let there = by_nodes(&placed, &errors, &command, table.interpolation, power)?.ok()?;
         Some((station.error - there).norm())
@@ -448,7 +454,7 @@ fn contradicted(planning: &Planning, sessions: u64, order: Order) -> usize {
         of_session += fresh.within_of_session;
         all += fresh.of;
         println!(
-            "{order:?} {number}: {} of {} fresh poses of another day within the bound, {} within that of the session itself; so \
+            "{order:?} {number}: {} of {} fresh poses of another session within the bound, {} within that of the session itself; so \
              far {:.4} and {:.4}, {contradicted} contradicted",
             fresh.within,
             fresh.of,
@@ -476,7 +482,7 @@ fn steps_that_run_chooses_hold_on_fresh_poses() {
 }
 
 #[test]
-fn robots_that_cannot_be_judged_are_told() {
+fn robots_that_cannot_be_judged_are_reported() {
     // With 12 fresh poses no bound of 95 % of errors with 95 % confidence exists: 59 are needed.
     let tolerance = posegrid::grid::Tolerance {
         mm: 0.5,

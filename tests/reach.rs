@@ -1,4 +1,4 @@
-//! How near the whole model comes on stations and sessions that took no part (mean error norms, mm): the figures that
+//! How near the full error model comes on stations and sessions that took no part (mean error norms, mm): the figures that
 //! this kind of calibration is judged by. Settings are the defaults; nothing is fitted to the stations that judge but
 //! the base, and the target where a session has a mounting of its own.
 

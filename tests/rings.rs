@@ -69,7 +69,7 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     (
         "fit",
         &["full", "model", "scale"],
-        "the full model answers what the seam asks in its own terms; the scale is a column of it, its test reads it",
+        "the full error model answers what the seam asks in its own terms; the scale is a column of it, its test reads it",
     ),
     (
         "fit",
@@ -78,7 +78,7 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "history",
-        &["compare", "estimate", "suspects"],
+        &["compare", "estimate", "hypotheses"],
         "one comparison in three steps, each with the types of the next",
     ),
     (
@@ -93,7 +93,14 @@ const CIRCLES: &[(&str, &[&str], &str)] = &[
     ),
     (
         "join",
-        &["average", "clock", "dwell", "pattern", "rest", "sighting"],
+        &[
+            "average",
+            "clock",
+            "dwell",
+            "pattern",
+            "stationary",
+            "readings",
+        ],
         "dwells, their patterns and readings share their types",
     ),
     (

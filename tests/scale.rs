@@ -196,7 +196,7 @@ fn readings_that_repeat_to_the_bit_fail_nothing() {
     published(&outcome, &arm, &settings).expect("no figure is NaN");
 }
 
-/// Whole model of observations, geometry first.
+/// Full error model of observations, geometry first.
 fn trained(
     arm: &Arm,
     observations: &[Observation],

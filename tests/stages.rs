@@ -136,7 +136,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
         &outcome,
         Split::Blocks,
         Model::Full,
-        Angles::Blended,
+        Angles::Weighted,
         BaseRefit::None,
     );
     let geometric = mean(
@@ -148,7 +148,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
     );
     assert!(
         full < 0.07 && geometric > 0.4,
-        "whole model {full:.4} mm, geometry {geometric:.4} mm"
+        "full error model {full:.4} mm, geometry {geometric:.4} mm"
     );
     let chosen = &outcome.grids.judged[outcome.grids.choice.row];
     assert_eq!(chosen.verdict, Verdict::Meets);
@@ -186,14 +186,14 @@ fn random_a_predicts_random_b_and_its_ellipsoids_hold() {
         return;
     };
     let of = |model, angles, refit| mean(&outcome, Split::Session, model, angles, refit);
-    let refitted = of(Model::Full, Angles::Blended, BaseRefit::All);
+    let refitted = of(Model::Full, Angles::Weighted, BaseRefit::All);
     assert!(refitted <= 0.048, "base refitted on all: {refitted:.4} mm");
-    assert!(of(Model::Full, Angles::Blended, BaseRefit::First) < 0.06);
+    assert!(of(Model::Full, Angles::Weighted, BaseRefit::First) < 0.06);
     assert!(of(Model::Full, Angles::Commanded, BaseRefit::All) < 0.06);
     assert!((of(Model::Geometric, Angles::Reported, BaseRefit::None) - 0.442).abs() < 0.01);
     for accuracy in &outcome.accuracy {
         let judges =
-            accuracy.subject.split != Split::None && accuracy.subject.angles == Angles::Blended;
+            accuracy.subject.split != Split::None && accuracy.subject.angles == Angles::Weighted;
         if let Some(coverage) = accuracy.coverage.filter(|_| judges) {
             assert!(
                 coverage.inside >= 0.9,

@@ -18,7 +18,7 @@ use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
 use posegrid::io::tables::words::TableVerdict;
 use posegrid::join::JoinInput;
-use posegrid::join::rest::Rest;
+use posegrid::join::stationary::Stationary;
 use posegrid::manifest::{RunKey, Work, canonical};
 use posegrid::units::Stamp;
 
@@ -385,10 +385,10 @@ fn publish_error(root: &Path) -> String {
 }
 
 #[test]
-fn a_full_disk_is_told_and_leaves_nothing_behind() {
+fn a_full_disk_is_reported_and_leaves_nothing_behind() {
     let Some(mount) = std::env::var_os(MOUNTED) else {
         let fill = "head -c 40960 /dev/zero > \"$1/ballast\" && mkdir -p \"$1/lake\" && { cat /dev/zero > \"$1/rest\" 2>/dev/null || true; }";
-        return run_in_mount("a_full_disk_is_told_and_leaves_nothing_behind", fill);
+        return run_in_mount("a_full_disk_is_reported_and_leaves_nothing_behind", fill);
     };
     let lake = Path::new(&mount).join("lake");
     let error = publish_error(&lake);
@@ -400,9 +400,12 @@ fn a_full_disk_is_told_and_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_read_only_folder_is_told() {
+fn a_read_only_folder_is_reported() {
     let Some(mount) = std::env::var_os(MOUNTED) else {
-        return run_in_mount("a_read_only_folder_is_told", "mount -o remount,ro \"$1\"");
+        return run_in_mount(
+            "a_read_only_folder_is_reported",
+            "mount -o remount,ro \"$1\"",
+        );
     };
     let error = publish_error(Path::new(&mount));
     assert!(
@@ -412,7 +415,7 @@ fn a_read_only_folder_is_told() {
 }
 
 #[test]
-fn a_file_in_the_place_of_the_lake_is_told() {
+fn a_file_in_the_place_of_the_lake_is_reported() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let lake = Lake::new(file.path());
     let key = hostile_work().key();
@@ -436,7 +439,7 @@ fn joint_samples() -> (Vec<i64>, Vec<f64>) {
 /// Samples of all other sources.
 fn other_samples() -> JoinInput {
     JoinInput {
-        joints: Rest::default(),
+        joints: Stationary::default(),
         commands: Box::new(CommandSamples {
             stamps: vec![Stamp::from_ns(7)],
             positions: vec![[1.0, 2.0, 3.0]],
@@ -549,7 +552,7 @@ fn cleaning_a_lake_leaves_its_tables() {
 }
 
 #[test]
-fn two_columns_of_one_name_or_in_letters_of_another_size_are_told() {
+fn two_columns_of_one_name_or_in_letters_of_another_size_are_reported() {
     let x: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
     let texts: ArrayRef = Arc::new(StringArray::from(vec![None, Some("t-1")]));
     for (name, told) in [

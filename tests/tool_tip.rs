@@ -55,7 +55,7 @@ fn settings(simulated: &Simulated) -> StageSettings {
             ..FitSettings::default()
         },
         full: FullSettings {
-            // Without orientations there is nothing that a whole model would show.
+            // Without orientations there is nothing that a full error model would show.
             enabled: cell.six_dof,
             harmonics: 8,
             ..FullSettings::default()
@@ -157,8 +157,8 @@ fn the_tip_s_figures_are_those_of_the_true_tip() {
         own.expect("stations").mean
     };
     let before = mean(&outcome.at_tip, Model::BaseTarget, Angles::Reported);
-    let after = mean(&outcome.at_tip, Model::Full, Angles::Blended);
-    let at_target = mean(&outcome.accuracy, Model::Full, Angles::Blended);
+    let after = mean(&outcome.at_tip, Model::Full, Angles::Weighted);
+    let at_target = mean(&outcome.accuracy, Model::Full, Angles::Weighted);
     assert!(after < before / 4.0, "{before} → {after}");
     assert!(after < 2.0 * at_target, "target {at_target}, tip {after}");
     // A table leaves orientations as they are: its tip misses by more than the tip of a model that predicts it.

@@ -7,7 +7,7 @@
 mod error;
 mod record;
 mod source;
-mod told;
+mod summary;
 mod used_with;
 mod write;
 

@@ -28,7 +28,7 @@ use words::words;
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
 Each session's current run is held against all sessions before it, pooled: what moved, base, target or which joint, or what
-cannot be told apart. A session without any change has a false alarm once in 1000 at most. Control charts (EWMA of
+cannot be distinguished. A session without any change has a false alarm once in 1000 at most. Control charts (EWMA of
 self-starting scores) tell whether accuracy and places keep their ordinary level; all charts of a robot together have one
 false alarm in 1000 sessions at most. Sessions are in the order of the first stamps of their controller logs.
 

@@ -60,7 +60,7 @@ fn told(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
     if let Some(snippet) = snippet(&found) {
         messages::result(snippet, bars)?;
     }
-    let damaged = found.iter().any(|log| !log.account.rejects.is_empty());
+    let damaged = found.iter().any(|log| !log.read_summary.rejects.is_empty());
     Ok(match (unreadable, damaged) {
         (true, _) => NO_RESULT,
         (false, true) => NOT_MET,

@@ -29,7 +29,7 @@ Example: a KR 210 measured on a uniform grid of 120 mm
   posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out kr210 --seed 1 \\
     --home 0,-75,100,25,55,-15 --size 720,1440,720 --grid-step 120
 
-Example: the same arm on another day, driven by commands that a table corrected
+Example: the same arm in another session, driven by commands that a table corrected
   posegrid simulate pipelines/robots/kr210-r2700-extra.toml --out tuesday --arm 1 --seed 2 \\
     --home 0,-75,100,25,55,-15 --poses corrected.csv")]
 pub struct SimulateArgs {

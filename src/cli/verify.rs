@@ -3,7 +3,7 @@
 //! Exit codes: 0 all the same; 3 a mismatch; 1 something could not be computed again; 2 bad usage, or no such lake or run.
 //! 1 outranks 3.
 
-mod account;
+mod files;
 mod words;
 
 use std::fmt::Write as _;
@@ -130,11 +130,11 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     clean();
     let verdicts = all(&selected, &lake, bars)?;
     let account = account(&lake, &selected, &args.names)?;
-    let mut lines = account::lines(&account, args.names.is_empty());
+    let mut lines = files::lines(&account, args.names.is_empty());
     let mut belongs = !account.is_mismatch();
     if let Some(expected) = expected {
         let (unexpected, newer) = selected.held(&expected, &lake, &args.names)?;
-        lines.extend(account::against_list(&unexpected, newer));
+        lines.extend(files::against_list(&unexpected, newer));
         belongs = belongs && unexpected.is_empty();
     }
     messages::result(format!("\n{}", lines.join("\n")), bars)?;

@@ -7,11 +7,11 @@ use super::Reason;
 /// A command that moves less than this stands still, mm. A micrometre would do; an arm's errors change by a few
 /// micrometres per mm, so a nanometre costs one iteration more, and it leaves no trace of where the iteration began.
 const STANDS_STILL_MM: f64 = 1e-6;
-/// Errors of any real arm settle in three or four iterations.
+/// Errors of any real arm converge in three or four iterations.
 const MOST_ITERATIONS: usize = 100;
 
 /// Where a command came to stand still.
-pub(super) struct Settled<F> {
+pub(super) struct Converged<F> {
     /// The command.
     pub(super) command: Point3<f64>,
     /// What was found beside the error there.
@@ -21,10 +21,10 @@ pub(super) struct Settled<F> {
 }
 
 /// The command for a target, by the error (mm) that `error_at` has at a command beside whatever else it finds there.
-pub(super) fn settle<F>(
+pub(super) fn converge<F>(
     target: &Point3<f64>,
     mut error_at: impl FnMut(&Point3<f64>) -> Result<(Vector3<f64>, F), Reason>,
-) -> Result<Settled<F>, Reason> {
+) -> Result<Converged<F>, Reason> {
     let mut command = *target;
     let mut move_mm = f64::INFINITY;
     for iterations in 1..=MOST_ITERATIONS {
@@ -33,7 +33,7 @@ pub(super) fn settle<F>(
         move_mm = (next - command).norm();
         command = next;
         if move_mm < STANDS_STILL_MM {
-            return Ok(Settled {
+            return Ok(Converged {
                 command,
                 found,
                 iterations,

@@ -5,7 +5,7 @@
 //! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
 //! 2. these are held against the joint ranges and the arm configurations measured: beyond them the model falls back to its
 //!    prior;
-//! 3. the command is moved against the error that the model predicts at its joint angles, in the gauge of base and target
+//! 3. the command is moved against the error that the model predicts at its joint angles, in the error reference frame of base and target
 //!    ([`crate::method::compensation`]), just as for the nodes of a grid: what both say at a node is the same;
 //! 4. the error's covariance at the joint command is that of the correction.
 
@@ -14,10 +14,10 @@ use std::any::Any;
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 use rayon::prelude::*;
 
-use super::fixed_point::settle;
+use super::fixed_point::converge;
 use super::pose::{Poses, Wanted};
 use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
-use crate::fit::{Frames, Gauge, Model, PoseModel, ToolErrors};
+use crate::fit::{ErrorFrame, Frames, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
@@ -33,7 +33,7 @@ pub struct IdentifiedArm {
     pub table_id: String,
     /// The nominal arm.
     pub arm: Arm,
-    /// Base and target as the nominal arm fits them: the gauge of errors.
+    /// Base and target as the nominal arm fits them: the error reference frame.
     pub frames: Frames,
     /// The controller's own tool at the flange.
     pub flange_from_tool: Transform<Flange, Tool>,
@@ -56,7 +56,7 @@ pub struct ArmModel {
     pub model: Model,
     /// What predicts.
     pub predicts: Box<dyn PoseModel>,
-    /// The session in whose gauge errors are stated: its place in the model.
+    /// The session in whose error reference frame errors are stated: its place in the model.
     pub session: usize,
 }
 
@@ -69,10 +69,10 @@ impl ArmModel {
 }
 
 impl IdentifiedArm {
-    /// The gauge in which errors are stated.
-    pub fn gauge(&self) -> Gauge<'_> {
+    /// The error reference frame in which errors are stated.
+    pub fn error_frame(&self) -> ErrorFrame<'_> {
         let tool = *self.flange_from_tool.isometry();
-        Gauge::new(&self.arm, self.frames, Some(tool), false)
+        ErrorFrame::new(&self.arm, self.frames, Some(tool), false)
     }
 
     /// The commands at which the tool point attains each of `targets`, as far as the model can tell; in their order.
@@ -83,10 +83,10 @@ impl IdentifiedArm {
         targets: &[Target],
         allow: Option<Exception>,
     ) -> Vec<Result<Corrected, Refused>> {
-        let gauge = self.gauge();
-        let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &gauge);
+        let error_frame = self.error_frame();
+        let errors = ToolErrors::new(&*self.model.predicts, self.model.session, &error_frame);
         let reach = Reach::new(&self.arm, *self.flange_from_tool.isometry());
-        let poses = Poses::new(self, &gauge, &reach);
+        let poses = Poses::new(self, &error_frame, &reach);
         let correction = Correction {
             identified: self,
             errors,
@@ -142,19 +142,19 @@ impl Correction<'_> {
         let at_target = self.exception(&wanted.joints)?;
         let mut joints = wanted.joints.clone();
         let target = Point3::from(translation.vector);
-        let settled = settle(&target, |command| {
+        let converged = converge(&target, |command| {
             let pose = Isometry3::from_parts(Translation3::from(command.coords), rotation);
             joints = self.reach.solve(&pose, &joints)?;
             let error = self.errors.error(&joints).map_err(Reason::Target)?;
             Ok((error, joints.clone()))
         })?;
-        let at_command = self.exception(&settled.found)?;
-        let error = self.errors.error_with_covariance(&settled.found);
+        let at_command = self.exception(&converged.found)?;
+        let error = self.errors.error_with_covariance(&converged.found);
         let (_, covariance) = error.map_err(Reason::Target)?;
         let command_from_base = &self.identified.command_from_base;
         let turn: UnitQuaternion<f64> = command_from_base.isometry().rotation;
         let matrix = turn.to_rotation_matrix();
-        let [target, command] = [target, settled.command]
+        let [target, command] = [target, converged.command]
             .map(|point| *command_from_base * Position::<Base>::claim(point));
         Ok(Corrected {
             target,
@@ -164,9 +164,9 @@ impl Correction<'_> {
             covariance: matrix * covariance * matrix.transpose(),
             joints: Some(JointCommand {
                 target: wanted.joints.clone(),
-                command: settled.found,
+                command: converged.found,
             }),
-            iterations: settled.iterations,
+            iterations: converged.iterations,
             allowed: at_target.or(at_command),
         })
     }

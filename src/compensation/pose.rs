@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Translation3};
 
 use super::identified::IdentifiedArm;
 use super::{Reason, Target, TargetJoints};
-use crate::fit::Gauge;
+use crate::fit::ErrorFrame;
 use crate::grid::Reach;
 use crate::kinematics::Configuration;
 
@@ -36,7 +36,7 @@ pub(super) struct Wanted {
 /// Finds what targets ask of one arm.
 pub(super) struct Poses<'a> {
     identified: &'a IdentifiedArm,
-    gauge: &'a Gauge<'a>,
+    error_frame: &'a ErrorFrame<'a>,
     reach: &'a Reach<'a>,
     seeds: Vec<Seed>,
 }
@@ -51,20 +51,20 @@ struct Seed {
 impl<'a> Poses<'a> {
     pub(super) fn new(
         identified: &'a IdentifiedArm,
-        gauge: &'a Gauge<'a>,
+        error_frame: &'a ErrorFrame<'a>,
         reach: &'a Reach<'a>,
     ) -> Self {
         let seed = |number| {
             let joints = spread(number, &identified.measured);
             Seed {
-                base_from_tool: gauge.nominal_tool(&joints),
+                base_from_tool: error_frame.nominal_tool(&joints),
                 configuration: reach.configuration(&joints),
                 joints,
             }
         };
         Self {
             identified,
-            gauge,
+            error_frame,
             reach,
             seeds: (0..SEEDS).map(seed).collect(),
         }
@@ -80,7 +80,7 @@ impl<'a> Poses<'a> {
     fn at_joints(&self, target: &Target, given: &TargetJoints) -> Result<Wanted, Reason> {
         let joints = self.in_order(given)?;
         self.in_configuration(target, &joints)?;
-        let nominal = self.gauge.nominal_tool(&joints);
+        let nominal = self.error_frame.nominal_tool(&joints);
         let base_from_tool = self.pose(target, Some(&nominal))?;
         let apart_mm = (base_from_tool.translation.vector - nominal.translation.vector).norm();
         if apart_mm > APART_MM {

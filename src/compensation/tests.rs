@@ -273,7 +273,7 @@ fn targets_that_ask_for_what_the_table_is_not_for_are_refused() {
 }
 
 #[test]
-fn a_field_that_pushes_back_what_it_gives_does_not_settle() {
+fn a_field_that_pushes_back_what_it_gives_does_not_converge() {
     // ê = −2 (x − 750): every step throws the command to the other side, twice as far.
     let runaway = table(Interpolation::Trilinear, |at| {
         Vector3::new(-2.0 * (at.x - 750.0), 0.0, 0.0)

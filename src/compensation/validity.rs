@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_is_told_by_how_much() {
+    fn what_is_outside_is_reported_by_how_much() {
         let used = UsedWith {
             conditions: Conditions {
                 tool: Some("rivet".to_owned()),

@@ -1,13 +1,13 @@
 //! Commands in the base frame, and what the arm fell short of them: commanded minus reported joint angles.
 //!
-//! The angles a controller reports at rest differ from the nominal inverse kinematics of its command by 0.1–2 mrad, and
+//! The angles a controller reports while stationary differ from the nominal inverse kinematics of its command by 0.1–2 mrad, and
 //! the arm may stand nearer the command ([`crate::method::error_model`]). Steps:
 //! 1. the constant turn between commanded and nominal orientation is the tool's as the controller rounds it, no error
 //!    of the arm: its median per axis is taken out;
 //! 2. one regularised step of inverse kinematics from the reported angles, bounded at singularities, gives the
-//!    shortfall;
+//!    settling error;
 //! 3. where orientations scatter far beyond any arm's, the commanded orientation is not what was sent: it counts by that
-//!    scatter, so that the shortfall is mostly one of position, and means something in its own session alone.
+//!    scatter, so that the settling error is mostly one of position, and means something in its own session alone.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -40,7 +40,7 @@ pub struct Commanded {
     /// The commanded pose of each station, where the log has one.
     pub poses: Vec<Option<CommandedPose>>,
     /// What each station fell short of; `None` where no orientation is commanded.
-    pub shortfalls: Vec<Option<Shortfall>>,
+    pub settling_errors: Vec<Option<SettlingError>>,
     /// Whether commanded orientations are those that were sent.
     pub trust: Trust,
     /// For each station the place of the one that its pose is named by: visits of one pose have one.
@@ -49,14 +49,14 @@ pub struct Commanded {
 
 /// Commanded minus reported axis variables of one station, rad.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shortfall {
+pub enum SettlingError {
     /// Of the command as it was sent: means the same in every session.
     Sent(Vec<f64>),
     /// Of a command whose orientation is not what was sent: says something in its own session alone.
     OfPosition(Vec<f64>),
 }
 
-impl Shortfall {
+impl SettlingError {
     /// Commanded minus reported axis variables, rad, where both are the same motion.
     pub fn sent(&self) -> Option<&[f64]> {
         match self {
@@ -84,13 +84,13 @@ impl Trust {
     }
 }
 
-/// Commanded and nominal orientations further apart than this are not of one motion, rad. Servo errors at rest are a
+/// Commanded and nominal orientations further apart than this are not of one motion, rad. Servo errors of a stationary joint are a
 /// tenth of a milliradian to a third.
 const TRUSTED_RAD: f64 = 0.5e-3;
-/// What the regularised step weighs: position, orientation, and how large a shortfall is expected to be.
+/// What the regularised step weighs: position, orientation, and how large a settling error is expected to be.
 const POSITION_MM: f64 = 0.01;
 const ORIENTATION_RAD: f64 = 30e-6;
-const SHORTFALL_RAD: f64 = 250e-6;
+const SETTLING_ERROR_RAD: f64 = 250e-6;
 
 /// Reads the commands of `stations`.
 pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Commanded {
@@ -121,23 +121,25 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
         Some(scatter) => Trust::Scatters(scatter),
         None => Trust::NoOrientations,
     };
-    let shortfalls = stations
+    let settling_errors = stations
         .iter()
         .zip(&poses)
         .zip(&turns)
         .map(|((station, pose), turn)| {
             let (pose, turn) = (pose.as_ref()?, (*turn)?);
             let turn = turn - constant;
-            let shortfall =
-                |turn_rad| shortfall(station, pose, turn, turn_rad, arm, &flange_from_tool);
+            let settling_error =
+                |turn_rad| settling_error(station, pose, turn, turn_rad, arm, &flange_from_tool);
             match trust {
-                Trust::Agrees(_) => Some(Shortfall::Sent(shortfall(ORIENTATION_RAD))),
-                Trust::Scatters(scatter) => Some(Shortfall::OfPosition(shortfall(scatter))),
+                Trust::Agrees(_) => Some(SettlingError::Sent(settling_error(ORIENTATION_RAD))),
+                Trust::Scatters(scatter) => {
+                    Some(SettlingError::OfPosition(settling_error(scatter)))
+                }
                 Trust::NoOrientations => None,
             }
         });
     Commanded {
-        shortfalls: shortfalls.collect(),
+        settling_errors: settling_errors.collect(),
         visits: visits::poses(&dwells(stations, &poses, trust)),
         poses,
         trust,
@@ -148,7 +150,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
 fn without_orientations(stations: &[Station], poses: Vec<Option<CommandedPose>>) -> Commanded {
     let trust = Trust::NoOrientations;
     Commanded {
-        shortfalls: vec![None; poses.len()],
+        settling_errors: vec![None; poses.len()],
         visits: visits::poses(&dwells(stations, &poses, trust)),
         poses,
         trust,
@@ -212,7 +214,7 @@ fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
 }
 
 /// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles; the turn Δr is known to `turn_rad`.
-fn shortfall(
+fn settling_error(
     station: &Station,
     pose: &CommandedPose,
     turn: Vector3<f64>,
@@ -238,7 +240,7 @@ fn shortfall(
         .copy_from(&((pose.position - tool) / POSITION_MM));
     away.fixed_rows_mut::<3>(3)
         .copy_from(&(differential.end.rotation * turn / turn_rad));
-    let ridge = DMatrix::identity(axes.len(), axes.len()) / SHORTFALL_RAD.powi(2);
+    let ridge = DMatrix::identity(axes.len(), axes.len()) / SETTLING_ERROR_RAD.powi(2);
     let factor = (rows.tr_mul(&rows) + ridge)
         .cholesky()
         .expect("a ridge makes it positive definite");

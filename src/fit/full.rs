@@ -1,4 +1,4 @@
-//! The whole error model: geometry, joint curves, gravity, gear lines, drift and blend as one Gaussian model.
+//! The full error model: geometry, joint curves, gravity, gear lines, drift and command–feedback weight as one Gaussian model.
 //!
 //! All parts are linear in their unknowns around the geometric fit ([`crate::method::error_model`]), so they are one
 //! Bayesian linear regression with a diagonal prior: curves are Fourier series whose coefficients' variances are those of
@@ -9,6 +9,7 @@
 //! Inputs: observations of one or more sessions of an arm, the frames and offsets of its geometric fit. Output: a
 //! [`FullModel`], which predicts with a covariance.
 
+pub mod approach;
 mod before;
 pub mod bulk;
 mod columns;
@@ -27,7 +28,6 @@ pub mod saved;
 mod scales;
 pub mod settings;
 pub mod spectrum;
-pub mod standing;
 pub mod student;
 pub mod tabulated;
 pub mod train;
@@ -41,6 +41,7 @@ use super::observation::Observation;
 use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
 use super::scale::ScaleEvidence;
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
+use approach::{Against, ApproachOffsets};
 use components::Part;
 use design::PoseView;
 use layout::{Block, Layout};
@@ -49,11 +50,10 @@ use noise::Repeatability;
 pub use parts::PartEvidence;
 use regression::Posterior;
 pub use settings::FullSettings;
-use standing::{Against, Standing};
 use student::Tails;
 use tabulated::Tabulated;
 
-/// The whole model of an arm, trained.
+/// The full error model of an arm, trained.
 #[derive(Debug)]
 pub struct FullModel {
     /// The identification problem without observations: chains and unknowns to predict with.
@@ -72,7 +72,7 @@ pub struct FullModel {
     /// Standard deviation of a session's own scale, a share.
     scale_sd: f64,
     scale_evidence: Option<ScaleEvidence>,
-    standing: Option<Standing>,
+    approach: Option<ApproachOffsets>,
     tails: Tails,
     mean: DVector<f64>,
     posterior: Posterior,
@@ -122,7 +122,7 @@ pub struct Predicted {
     /// How it moves with every column.
     pub rows: DMatrix<f64>,
     /// Covariance by not knowing where the joints come to stand against their command, mm².
-    pub standing: Matrix3<f64>,
+    pub approach: Matrix3<f64>,
 }
 
 impl FullModel {
@@ -159,7 +159,7 @@ impl FullModel {
         let scale_evidence = settled.scale_evidence(&problem);
         let parts = settled.weigh_parts();
         let mean = settled.posterior.mean() + &settled.prior_mean;
-        let standing = standing(observations, &settled.state.layout, &mean);
+        let approach = approach(observations, &settled.state.layout, &mean);
         let train::Settled {
             state,
             posterior,
@@ -184,7 +184,7 @@ impl FullModel {
             middles: state.middles,
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence,
-            standing,
+            approach,
             tails: state.tails,
             layout: state.layout,
             offsets: state.offsets,
@@ -203,28 +203,28 @@ impl FullModel {
         let view = self.viewed(query);
         let rows = self.pose(query, &view).rows(&self.layout, 3);
         let moved: DVector<f64> = &rows * &self.mean;
-        let (shift, standing) = self.stands(query, &view.joints);
+        let (shift, approach) = self.stands(query, &view.joints);
         let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
         let position = Point3::from(view.end.translation.vector + moved);
         Predicted {
             position,
             flange: view.end.rotation * self.target_from_flange(query.session),
             rows,
-            standing,
+            approach,
         }
     }
 
-    /// From the flange's axes to the tracker's as the whole model has it: with what curves, gravity and the other parts turn it
+    /// From the flange's axes to the tracker's as the full error model has it: with what curves, gravity and the other parts turn it
     /// by, which [`Predicted::flange`] leaves out.
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
         let moved = self.pose(query, &view).rows(&self.layout, 6) * &self.mean;
         let against = self.against(query);
-        let standing = against.map_or_else(Vector3::zeros, |against| {
+        let approach = against.map_or_else(Vector3::zeros, |against| {
             let joints = view.joints.iter().zip(&against.mean);
             joints.map(|(twist, mean)| twist.angular * *mean).sum()
         });
-        let turn = Vector3::new(moved[3], moved[4], moved[5]) + standing;
+        let turn = Vector3::new(moved[3], moved[4], moved[5]) + approach;
         UnitQuaternion::from_scaled_axis(turn)
             * view.end.rotation
             * self.target_from_flange(query.session)
@@ -239,8 +239,8 @@ impl FullModel {
     /// The predicted point of a pose, and its covariance by not knowing where joints stand against their command.
     fn attained(&self, query: &Query<'_>, pose: &PoseView<'_>) -> (Point3<f64>, Matrix3<f64>) {
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
-        let (shift, standing) = self.stands(query, pose.joints);
-        (pose.end + moved + shift, standing)
+        let (shift, approach) = self.stands(query, pose.joints);
+        (pose.end + moved + shift, approach)
     }
 
     /// [`Self::position`] of every query, on all cores.
@@ -280,8 +280,8 @@ impl FullModel {
             up: self.up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: query.axes,
-            shortfall: match query.known {
-                Known::Both(shortfall) => Some(shortfall),
+            settling_error: match query.known {
+                Known::Both(settling_error) => Some(settling_error),
                 Known::Reported | Known::Commanded => None,
             },
             session: query.own.then_some(query.session),
@@ -293,17 +293,17 @@ impl FullModel {
         }
     }
 
-    /// Where joints come to stand against the angles of a query, where the shortfall is not known.
+    /// Where joints come to stand against the angles of a query, where the settling error is not known.
     fn against(&self, query: &Query<'_>) -> Option<&Against> {
-        let standing = self.standing.as_ref()?;
+        let approach = self.approach.as_ref()?;
         match query.known {
-            Known::Commanded => Some(&standing.commanded),
-            Known::Reported => Some(&standing.reported),
+            Known::Commanded => Some(&approach.commanded),
+            Known::Reported => Some(&approach.reported),
             Known::Both(_) => None,
         }
     }
 
-    /// Mean and covariance of how the point is moved by where joints come to stand, where the shortfall is not known.
+    /// Mean and covariance of how the point is moved by where joints come to stand, where the settling error is not known.
     fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
         let zero = (Vector3::zeros(), Matrix3::zeros());
         let Some(against) = self.against(query) else {
@@ -445,14 +445,18 @@ impl FullModel {
 }
 
 /// Where joints stand against their command, where the model has the parts that say it.
-fn standing(
+fn approach(
     observations: &[Observation],
     layout: &Layout,
     mean: &DVector<f64>,
-) -> Option<Standing> {
+) -> Option<ApproachOffsets> {
     let of = |block| {
         let columns = layout.columns(block)?;
         Some(mean.rows(columns.start, columns.len()).into_owned())
     };
-    Standing::of(observations, &of(Block::Blend)?, &of(Block::StopShort)?)
+    ApproachOffsets::of(
+        observations,
+        &of(Block::CommandWeight)?,
+        &of(Block::ApproachOffset)?,
+    )
 }

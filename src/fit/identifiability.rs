@@ -1,4 +1,4 @@
-//! Whether a parameter was told apart from the others, and what it is confounded with: every limit of that stands here.
+//! Whether a parameter is identifiable, and what it is confounded with: every limit of that stands here.
 //!
 //! The method is in [`crate::method::identification`].
 
@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::Calibration;
 
-/// A parameter was told apart when its standard error is below this share of its prior's.
+/// A parameter is identifiable when its standard error is below this share of its prior's.
 const SHARE_OF_PRIOR: f64 = 0.5;
 /// Two parameters are confounded when they correlate by more than this.
 const CONFOUNDED: f64 = 0.9;
@@ -14,8 +14,8 @@ const CONFOUNDED: f64 = 0.9;
 /// How far the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identifiability {
-    /// It was told apart from the others.
-    ToldApart,
+    /// The poses determine it.
+    Identifiable,
     /// The settings hold it fixed.
     Fixed,
     /// No pose moves with it.
@@ -27,7 +27,7 @@ pub enum Identifiability {
 }
 
 /// Whether a standard error says more than the prior's; without a prior it does.
-pub fn is_told_apart(standard_error: f64, prior_sd: Option<f64>) -> bool {
+pub fn is_identifiable(standard_error: f64, prior_sd: Option<f64>) -> bool {
     prior_sd.is_none_or(|sd| standard_error < SHARE_OF_PRIOR * sd)
 }
 
@@ -61,12 +61,12 @@ fn correlation(covariance: &DMatrix<f64>, a: usize, b: usize) -> f64 {
 }
 
 impl Calibration {
-    /// Whether unknown `place` was told apart, and if not, why.
+    /// Whether unknown `place` is identifiable, and if not, why.
     pub fn identifiability(&self, place: usize) -> Identifiability {
         if self.nominal_structure.zero_columns.contains(&place) {
             Identifiability::MovesNothing
-        } else if self.told_apart(place) {
-            Identifiability::ToldApart
+        } else if self.identifiable(place) {
+            Identifiability::Identifiable
         } else if self.nominal_structure.indistinguishable[place].is_empty() {
             Identifiability::Weak
         } else {
@@ -74,20 +74,20 @@ impl Calibration {
         }
     }
 
-    /// Whether unknown `place` was told apart: its standard error is below half its prior's, or, without a prior, it
+    /// Whether unknown `place` is identifiable: its standard error is below half its prior's, or, without a prior, it
     /// takes part in no structural null direction.
-    pub fn told_apart(&self, place: usize) -> bool {
+    pub fn identifiable(&self, place: usize) -> bool {
         let structural = !self.nominal_structure.zero_columns.contains(&place);
         structural
             && match self.prior_sd[place] {
-                Some(sd) => is_told_apart(self.standard_error(place), Some(sd)),
+                Some(sd) => is_identifiable(self.standard_error(place), Some(sd)),
                 None => self.nominal_structure.indistinguishable[place].is_empty(),
             }
     }
 
-    /// What unknown `place` could not be told apart from: structural partners, else those it correlates with.
+    /// What unknown `place` is confounded with: structural partners, else those it correlates with.
     pub fn confounded_with(&self, place: usize) -> Vec<usize> {
-        if self.told_apart(place) {
+        if self.identifiable(place) {
             return Vec::new();
         }
         let structural = &self.nominal_structure.indistinguishable[place];

@@ -10,7 +10,7 @@ use std::fmt::Debug;
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::commanded::Shortfall;
+use super::commanded::SettlingError;
 use super::full::PartEvidence;
 use super::gap::Gap;
 use super::observation::Observation;
@@ -152,7 +152,7 @@ pub enum Known<'q> {
     /// Reported angles, the command not known.
     Reported,
     /// Reported angles, with what they fell short of the command.
-    Both(&'q Shortfall),
+    Both(&'q SettlingError),
     /// Commanded angles: all an off-line programmer has.
     Commanded,
 }
@@ -163,7 +163,7 @@ pub enum Angles {
     /// As the controller reported them.
     Reported,
     /// Between reported and commanded, as the model finds.
-    Blended,
+    Weighted,
     /// As commanded: all an off-line programmer has.
     Commanded,
 }
@@ -212,8 +212,8 @@ impl<'q> At<'q> {
 impl<'q> Known<'q> {
     /// All that is known of a station.
     pub fn of(observation: &'q Observation) -> Self {
-        let shortfall = observation.shortfall.as_ref();
-        shortfall.map_or(Self::Reported, Self::Both)
+        let settling_error = observation.settling_error.as_ref();
+        settling_error.map_or(Self::Reported, Self::Both)
     }
 }
 

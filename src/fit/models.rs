@@ -14,7 +14,7 @@ use crate::kinematics::Arm;
 pub struct TrainingSettings<'s> {
     /// The geometric fit.
     pub fit: &'s FitSettings,
-    /// The whole error model.
+    /// The full error model.
     pub full: &'s FullSettings,
     /// Against gravity, in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
@@ -23,11 +23,11 @@ pub struct TrainingSettings<'s> {
 /// The models of one training.
 #[derive(Debug)]
 pub struct Models {
-    /// The nominal arm, base and target fitted: the gauge of errors.
+    /// The nominal arm, base and target fitted: the error reference frame.
     pub base_target: Calibration,
     /// The identified geometry.
     pub geometric: Calibration,
-    /// The whole error model, unless it is switched off or could not be factored.
+    /// The full error model, unless it is switched off or could not be factored.
     pub full: Option<FullModel>,
     /// Those made on top of these, where they were asked for.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
@@ -44,7 +44,7 @@ pub struct Training<'t> {
     pub models: &'t Models,
 }
 
-/// Trains base + target, geometry and the whole error model on the observations of `sessions` sessions.
+/// Trains base + target, geometry and the full error model on the observations of `sessions` sessions.
 pub fn train(
     arm: &Arm,
     observations: &[Observation],

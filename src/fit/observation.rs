@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::commanded::{Commanded, Shortfall};
+use super::commanded::{Commanded, SettlingError};
 use crate::join::{Attained, Pairing, Station};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
@@ -70,7 +70,7 @@ pub struct Observation {
     /// Measured target orientation in the tracker frame with its standard uncertainty per axis, rad.
     pub orientation: Option<(UnitQuaternion<f64>, f64)>,
     /// What the station fell short of its command, where the log has commanded poses.
-    pub shortfall: Option<Shortfall>,
+    pub settling_error: Option<SettlingError>,
 }
 
 impl Observation {
@@ -85,7 +85,7 @@ impl Observation {
             instrument,
             position_factor: Matrix3::identity(),
             orientation: None,
-            shortfall: None,
+            settling_error: None,
         }
     }
 }
@@ -121,26 +121,29 @@ pub fn observations(
             instrument: instrument(attained, noise),
             position_factor: position_factor(attained, noise),
             orientation: orientation(attained, noise),
-            shortfall: None,
+            settling_error: None,
         })
         .collect()
 }
 
 /// Gives observations what their stations' commands say: what they fell short of, and which pose they visit.
 pub fn add_commands(observations: &mut [Observation], stations: &[Station], commanded: &Commanded) {
-    let of_stations = commanded.shortfalls.iter().zip(&commanded.visits);
-    let by_number: BTreeMap<usize, (Option<&Shortfall>, usize)> = stations
+    let of_stations = commanded.settling_errors.iter().zip(&commanded.visits);
+    let by_number: BTreeMap<usize, (Option<&SettlingError>, usize)> = stations
         .iter()
         .zip(of_stations)
-        .map(|(station, (shortfall, &pose))| {
-            (station.number, (shortfall.as_ref(), stations[pose].number))
+        .map(|(station, (settling_error, &pose))| {
+            (
+                station.number,
+                (settling_error.as_ref(), stations[pose].number),
+            )
         })
         .collect();
     for observation in observations {
-        let Some((shortfall, pose)) = by_number.get(&observation.station) else {
+        let Some((settling_error, pose)) = by_number.get(&observation.station) else {
             continue;
         };
-        observation.shortfall = shortfall.cloned();
+        observation.settling_error = settling_error.cloned();
         observation.pose = *pose;
     }
 }

@@ -1,8 +1,8 @@
-//! What the poses can tell apart: structural rank, the directions that are told apart at the solution, observability.
+//! What the poses determine: structural rank, the directions that are identifiable at the solution, observability.
 //!
 //! The method is in [`crate::method::identification`]. Zero columns come out first; the structural rank is found on the
 //! column-scaled Jacobian of the nominal arm, whose geometry is exact, so that its zero singular values are zeros to
-//! rounding. At the solution a parameter is *told apart* when its standard error is below half its prior's.
+//! rounding. At the solution a parameter is *identifiable* when its standard error is below half its prior's.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -29,7 +29,7 @@ pub struct Structure {
     pub rank: usize,
     /// Unknowns whose column is zero: no pose moves with them.
     pub zero_columns: Vec<usize>,
-    /// For each unknown, the others that it cannot be told apart from whatever the poses' noise; empty when it can.
+    /// For each unknown, the others that it is confounded with whatever the noise of the poses; empty where it is identifiable.
     pub indistinguishable: Vec<Vec<usize>>,
 }
 

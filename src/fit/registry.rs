@@ -46,7 +46,7 @@ registry! {
     BaseTarget: base_target,
     /// The identified geometry.
     Geometric: geometric,
-    /// The whole error model.
+    /// The full error model.
     Full: full,
     /// The chosen compensation table.
     Table: table,

@@ -1,6 +1,6 @@
 //! Whether sessions that were pooled, or that judge, are of one arm.
 //!
-//! Inputs: the whole model of a pool, the base + target fit and the observations of the same pool. Output: per session, what
+//! Inputs: the full error model of a pool, the base + target fit and the observations of the same pool. Output: per session, what
 //! the shared arm leaves of its stations beside what the nominal arm leaves, and a verdict.
 //!
 //! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew; the median distance left.
@@ -198,7 +198,7 @@ impl Shared {
                     // The first column is the joint's constant: how the joint moves the target.
                     changed += predicted.rows.column(columns.start).norm_squared();
                 }
-                Block::SessionBlend(session) if session == o.session => {}
+                Block::SessionCommandWeight(session) if session == o.session => {}
                 _ => continue,
             }
             for column in columns {

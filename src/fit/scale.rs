@@ -66,7 +66,7 @@ impl FreeScale {
     }
 }
 
-/// The scale of one session in a whole error model that holds it to the instrument's prior.
+/// The scale of one session in a full error model that holds it to the instrument's prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedScale {
     /// How much longer it measures than the arm that all sessions share, ppm.
@@ -112,11 +112,11 @@ pub struct SessionScale {
     pub stations: usize,
     /// Standard deviation of its scale before any measurement, ppm.
     pub prior_sd_ppm: f64,
-    /// The scale in the whole error model; `None` where it has none.
+    /// The scale in the full error model; `None` where it has none.
     pub fitted: Option<FittedScale>,
     /// Standard deviation of the arm's lengths, mm.
     pub length_sd_mm: f64,
-    /// The scale that the arm's lengths alone hold; `None` without a whole error model, or where rounding made it indefinite.
+    /// The scale that the arm's lengths alone hold; `None` without a full error model, or where rounding made it indefinite.
     pub free: Option<FreeScale>,
 }
 

@@ -3,44 +3,51 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
+use super::error_frame::ErrorFrame;
 use super::gap::Gap;
-use super::gauge::Gauge;
 use super::model::{At, Known, PoseModel, Query};
 
-/// Errors of the tool point as a model of the arm predicts them from commanded angles, in a session's gauge.
+/// Errors of the tool point as a model of the arm predicts them from commanded angles, in a session's error reference frame.
 #[derive(Debug, Clone, Copy)]
 pub struct ToolErrors<'m> {
     model: &'m dyn PoseModel,
     /// The session's place in the model.
     session: usize,
-    gauge: &'m Gauge<'m>,
+    error_frame: &'m ErrorFrame<'m>,
 }
 
 impl<'m> ToolErrors<'m> {
-    /// The errors that `model` sees in the `gauge` of its session `session`.
-    pub const fn new(model: &'m dyn PoseModel, session: usize, gauge: &'m Gauge<'m>) -> Self {
+    /// The errors that `model` sees in the `error_frame` of its session `session`.
+    pub const fn new(
+        model: &'m dyn PoseModel,
+        session: usize,
+        error_frame: &'m ErrorFrame<'m>,
+    ) -> Self {
         Self {
             model,
             session,
-            gauge,
+            error_frame,
         }
     }
 
     /// Attained minus commanded position of the tool point in the base frame, mm.
     pub fn error(&self, joints: &[f64]) -> Result<Vector3<f64>, Gap> {
-        let axes = self.gauge.arm().axes(joints);
+        let axes = self.error_frame.arm().axes(joints);
         let tool = self.model.position(&self.at(&axes))?;
-        Ok(self.in_gauge(joints, &tool))
+        Ok(self.in_error_frame(joints, &tool))
     }
 
     /// [`Self::error`] at many joint angles, on all cores.
     pub fn errors(&self, many: &[&[f64]]) -> Vec<Result<Vector3<f64>, Gap>> {
-        let axes: Vec<Vec<f64>> = many.iter().map(|q| self.gauge.arm().axes(q)).collect();
+        let axes: Vec<Vec<f64>> = many
+            .iter()
+            .map(|q| self.error_frame.arm().axes(q))
+            .collect();
         let at: Vec<At<'_>> = axes.iter().map(|axes| self.at(axes)).collect();
         let tools = self.model.positions(&at);
-        let in_gauge =
-            |(q, tool): (&&[f64], Result<Point3<f64>, Gap>)| Ok(self.in_gauge(q, &tool?));
-        many.par_iter().zip(tools).map(in_gauge).collect()
+        let in_error_frame =
+            |(q, tool): (&&[f64], Result<Point3<f64>, Gap>)| Ok(self.in_error_frame(q, &tool?));
+        many.par_iter().zip(tools).map(in_error_frame).collect()
     }
 
     /// [`Self::error`] with its covariance for a command of some day, mm².
@@ -48,12 +55,17 @@ impl<'m> ToolErrors<'m> {
         &self,
         joints: &[f64],
     ) -> Result<(Vector3<f64>, Matrix3<f64>), Gap> {
-        let axes = self.gauge.arm().axes(joints);
+        let axes = self.error_frame.arm().axes(joints);
         let predicted = self.model.predict(&self.at(&axes))?;
         let spread = self.model.spread(self.session, &predicted);
-        let base = self.gauge.frames().tracker_from_base.isometry().rotation;
+        let base = self
+            .error_frame
+            .frames()
+            .tracker_from_base
+            .isometry()
+            .rotation;
         Ok((
-            self.in_gauge(joints, &predicted.position),
+            self.in_error_frame(joints, &predicted.position),
             spread.seen_from(&base.inverse()),
         ))
     }
@@ -62,17 +74,17 @@ impl<'m> ToolErrors<'m> {
         At::Joints(Query {
             axes,
             known: Known::Commanded,
-            lever: self.gauge.lever(),
+            lever: self.error_frame.lever(),
             session: self.session,
             own: true,
             station: None,
         })
     }
 
-    /// A point in the tracker's frame as an error in the gauge.
-    fn in_gauge(&self, joints: &[f64], tool: &Point3<f64>) -> Vector3<f64> {
-        let base = self.gauge.frames().tracker_from_base.isometry();
+    /// A point in the tracker's frame as an error in the error reference frame.
+    fn in_error_frame(&self, joints: &[f64], tool: &Point3<f64>) -> Vector3<f64> {
+        let base = self.error_frame.frames().tracker_from_base.isometry();
         base.inverse_transform_point(tool).coords
-            - self.gauge.nominal_tool(joints).translation.vector
+            - self.error_frame.nominal_tool(joints).translation.vector
     }
 }

@@ -10,7 +10,7 @@
 //! - every reported joint within 1°. One command can be reached in several configurations, or with a joint a turn further on,
 //!   which the standard would not count as one pose; a dwell's joints are within milliradians of its command's otherwise.
 //!
-//! A dwell without a command is a visit of the pose that it stood at: every reported joint within 0.1°. Servo errors at rest are
+//! A dwell without a command is a visit of the pose that it stood at: every reported joint within 0.1°. Servo errors of a stationary joint are
 //! a tenth of that, and no two poses of a program are as near.
 //!
 //! A pose is named by the dwell that was first there, of those with a command where there is one; a dwell belongs to the first

@@ -25,9 +25,9 @@ pub struct HeldOut {
     pub left: Vec<LeftAt>,
     /// Norms by pose: what a bound counts.
     pub by_pose: PoseErrors,
-    /// Norms by pose of the errors that those stations may have on another day, as many for each; empty where nothing is known
+    /// Norms by pose of the errors of those stations with between-session variation drawn anew, as many for each; empty where nothing is known
     /// of that, and in a row of steps, which keeps the bound they have.
-    pub another_day: PoseErrors,
+    pub between_sessions: PoseErrors,
     /// Norm of the same stations' errors with nothing subtracted, mm.
     pub uncorrected: Vec<f64>,
     /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
@@ -67,10 +67,11 @@ impl HeldOut {
         let norm = left.error.norm();
         self.norms.push(norm);
         self.by_pose.add(left.pose, left.station, sample, norm);
-        let days = station.another_day.len();
-        for (day, norm) in station.left_another_day(interpolated).enumerate() {
+        let days = station.between_sessions.len();
+        for (day, norm) in station.left_between_sessions(interpolated).enumerate() {
             let sample = sample * days + day;
-            self.another_day.add(left.pose, left.station, sample, norm);
+            self.between_sessions
+                .add(left.pose, left.station, sample, norm);
         }
         self.left.push(left);
         self.uncorrected.push(station.error.norm());

@@ -307,7 +307,7 @@ mod tests {
                 configuration: None,
                 error: Vector3::new(0.1 * node as f64 + 0.01 * again, 0.0, 0.0),
                 fold: 0,
-                another_day: Vec::new(),
+                between_sessions: Vec::new(),
             }
         };
         (0..54).map(station).collect()

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::lattice::{InCell, Lattice};
-use crate::fit::Gauge;
+use crate::fit::ErrorFrame;
 pub use crate::fit::Refusal;
 use crate::join::Station;
 use crate::kinematics::{
@@ -32,9 +32,9 @@ pub struct GridStation {
     pub error: Vector3<f64>,
     /// The fold that holds it out.
     pub fold: usize,
-    /// By how much its error may have been another on another day, mm: several, each as likely as the others; none where
+    /// Changes of its error that another session may bring, mm: several, each as likely as the others; none where
     /// nothing is known of that.
-    pub another_day: Vec<Vector3<f64>>,
+    pub between_sessions: Vec<Vector3<f64>>,
 }
 
 impl GridStation {
@@ -43,11 +43,11 @@ impl GridStation {
     pub fn of(
         station: &Station,
         commanded: Option<Point3<f64>>,
-        gauge: &Gauge<'_>,
+        error_frame: &ErrorFrame<'_>,
         reach: &Reach<'_>,
         fold: usize,
     ) -> Option<Self> {
-        let nominal = gauge.nominal_tool(&station.joints);
+        let nominal = error_frame.nominal_tool(&station.joints);
         let position = commanded.unwrap_or_else(|| Point3::from(nominal.translation.vector));
         Some(Self {
             number: station.number,
@@ -56,19 +56,19 @@ impl GridStation {
             orientation: nominal.rotation,
             configuration: reach.configuration(&station.joints),
             joints: station.joints.clone(),
-            error: gauge.tool_error(station, &position)?,
+            error: error_frame.tool_error(station, &position)?,
             fold,
-            another_day: Vec::new(),
+            between_sessions: Vec::new(),
         })
     }
 
-    /// What `interpolated` would leave of its errors of another day: their norms, mm.
-    pub(super) fn left_another_day(
+    /// What `interpolated` would leave of its errors with between-session variation: their norms, mm.
+    pub(super) fn left_between_sessions(
         &self,
         interpolated: &Vector3<f64>,
     ) -> impl Iterator<Item = f64> {
         let left = self.error - interpolated;
-        self.another_day
+        self.between_sessions
             .iter()
             .map(move |moved| (left + moved).norm())
     }

@@ -206,9 +206,10 @@ impl Row {
     ) -> Judged {
         let bound_of_session = held_out.by_pose.bound(tolerance.coverage());
         // Never less than what was seen.
-        let another_day = std::mem::take(&mut held_out.another_day).bound(tolerance.coverage());
-        let bound =
-            bound_of_session.map(|own| another_day.map_or(own, |another_day| own.max(another_day)));
+        let between_sessions =
+            std::mem::take(&mut held_out.between_sessions).bound(tolerance.coverage());
+        let bound = bound_of_session
+            .map(|own| between_sessions.map_or(own, |between_sessions| own.max(between_sessions)));
         Judged {
             nodes: counts.nodes,
             refused_nodes: counts.refused_nodes,

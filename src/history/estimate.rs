@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::suspects::Suspect;
+use super::hypotheses::Hypothesis;
 use super::{bits, inverse_above};
 use crate::kinematics::{Motion, Parameter};
 pub use column::Column;
@@ -58,17 +58,17 @@ impl Estimate {
     }
 
     /// Whether base or target stands `limit` mm or mrad and more from where the other has it; false where one has none.
-    pub(super) fn is_far_from(&self, other: &Self, part: Suspect, limit: f64) -> bool {
+    pub(super) fn is_far_from(&self, other: &Self, part: Hypothesis, limit: f64) -> bool {
         let pair = match part {
-            Suspect::Base => (other.base, self.base),
-            Suspect::Target => (other.target, self.target),
+            Hypothesis::Base => (other.base, self.base),
+            Hypothesis::Target => (other.target, self.target),
             _ => (None, None),
         };
         let (Some(from), Some(to)) = pair else {
             return false;
         };
         let motion = motion(&from, &to);
-        let turned = part == Suspect::Base || self.turns_target();
+        let turned = part == Hypothesis::Base || self.turns_target();
         let angle = if turned {
             1e3 * motion.fixed_rows::<3>(3).norm()
         } else {

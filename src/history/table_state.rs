@@ -13,7 +13,7 @@
 
 use std::fmt;
 
-use super::suspects::{Finding, Suspect};
+use super::hypotheses::{Finding, Hypothesis};
 use super::{FALSE_ALARM, Judged};
 use crate::compensation::validity::Outside;
 use crate::figures::{Coverage, least_count};
@@ -151,8 +151,8 @@ fn of_the_arm(finding: &Finding) -> bool {
     match finding {
         Finding::Nothing => false,
         Finding::Moved { surely, one_of } => {
-            surely.iter().any(|part| *part != Suspect::Base)
-                || !(one_of.is_empty() || one_of.contains(&Suspect::Base))
+            surely.iter().any(|part| *part != Hypothesis::Base)
+                || !(one_of.is_empty() || one_of.contains(&Hypothesis::Base))
         }
     }
 }
@@ -230,8 +230,8 @@ impl fmt::Display for Drifted {
                  {from_station} on: with a base of their own later stations keep it",
                 1e3 * rad
             ),
-            Self::Parts(judged) if judged.finding.parts().contains(&Suspect::Anything) => f.write_str(
-                "and more of the arm is another than can be told apart: it was changed, or the table is another arm's",
+            Self::Parts(judged) if judged.finding.parts().contains(&Hypothesis::Anything) => f.write_str(
+                "and more of the arm is another than can be distinguished: it was changed, or the table is another arm's",
             ),
             Self::Parts(judged) => {
                 let moved = judged.in_words().unwrap_or_default();
@@ -386,7 +386,7 @@ mod tests {
         let found = |compare: Result<Judged, String>| shown(&worse, &MEANT).state(|| compare);
         let nothing = found(Ok(Judged::default()));
         assert_eq!(nothing, TableState::Expired(Drifted::Nothing));
-        let of = |surely: Vec<Suspect>| Judged {
+        let of = |surely: Vec<Hypothesis>| Judged {
             finding: Finding::Moved {
                 surely,
                 one_of: vec![],
@@ -394,18 +394,18 @@ mod tests {
             ..Judged::default()
         };
         // That the base stands elsewhere is no matter.
-        let base = found(Ok(of(vec![Suspect::Base])));
+        let base = found(Ok(of(vec![Hypothesis::Base])));
         assert_eq!(base, TableState::Expired(Drifted::Nothing));
         let base_or_link = Judged {
             finding: Finding::Moved {
                 surely: vec![],
-                one_of: vec![Suspect::Base, Suspect::Link(1)],
+                one_of: vec![Hypothesis::Base, Hypothesis::Link(1)],
             },
             ..Judged::default()
         };
         let maybe = found(Ok(base_or_link));
         assert_eq!(maybe, TableState::Expired(Drifted::Nothing));
-        let joint = found(Ok(of(vec![Suspect::Base, Suspect::JointOffset(3)])));
+        let joint = found(Ok(of(vec![Hypothesis::Base, Hypothesis::JointOffset(3)])));
         assert!(
             joint.to_string().contains("offset of joint 3")
                 && joint.to_string().contains("EXPIRED"),
@@ -416,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn a_temperature_outside_is_told_whether_or_not_the_promise_is_kept() {
+    fn a_temperature_outside_is_reported_whether_or_not_the_promise_is_kept() {
         let table = Validity {
             temperature_c: Some([19.0, 21.0]),
             ..Validity::default()

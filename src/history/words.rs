@@ -3,11 +3,11 @@
 use super::Judged;
 use super::compare::Shift;
 use super::estimate::Column;
-use super::suspects::{Finding, Suspect};
+use super::hypotheses::{Finding, Hypothesis};
 use crate::kinematics::{Motion, Parameter};
 
 impl Judged {
-    /// What moved, how far, and what it cannot be told apart from; nothing where nothing did.
+    /// What moved, how far, and what it cannot be distinguished from; nothing where nothing did.
     pub fn in_words(&self) -> Option<String> {
         let mut said: Vec<String> = self
             .set_up_anew
@@ -25,35 +25,35 @@ impl Judged {
         (!said.is_empty()).then(|| said.join(" and "))
     }
 
-    fn alternatives(&self, first: Suspect, one_of: &[Suspect]) -> String {
+    fn alternatives(&self, first: Hypothesis, one_of: &[Hypothesis]) -> String {
         let others: Vec<String> = one_of.iter().skip(1).map(ToString::to_string).collect();
         if others.is_empty() {
             return self.with_size(first);
         }
         format!(
-            "{}, or {}: they cannot be told apart",
+            "{}, or {}: they cannot be distinguished",
             self.with_size(first),
             others.join(" or ")
         )
     }
 
-    fn with_size(&self, part: Suspect) -> String {
+    fn with_size(&self, part: Hypothesis) -> String {
         let own: Vec<&Shift> = self
             .moved
             .iter()
             .filter(|shift| part.has(&shift.column))
             .collect();
         let size = match part {
-            Suspect::Base | Suspect::Target => Some(motion(&own)),
-            Suspect::JointOffset(_) => own.first().map(|shift| {
+            Hypothesis::Base | Hypothesis::Target => Some(motion(&own)),
+            Hypothesis::JointOffset(_) => own.first().map(|shift| {
                 format!(
                     "moved by {:.0} ± {:.0} µrad",
                     1e6 * shift.value,
                     1e6 * shift.sd
                 )
             }),
-            Suspect::JointCurve(_) | Suspect::Link(_) => Some("changed".to_owned()),
-            Suspect::Anything => None,
+            Hypothesis::JointCurve(_) | Hypothesis::Link(_) => Some("changed".to_owned()),
+            Hypothesis::Anything => None,
         };
         size.map_or_else(|| part.to_string(), |size| format!("{part} {size}"))
     }

@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_and_joints_are_told_apart() {
+    fn rows_and_joints_are_distinguished() {
         let mut angles = three_rows();
         assert_eq!((angles.len(), angles.joints()), (3, 2));
         assert_eq!(angles.row(1), [2.0, -2.0]);

@@ -1,7 +1,7 @@
 //! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run.
 //!
 //! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
-//! 2. The row `base_target` has the nominal arm and the frames that are the gauge of errors: those of the last session.
+//! 2. The row `base_target` has the nominal arm and the frames that are the error reference frame: those of the last session.
 //! 3. The best model that there is a row of predicts ([`Model::serving`]): `full`, or without it `geometric`.
 //! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
 

@@ -69,7 +69,7 @@ pub enum ExportError {
     },
     /// An arm without joint curves.
     #[error(
-        "{} has no row of model \"full\", and joint curves are part of it; switch the full model on in [fit.full]",
+        "{} has no row of model \"full\", and joint curves are part of it; switch the full error model on in [fit.full]",
         .0.display()
     )]
     NoCurves(PathBuf),

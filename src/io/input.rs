@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn six_gigabytes_that_take_no_room_are_told_by_their_size() {
+    fn six_gigabytes_that_take_no_room_are_reported_by_their_size() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("corrected.csv");
         File::create(&path).unwrap().set_len(6 << 30).unwrap();
@@ -197,7 +197,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn what_is_no_file_is_told_and_never_waited_for() {
+    fn what_is_no_file_is_reported_and_never_waited_for() {
         let folder = tempfile::tempdir().unwrap();
         let told = |path: &Path| open(path, SMALL).unwrap_err().to_string();
         assert!(told(folder.path()).contains("a folder"));

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use crate::ingest::{LogReject, TimeSource};
 use crate::io::log::{
-    Account, Channel, Extent, FileError, Glance, Limits, MessageRecord, Schema, Suggestible,
+    Channel, Extent, FileError, Glance, Limits, MessageRecord, ReadSummary, Schema, Suggestible,
     Suggestion, Visitor, ns, scan,
 };
 use crate::io::message::{Plan, Row, Value};
@@ -33,7 +33,7 @@ const SHORTEST_MESSAGE: u64 = 31;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
     /// The file: size, header, chunks, metadata, damage.
-    pub account: Account,
+    pub read_summary: ReadSummary,
     /// Its channels, by topic.
     pub channels: Vec<ChannelSummary>,
 }
@@ -182,11 +182,14 @@ pub fn inspect(
 ) -> Result<Inspection, FileError> {
     let mut survey = Survey::default();
     let name = path.display().to_string();
-    let account = scan(path, &name, limits, &mut survey, progress)?;
+    let read_summary = scan(path, &name, limits, &mut survey, progress)?;
     let channels = survey.channels.into_iter();
     let mut channels: Vec<_> = channels.map(ChannelSummary::from).collect();
     channels.sort_by(|a, b| a.topic.cmp(&b.topic));
-    Ok(Inspection { account, channels })
+    Ok(Inspection {
+        read_summary,
+        channels,
+    })
 }
 
 /// What to take of a channel's messages.

@@ -10,7 +10,6 @@
 //! 5. Order: the samples of each stream come out in order of time (`ordered`, [`crate::ingest`]).
 //! 6. Replay: they go into the detector of dwells or to disk, for [`crate::join::join`] ([`read_session`]).
 
-mod account;
 mod block;
 mod chunk;
 mod foreign;
@@ -18,6 +17,7 @@ mod frames;
 mod ordered;
 mod packed;
 mod peeked;
+mod read_summary;
 mod record;
 mod registry;
 mod replay;
@@ -37,10 +37,10 @@ use thiserror::Error;
 use crate::ingest::{IngestError, Mapping};
 use crate::io::message::SchemaError;
 
-pub use account::Account;
 pub use block::Extent;
 pub use packed::{Packed, PackedFault};
 pub use peeked::{has_no_end, session_record};
+pub use read_summary::ReadSummary;
 pub use record::MessageRecord;
 pub use registry::{Channel, Schema};
 pub use replay::{JointSink, SessionRead, read_session};

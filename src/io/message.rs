@@ -19,8 +19,8 @@ pub mod ros2idl;
 pub mod ros2msg;
 mod row;
 mod schema;
+mod template;
 mod value;
-mod wording;
 
 pub use cdr_plan::CdrPlan;
 pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};

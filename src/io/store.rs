@@ -2,7 +2,7 @@
 //!
 //! A key is a path within the store, its parts parted by `/`: `runs/ROBOT/SESSION/RUN.parquet`. A store knows nothing of
 //! what its files are; the rules of a lake stand on top of these few operations ([`crate::io::lake`]), and so does the
-//! fetching of logs. Of all of them, only [`Store::create`] has to be told apart between processes: of several that create
+//! fetching of logs. Of all of them, only [`Store::create`] has to tell processes from each other: of several that create
 //! one key exactly one does.
 //!
 //! Buckets are there where posegrid was built with its feature `s3`; what is asynchronous about them stays in their room.

@@ -4,7 +4,7 @@
 //! a third unknown beside offset and drift, `tracker − controller = offset + drift · t ± late` (+ on arrivals, − on
 //! departures). It cancels where the two are alike. Tukey's weights on the residuals, their scale from the median
 //! absolute deviation, iterated, leave wrong edges out.
-//! Where a tracker reads only at rest there are no edges: then the middles of the dwells serve.
+//! Where a tracker reads only while stationary there are no edges: then the middles of the dwells serve.
 
 use nalgebra::{Matrix3, Vector3};
 

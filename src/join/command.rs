@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::Command;
 use super::average::unit;
-use super::placement::{Placement, Sighting};
+use super::placement::{Placement, ReadingAtFlange};
 use crate::ingest::{Poses, PosesError};
 use crate::units::{Controller, Stamp};
 
@@ -23,9 +23,9 @@ const FARTHEST_MM: f64 = 1e9;
 /// What is known of a dwell when its command is looked for.
 #[derive(Debug, Clone, Copy)]
 pub struct Occasion {
-    /// First moment at rest.
+    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last moment at rest.
+    /// Last stationary moment.
     pub end: Stamp<Controller>,
     /// The nominal flange, mm.
     pub flange: Isometry3<f64>,
@@ -64,7 +64,7 @@ pub(super) fn in_force(
         Some((median_mm, placement, rule)) if median_mm <= BELIEVED_MM => {
             let reach_mm = (REACH * median_mm).max(BELIEVED_MM);
             let near = |(dwell, stated): (&Occasion, &Option<Stated>)| {
-                stated.filter(|stated| placement.distance_mm(&sighting(dwell, stated)) <= reach_mm)
+                stated.filter(|stated| placement.distance_mm(&reading(dwell, stated)) <= reach_mm)
             };
             let near = dwells.iter().zip(rule).map(near);
             near.map(|stated| stated.map(Command::from)).collect()
@@ -115,20 +115,20 @@ impl From<Stated> for Command {
 
 /// The placement of a rule's commands, with its median distance, mm.
 fn placed(dwells: &[Occasion], rule: &[Option<Stated>]) -> Option<(f64, Placement)> {
-    let sightings: Vec<Sighting> = dwells
+    let readings: Vec<ReadingAtFlange> = dwells
         .iter()
         .zip(rule)
-        .filter_map(|(dwell, stated)| Some(sighting(dwell, stated.as_ref()?)))
+        .filter_map(|(dwell, stated)| Some(reading(dwell, stated.as_ref()?)))
         .collect();
-    if sightings.len() < super::pattern::MIN_PAIRS {
+    if readings.len() < super::pattern::MIN_PAIRS {
         return None;
     }
-    let placement = Placement::fit(&sightings)?;
-    Some((placement.median_mm(&sightings), placement))
+    let placement = Placement::fit(&readings)?;
+    Some((placement.median_mm(&readings), placement))
 }
 
-const fn sighting(dwell: &Occasion, stated: &Stated) -> Sighting {
-    Sighting {
+const fn reading(dwell: &Occasion, stated: &Stated) -> ReadingAtFlange {
+    ReadingAtFlange {
         flange: dwell.flange,
         attained: stated.position,
     }

@@ -8,7 +8,7 @@
 use super::JoinError;
 use super::dwell::median;
 use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
-use super::placement::{Placement, Sighting};
+use super::placement::{Placement, ReadingAtFlange};
 
 /// Pairs to which base and target are fitted, spread over the session: nine unknowns need no more.
 const FIT_PAIRS: usize = 250;
@@ -52,7 +52,7 @@ pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let Some(first) = coarse.first() else {
         return Err(no_common_pattern(dwells, gate_mm, None));
     };
-    // Under a shift by one row of a grid the target comes out right all the same, and with it moves are told apart to
+    // Under a shift by one row of a grid the target comes out right all the same, and with it moves are distinguished to
     // millimetres: the right shift may have drowned among the coarse candidates.
     let at_target = Ruler::at_target(
         dwells,
@@ -157,8 +157,8 @@ fn refuse_equal(winner: &Ranked, rival: &Ranked) -> Result<(), JoinError> {
 }
 
 /// What the pair's dwells say of the placement.
-pub fn sighting(dwells: Dwells, pair: Pair) -> Sighting {
-    Sighting {
+pub fn reading(dwells: Dwells, pair: Pair) -> ReadingAtFlange {
+    ReadingAtFlange {
         flange: dwells.arm[pair.arm].flange,
         attained: dwells.target[pair.target].position,
     }
@@ -167,14 +167,15 @@ pub fn sighting(dwells: Dwells, pair: Pair) -> Sighting {
 impl Candidate {
     fn of(dwells: Dwells, relation: Relation) -> Option<Self> {
         let pairs = overlaps(dwells, relation);
-        let sightings: Vec<Sighting> = pairs.iter().map(|&pair| sighting(dwells, pair)).collect();
-        if sightings.len() < MIN_PAIRS {
+        let readings: Vec<ReadingAtFlange> =
+            pairs.iter().map(|&pair| reading(dwells, pair)).collect();
+        if readings.len() < MIN_PAIRS {
             return None;
         }
-        let stride = sightings.len().div_ceil(FIT_PAIRS);
-        let spread: Vec<Sighting> = sightings.iter().copied().step_by(stride).collect();
+        let stride = readings.len().div_ceil(FIT_PAIRS);
+        let spread: Vec<ReadingAtFlange> = readings.iter().copied().step_by(stride).collect();
         let placement = Placement::fit(&spread)?;
-        let distances_mm: Vec<f64> = sightings.iter().map(|s| placement.distance_mm(s)).collect();
+        let distances_mm: Vec<f64> = readings.iter().map(|s| placement.distance_mm(s)).collect();
         let median_mm = median(&mut distances_mm.clone());
         Some(Self {
             relation,

@@ -1,23 +1,23 @@
 //! Dwells of the arm (on its joints) and of the target (on its positions), in seconds from each log's first stamp.
 //!
-//! An edge lies half way between the last moving and the first still sample. Where a log begins, ends or breaks off
+//! An edge lies half way between the last moving and the first stationary sample. Where a log begins, ends or breaks off
 //! inside a dwell there is no edge: the true one is somewhere outside.
 
 use nalgebra::{Isometry3, Vector3};
 
 use super::JoinError;
 use super::average::robust_sigma;
-use super::rest::{Rest, Still, Stretch};
-use super::sighting::Sightings;
+use super::readings::Readings;
+use super::stationary::{Stationary, StationaryStretch, Stretch};
 use crate::kinematics::Arm;
 use crate::units::{Controller, NS_PER_S, Stamp, Tracker};
 
 /// When a dwell began and ended in its own clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
-    /// First sample at rest, s.
+    /// First stationary sample, s.
     pub start_s: f64,
-    /// Last sample at rest, s.
+    /// Last stationary sample, s.
     pub end_s: f64,
     /// When the motion before it ended, where that was seen, s.
     pub arrived_s: Option<f64>,
@@ -41,31 +41,31 @@ impl Span {
         self.left_s.unwrap_or(self.end_s)
     }
 
-    fn of(still: &Still, rest: &Rest) -> Self {
-        let origin = rest.span_ns.0;
+    fn of(stretch: &StationaryStretch, stationary: &Stationary) -> Self {
+        let origin = stationary.span_ns.0;
         let seconds = |stamp_ns: i64| stamp_ns.saturating_sub(origin) as f64 / NS_PER_S;
         // An edge is only as sharp as the samples around it: across a break it was not seen.
         let edge = |before_ns: i64, after_ns: i64| {
             let apart = after_ns.saturating_sub(before_ns);
-            (apart <= rest.interval_ns.saturating_mul(2))
+            (apart <= stationary.interval_ns.saturating_mul(2))
                 .then(|| f64::midpoint(seconds(before_ns), seconds(after_ns)))
         };
-        let (start_ns, end_ns) = (still.start_ns, still.end_ns);
+        let (start_ns, end_ns) = (stretch.start_ns, stretch.end_ns);
         Self {
             start_s: seconds(start_ns),
             end_s: seconds(end_ns),
-            arrived_s: still.before_ns.and_then(|before| edge(before, start_ns)),
-            left_s: still.after_ns.and_then(|after| edge(end_ns, after)),
+            arrived_s: stretch.before_ns.and_then(|before| edge(before, start_ns)),
+            left_s: stretch.after_ns.and_then(|after| edge(end_ns, after)),
         }
     }
 }
 
-/// A stretch in which every joint is still.
+/// A stretch in which every joint is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ArmDwell {
-    /// First moment at rest.
+    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last moment at rest.
+    /// Last stationary moment.
     pub end: Stamp<Controller>,
     /// How many joint samples.
     pub samples: usize,
@@ -77,7 +77,7 @@ pub struct ArmDwell {
     pub flange: Isometry3<f64>,
 }
 
-/// A stretch in which the target is still.
+/// A stretch in which the target is stationary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TargetDwell {
     /// Rows of the readings.
@@ -94,34 +94,34 @@ pub struct TargetDwell {
     pub scatter_mm: [f64; 3],
 }
 
-/// The arm's dwells: `rest` of its joints' angles.
-pub(super) fn arm_dwells(rest: &Rest, arm: &Arm) -> Vec<ArmDwell> {
-    let dwell = |still: &Still| ArmDwell {
-        start: Stamp::from_ns(still.start_ns),
-        end: Stamp::from_ns(still.end_ns),
-        samples: still.stretch.last - still.stretch.first + 1,
-        span: Span::of(still, rest),
-        flange: *arm.flange(&still.means).isometry(),
-        joints: still.means.clone(),
+/// The arm's dwells: `stationary` of its joints' angles.
+pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
+    let dwell = |stretch: &StationaryStretch| ArmDwell {
+        start: Stamp::from_ns(stretch.start_ns),
+        end: Stamp::from_ns(stretch.end_ns),
+        samples: stretch.stretch.last - stretch.stretch.first + 1,
+        span: Span::of(stretch, stationary),
+        flange: *arm.flange(&stretch.means).isometry(),
+        joints: stretch.means.clone(),
     };
-    rest.stretches.iter().map(dwell).collect()
+    stationary.stretches.iter().map(dwell).collect()
 }
 
 /// The target's dwells.
-pub(super) fn target_dwells(sightings: &Sightings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
-    let rest = sightings.rest();
-    let dwell = |still: &Still| {
-        let mut axes = sightings.of(still.stretch)?.axes();
+pub(super) fn target_dwells(readings: &Readings<'_>) -> Result<Vec<TargetDwell>, JoinError> {
+    let stationary = readings.stationary();
+    let dwell = |stretch: &StationaryStretch| {
+        let mut axes = readings.of(stretch.stretch)?.axes();
         Ok(TargetDwell {
-            stretch: still.stretch,
-            start: Stamp::from_ns(still.start_ns),
-            end: Stamp::from_ns(still.end_ns),
-            span: Span::of(still, rest),
+            stretch: stretch.stretch,
+            start: Stamp::from_ns(stretch.start_ns),
+            end: Stamp::from_ns(stretch.end_ns),
+            span: Span::of(stretch, stationary),
             position: axes.each_mut().map(|axis| median(axis)).into(),
             scatter_mm: axes.each_mut().map(|axis| robust_sigma(axis)),
         })
     };
-    rest.stretches.iter().map(dwell).collect()
+    stationary.stretches.iter().map(dwell).collect()
 }
 
 /// The median (of an even number, the mean of the middle two); 0 of nothing. Reorders `values`.

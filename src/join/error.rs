@@ -52,7 +52,7 @@ pub enum JoinError {
     },
     /// Too few dwells to match anything.
     #[error(
-        "{side} log: {found} dwells in {samples} samples over {span_s:.1} s (rest: within {threshold} {unit} over \
+        "{side} log: {found} dwells in {samples} samples over {span_s:.1} s (stationary: within {threshold} {unit} over \
          {window_s} s), but a join needs {needed}: check the topic and its unit, or set {key} in [join]"
     )]
     TooFewDwells {
@@ -66,11 +66,11 @@ pub enum JoinError {
         samples: usize,
         /// First to last sample, s.
         span_s: f64,
-        /// The rest threshold used.
+        /// The stationary threshold used.
         threshold: f64,
         /// Its unit.
         unit: &'static str,
-        /// The window of rest, s.
+        /// The stationary window, s.
         window_s: f64,
         /// The setting that would change it.
         key: &'static str,
@@ -100,7 +100,7 @@ pub enum JoinError {
     #[error(
         "two clock offsets explain the logs equally well: {first_s:.3} s after the logs' starts ({first_pairs} pairs, \
          median {first_mm:.2} mm) and {second_s:.3} s ({second_pairs} pairs, {second_mm:.2} mm). Poses that repeat at \
-         equal times cannot be told apart: add an irregular move, or log the whole session on both sides"
+         equal times cannot be distinguished: add an irregular move, or log the whole session on both sides"
     )]
     AmbiguousShift {
         /// First offset, tracker's first stamp against controller's first stamp, s.

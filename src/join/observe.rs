@@ -2,8 +2,8 @@
 
 use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::{Dwells, MIN_PAIRS};
-use super::rest::Rest;
-use super::sighting::Sightings;
+use super::readings::Readings;
+use super::stationary::Stationary;
 use super::{JoinError, JoinSettings};
 use crate::ingest::TemperatureSamples;
 use crate::kinematics::Arm;
@@ -16,34 +16,45 @@ pub struct Observation {
     pub first_measured: Stamp<Tracker>,
     /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
-    /// Joint motion within the window of rest, rad.
-    pub still_rad: f64,
+    /// Joint motion within the stationary window, rad.
+    pub stationary_rad: f64,
     /// Target motion within it, mm.
-    pub still_mm: f64,
+    pub stationary_mm: f64,
     /// Dwells of the arm.
     pub arm: Vec<ArmDwell>,
     /// Dwells of the target.
     pub target: Vec<TargetDwell>,
 }
 
-/// Finds the dwells of both logs, where it is known where the joints rest.
+/// Finds the dwells of both logs, where it is known where the joints stationary.
 pub(super) fn observe(
-    sightings: &Sightings<'_>,
-    arm_rest: &Rest,
+    readings: &Readings<'_>,
+    arm_stationary: &Stationary,
     arm: &Arm,
     settings: &JoinSettings,
 ) -> Result<Observation, JoinError> {
-    enough("controller", arm_rest, ("rad", "still_rad"), settings)?;
-    let arm_dwells = arm_dwells(arm_rest, arm);
-    let target_rest = sightings.rest();
-    enough("tracker", target_rest, ("mm", "still_mm"), settings)?;
+    enough(
+        "controller",
+        arm_stationary,
+        ("rad", "stationary_rad"),
+        settings,
+    )?;
+    let arm_dwells = arm_dwells(arm_stationary, arm);
+    let target_stationary = readings.stationary();
+    enough(
+        "tracker",
+        target_stationary,
+        ("mm", "stationary_mm"),
+        settings,
+    )?;
     Ok(Observation {
-        first_measured: Stamp::from_ns(target_rest.span_ns.0),
-        sampling_s: [arm_rest, target_rest].map(|rest| rest.interval_ns as f64 / NS_PER_S),
-        still_rad: arm_rest.threshold,
-        still_mm: target_rest.threshold,
+        first_measured: Stamp::from_ns(target_stationary.span_ns.0),
+        sampling_s: [arm_stationary, target_stationary]
+            .map(|stationary| stationary.interval_ns as f64 / NS_PER_S),
+        stationary_rad: arm_stationary.threshold,
+        stationary_mm: target_stationary.threshold,
         arm: arm_dwells,
-        target: target_dwells(sightings)?,
+        target: target_dwells(readings)?,
     })
 }
 
@@ -56,7 +67,7 @@ impl Observation {
         }
     }
 
-    /// The usual standard deviation of a reading at rest per axis, mm.
+    /// The usual standard deviation of a stationary reading per axis, mm.
     pub(super) fn usual_scatter_mm(&self) -> [f64; 3] {
         let all = |axis: usize| {
             self.target
@@ -72,19 +83,19 @@ impl Observation {
 }
 
 /// That dwells were found on the joints of this arm, and on numbers.
-pub fn check_joints(rest: &Rest, arm: &Arm) -> Result<(), JoinError> {
-    if rest.columns != arm.joints().len() {
+pub fn check_joints(stationary: &Stationary, arm: &Arm) -> Result<(), JoinError> {
+    if stationary.columns != arm.joints().len() {
         return Err(JoinError::JointCount {
             model: arm.model().to_owned(),
-            found: rest.columns,
+            found: stationary.columns,
             expected: arm.joints().len(),
         });
     }
-    for still in &rest.stretches {
-        if let Some(joint) = still.means.iter().position(|angle| !angle.is_finite()) {
+    for stretch in &stationary.stretches {
+        if let Some(joint) = stretch.means.iter().position(|angle| !angle.is_finite()) {
             return Err(JoinError::AngleNotFinite {
                 joint: arm.joints()[joint].name.clone(),
-                sample: still.stretch.first,
+                sample: stretch.stretch.first,
             });
         }
     }
@@ -106,7 +117,7 @@ pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<()
 
 fn enough(
     side: &'static str,
-    found: &Rest,
+    found: &Stationary,
     (unit, key): (&'static str, &'static str),
     settings: &JoinSettings,
 ) -> Result<(), JoinError> {

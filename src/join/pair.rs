@@ -1,9 +1,9 @@
-//! Pairing: arm dwells, the clocks and the placement → a verdict for each dwell and a fate for each reading.
+//! Pairing: arm dwells, the clocks and the placement → a verdict for each dwell and a disposition for each reading.
 //!
 //! For each dwell of the arm:
 //! 1. the target's dwells that overlap it by more than half of the shorter one are its candidates;
 //! 2. candidates far from where the nominal arm can have been are another reflector;
-//! 3. candidates that agree are one sighting (a beam lost in between); those that do not leave the dwell ambiguous;
+//! 3. candidates that agree are one group (a beam lost in between); those that do not leave the dwell ambiguous;
 //! 4. readings after settling, without outliers, make the mean.
 
 use std::ops::Range;
@@ -11,10 +11,10 @@ use std::ops::Range;
 use nalgebra::{Point3, Vector3};
 
 use super::average::{kept, mean_and_scatter, mean_orientation};
+use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell};
-use super::fate::{Fate, Fates, Why};
 use super::placement::Placement;
-use super::sighting::{Seen, Sightings};
+use super::readings::{Readings, Seen};
 use super::{Attained, JoinError, JoinSettings, Pairing, Unmeasured};
 use crate::ingest::TemperatureSamples;
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
@@ -22,7 +22,7 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 /// Everything a verdict rests on.
 pub struct Evidence<'a> {
     /// The tracker's readings.
-    pub sightings: &'a Sightings<'a>,
+    pub readings: &'a Readings<'a>,
     /// Temperatures.
     pub temperatures: &'a TemperatureSamples,
     /// The target's dwells.
@@ -33,7 +33,7 @@ pub struct Evidence<'a> {
     pub placement: Placement,
     /// Further than this from the placement is another reflector, mm.
     pub gate_mm: f64,
-    /// Dwells closer together than this are one sighting, mm.
+    /// Dwells closer together than this are one group, mm.
     pub same_mm: f64,
     /// The session's usual standard deviation of a reading per axis, mm.
     pub usual_mm: [f64; 3],
@@ -51,14 +51,14 @@ struct Window {
 }
 
 impl Evidence<'_> {
-    /// The verdict on one dwell of the arm, and the mean where there is one; writes the fates of its readings.
+    /// The verdict on one dwell of the arm, and the mean where there is one; writes the dispositions of its readings.
     pub fn verdict(
         &self,
         dwell: &ArmDwell,
-        fates: &mut Fates,
+        dispositions: &mut Dispositions,
     ) -> Result<(Pairing, Option<Attained>), JoinError> {
         let window = self.window(dwell);
-        let seen = self.sightings.between(window.start, window.end)?;
+        let seen = self.readings.between(window.start, window.end)?;
         let candidates = self.candidates(window);
         if candidates.is_empty() {
             let why = self.why_nothing(window, &seen)?;
@@ -68,7 +68,10 @@ impl Evidence<'_> {
         let far = |index: usize| (self.target[index].position - predicted).norm() > self.gate_mm;
         let (wrong, near): (Vec<usize>, Vec<usize>) = candidates.into_iter().partition(|&c| far(c));
         for index in wrong {
-            fates.set(self.part(index, &seen), Fate::Unpaired(Why::WrongTarget));
+            dispositions.set(
+                self.part(index, &seen),
+                Disposition::Unpaired(Why::WrongTarget),
+            );
         }
         let Some(&first) = near.first() else {
             return Ok((Pairing::Unmeasured(Unmeasured::WrongTarget), None));
@@ -78,17 +81,20 @@ impl Evidence<'_> {
         };
         if near.iter().any(apart) {
             for index in near {
-                fates.set(self.part(index, &seen), Fate::Unpaired(Why::Ambiguous));
+                dispositions.set(
+                    self.part(index, &seen),
+                    Disposition::Unpaired(Why::Ambiguous),
+                );
             }
             return Ok((Pairing::Ambiguous, None));
         }
-        let attained = self.attained(&near, window, &seen, fates);
+        let attained = self.attained(&near, window, &seen, dispositions);
         let too_few = Pairing::Unmeasured(Unmeasured::TooFewReadings);
         let pairing = attained.as_ref().map_or(too_few, |_| Pairing::Paired);
         Ok((pairing, attained))
     }
 
-    /// From edge to edge: half a sample beyond the first and last still joint sample.
+    /// From edge to edge: half a sample beyond the first and last stationary joint sample.
     fn window(&self, dwell: &ArmDwell) -> Window {
         let moment = |seconds: f64| {
             let controller = self.clock.origin.plus_ns(round_ns(seconds * NS_PER_S));
@@ -119,9 +125,9 @@ impl Evidence<'_> {
 
     fn why_nothing(&self, window: Window, seen: &Seen) -> Result<Unmeasured, JoinError> {
         let readings = seen.measured().count();
-        let last = self.sightings.count() - 1;
+        let last = self.readings.count() - 1;
         let outside =
-            window.end < self.sightings.stamp(0)? || window.start > self.sightings.stamp(last)?;
+            window.end < self.readings.stamp(0)? || window.start > self.readings.stamp(last)?;
         Ok(match readings {
             0 if outside => Unmeasured::OutsideTrackerLog,
             0 => Unmeasured::NoReadings,
@@ -137,7 +143,7 @@ impl Evidence<'_> {
         first..(stretch.last + 1).min(seen.rows.end).max(first)
     }
 
-    /// From the first to the last reading of one sighting: noise and single bad readings break rest, not the dwell.
+    /// From the first to the last reading of one group: noise and single bad readings break a stationary stretch, not the dwell.
     fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
         let parts = near.iter().map(|&target| self.part(target, seen));
         parts
@@ -150,24 +156,28 @@ impl Evidence<'_> {
         near: &[usize],
         window: Window,
         seen: &Seen,
-        fates: &mut Fates,
+        dispositions: &mut Dispositions,
     ) -> Option<Attained> {
         let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
         let span = self.span_of(near, seen);
         let measured = seen.measured().filter(|row| span.contains(row));
         let (settled, settling): (Vec<usize>, Vec<usize>) =
             measured.partition(|&row| seen.stamp(row) >= settled_at);
-        fates.set_each(settling.into_iter().map(|row| (row, Fate::Settling)));
+        dispositions.set_each(settling.into_iter().map(|row| (row, Disposition::Settling)));
         let positions: Vec<_> = settled.iter().map(|&row| seen.position(row)).collect();
         let keep = kept(&positions, self.settings.mad_factor, self.usual_mm);
         let enough = keep.iter().filter(|&&keep| keep).count() >= self.settings.min_readings;
-        let fate = |keep| match (keep, enough) {
-            (false, _) => Fate::Outlier,
-            (true, false) => Fate::Unpaired(Why::TooFew),
-            (true, true) => Fate::Kept,
+        let disposition = |keep| match (keep, enough) {
+            (false, _) => Disposition::Outlier,
+            (true, false) => Disposition::Unpaired(Why::TooFew),
+            (true, true) => Disposition::Kept,
         };
         let of_settled = settled.iter().copied().zip(keep.iter().copied());
-        fates.set_each(of_settled.clone().map(|(row, keep)| (row, fate(keep))));
+        dispositions.set_each(
+            of_settled
+                .clone()
+                .map(|(row, keep)| (row, disposition(keep))),
+        );
         let used: Vec<usize> = of_settled
             .filter(|(_, keep)| *keep)
             .map(|(row, _)| row)

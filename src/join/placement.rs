@@ -12,7 +12,7 @@ use super::dwell::median;
 use crate::geometry::align;
 
 /// The target is taken to be within some hundred mm of the flange. With one tool orientation base and target cannot
-/// be told apart: this prior alone then decides, and the residuals do not depend on it.
+/// be distinguished: this prior alone then decides, and the residuals do not depend on it.
 const TARGET_PRIOR_MM: f64 = 300.0;
 const ROUNDS: usize = 12;
 /// A step below this (mm, or rad times 1000) ends the search.
@@ -20,7 +20,7 @@ const STEP_DONE: f64 = 1e-3;
 
 /// A nominal flange (mm, base frame) and the position attained there (mm, tracker frame).
 #[derive(Debug, Clone, Copy)]
-pub struct Sighting {
+pub struct ReadingAtFlange {
     /// The nominal flange in the base frame.
     pub flange: Isometry3<f64>,
     /// The target in the tracker frame.
@@ -43,16 +43,16 @@ impl Placement {
     }
 
     /// Distance between prediction and measurement, mm.
-    pub fn distance_mm(&self, sighting: &Sighting) -> f64 {
-        (sighting.attained - self.predict(&sighting.flange)).norm()
+    pub fn distance_mm(&self, reading: &ReadingAtFlange) -> f64 {
+        (reading.attained - self.predict(&reading.flange)).norm()
     }
 
-    /// The placement that fits most of `sightings`; `None` where they do not determine it (fewer than three, a line).
-    pub fn fit(sightings: &[Sighting]) -> Option<Self> {
-        let mut placement = Self::start(sightings)?;
+    /// The placement that fits most of `readings`; `None` where they do not determine it (fewer than three, a line).
+    pub fn fit(readings: &[ReadingAtFlange]) -> Option<Self> {
+        let mut placement = Self::start(readings)?;
         for _ in 0..ROUNDS {
-            let scale = placement.median_mm(sightings).max(0.01);
-            let step = placement.step(sightings, scale)?;
+            let scale = placement.median_mm(readings).max(0.01);
+            let step = placement.step(readings, scale)?;
             placement = placement.moved(&step);
             if scaled(&step) < STEP_DONE {
                 break;
@@ -61,16 +61,16 @@ impl Placement {
         Some(placement)
     }
 
-    /// Median distance over `sightings`, mm.
-    pub(super) fn median_mm(&self, sightings: &[Sighting]) -> f64 {
-        let mut distances: Vec<f64> = sightings.iter().map(|s| self.distance_mm(s)).collect();
+    /// Median distance over `readings`, mm.
+    pub(super) fn median_mm(&self, readings: &[ReadingAtFlange]) -> f64 {
+        let mut distances: Vec<f64> = readings.iter().map(|s| self.distance_mm(s)).collect();
         median(&mut distances)
     }
 
     /// Kabsch with the target at the flange.
-    fn start(sightings: &[Sighting]) -> Option<Self> {
-        let to: Vec<_> = sightings.iter().map(|s| Point3::from(s.attained)).collect();
-        let from: Vec<_> = sightings
+    fn start(readings: &[ReadingAtFlange]) -> Option<Self> {
+        let to: Vec<_> = readings.iter().map(|s| Point3::from(s.attained)).collect();
+        let from: Vec<_> = readings
             .iter()
             .map(|s| Point3::from(s.flange.translation.vector))
             .collect();
@@ -82,13 +82,13 @@ impl Placement {
     }
 
     /// The Gauss–Newton step: translation and rotation of the base, then the target.
-    fn step(&self, sightings: &[Sighting], scale_mm: f64) -> Option<SVector<f64, 9>> {
+    fn step(&self, readings: &[ReadingAtFlange], scale_mm: f64) -> Option<SVector<f64, 9>> {
         let mut normal = SMatrix::<f64, 9, 9>::zeros();
         let mut right = SVector::<f64, 9>::zeros();
         let rotation = self.tracker_from_base.rotation.to_rotation_matrix();
-        for sighting in sightings {
-            let predicted = self.predict(&sighting.flange);
-            let residual = sighting.attained - predicted;
+        for reading in readings {
+            let predicted = self.predict(&reading.flange);
+            let residual = reading.attained - predicted;
             let weight = 1.0 / (1.0 + residual.norm_squared() / (scale_mm * scale_mm * 4.0));
             let arm = predicted - self.tracker_from_base.translation.vector;
             let mut jacobian = SMatrix::<f64, 3, 9>::zeros();
@@ -98,7 +98,7 @@ impl Placement {
             jacobian
                 .fixed_view_mut::<3, 3>(0, 3)
                 .copy_from(&-arm.cross_matrix());
-            let turned = rotation.matrix() * sighting.flange.rotation.to_rotation_matrix().matrix();
+            let turned = rotation.matrix() * reading.flange.rotation.to_rotation_matrix().matrix();
             jacobian.fixed_view_mut::<3, 3>(0, 6).copy_from(&turned);
             normal += jacobian.transpose() * jacobian * weight;
             right += jacobian.transpose() * residual * weight;
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
     use crate::geometry::isometry_from_rpy;
 
-    fn sightings(truth: &Placement) -> Vec<Sighting> {
+    fn readings(truth: &Placement) -> Vec<ReadingAtFlange> {
         let flange = |k: i32| {
             let t = f64::from(k);
             let place = [
@@ -147,11 +147,11 @@ mod tests {
             ];
             isometry_from_rpy(place, [t * 0.7, (t * 1.3).sin(), t * 0.4])
         };
-        let sighting = |k| Sighting {
+        let reading = |k| ReadingAtFlange {
             flange: flange(k),
             attained: truth.predict(&flange(k)),
         };
-        (0..20).map(sighting).collect()
+        (0..20).map(reading).collect()
     }
 
     #[test]
@@ -160,7 +160,7 @@ mod tests {
             tracker_from_base: isometry_from_rpy([2000.0, -500.0, 300.0], [0.1, -0.2, 2.0]),
             target_mm: Vector3::new(250.0, -100.0, 180.0),
         };
-        let mut seen = sightings(&truth);
+        let mut seen = readings(&truth);
         for wrong in [2, 7, 13] {
             seen[wrong].attained.z += 300.0;
         }
@@ -179,10 +179,10 @@ mod tests {
             tracker_from_base: isometry_from_rpy([100.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
             target_mm: Vector3::new(0.0, 0.0, 90.0),
         };
-        let mut seen = sightings(&truth);
-        for sighting in &mut seen {
-            sighting.flange.rotation = UnitQuaternion::identity();
-            sighting.attained = truth.predict(&sighting.flange);
+        let mut seen = readings(&truth);
+        for reading in &mut seen {
+            reading.flange.rotation = UnitQuaternion::identity();
+            reading.attained = truth.predict(&reading.flange);
         }
         let found = Placement::fit(&seen).expect("twenty places");
         assert!(found.median_mm(&seen) < 1e-3);

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::rest::at_rest;
+use super::stationary::find_stationary;
 use super::{JoinError, JoinInput, JoinSettings, Joined, Pairing, join};
 use crate::geometry::isometry_from_rpy;
 use crate::ingest::{JointAngles, JointSamples, Recording};
@@ -202,7 +202,7 @@ impl Scene {
             let middle_ns = i64::midpoint(station.start.ns(), station.end.ns()) - self.origin_ns;
             let truth = self.target(arm, &self.angles(&starts_s, middle_ns as f64 / NS_PER_S));
             let off_mm = (attained.position.coords - truth).norm();
-            // Six standard errors of the mean of a three-vector, and what little moves below the threshold of rest.
+            // Six standard errors of the mean of a three-vector, and what little moves below the stationary threshold.
             let allowed_mm = 6.0 * self.noise_mm * (3.0 / attained.kept as f64).sqrt() + 0.005;
             assert!(
                 off_mm < allowed_mm,
@@ -240,7 +240,7 @@ pub(super) fn join_recorded(
     let stamps_ns: Vec<i64> = stamps.iter().map(|stamp| stamp.ns()).collect();
     let rule = settings.arm_rule();
     let input = JoinInput {
-        joints: at_rest(&stamps_ns, angles.all(), angles.joints(), &rule),
+        joints: find_stationary(&stamps_ns, angles.all(), angles.joints(), &rule),
         commands: Box::new(recording.commands.clone()),
         readings: Box::new(recording.readings.clone()),
         temperatures: recording.temperatures.clone(),

@@ -3,27 +3,27 @@
 use serde::{Deserialize, Serialize};
 
 use super::JoinError;
-use super::rest::RestRule;
+use super::stationary::StationaryRule;
 
 /// `[join]` of a pipeline file. Every key has a default; none was fitted to any recording.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JoinSettings {
-    /// Readings sooner than this after the arm came to rest are left out, s. Found from the readings where absent.
+    /// Readings sooner than this after the arm became stationary are left out, s. Found from the readings where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
     /// The shortest dwell of the arm, s. Slower than the turning points of a move, shorter than any measurement.
     pub min_dwell_s: f64,
-    /// Rest means nothing moves in a window this long (or three samples, where they are further apart), s.
+    /// Stationary means nothing moves in a window this long (or three samples, where they are further apart), s.
     pub window_s: f64,
     /// A break between samples longer than this ends a dwell (or five usual intervals, where that is more), s.
     pub gap_s: f64,
-    /// Joint motion within the window that still counts as rest, rad. Found from the log where absent.
+    /// Joint motion within the window that still counts as stationary, rad. Found from the log where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub still_rad: Option<f64>,
-    /// Target motion within the window that still counts as rest, mm. Found from the log where absent.
+    pub stationary_rad: Option<f64>,
+    /// Target motion within the window that still counts as stationary, mm. Found from the log where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub still_mm: Option<f64>,
+    pub stationary_mm: Option<f64>,
     /// The fewest readings that make a mean with a scatter.
     pub min_readings: usize,
     /// Readings further than this many robust standard deviations from their dwell's median are outliers.
@@ -40,8 +40,8 @@ impl Default for JoinSettings {
             min_dwell_s: 0.3,
             window_s: 0.1,
             gap_s: 1.0,
-            still_rad: None,
-            still_mm: None,
+            stationary_rad: None,
+            stationary_mm: None,
             min_readings: 3,
             mad_factor: 6.0,
             geometry_gate_mm: 30.0,
@@ -66,8 +66,8 @@ impl JoinSettings {
             ("gap_s", Some(self.gap_s)),
             ("mad_factor", Some(self.mad_factor)),
             ("geometry_gate_mm", Some(self.geometry_gate_mm)),
-            ("still_rad", self.still_rad),
-            ("still_mm", self.still_mm),
+            ("stationary_rad", self.stationary_rad),
+            ("stationary_mm", self.stationary_mm),
         ] {
             value.map_or(Ok(()), |value| positive(key, value))?;
         }
@@ -81,24 +81,24 @@ impl JoinSettings {
         Ok(())
     }
 
-    /// What counts as rest of the joints.
-    pub fn arm_rule(&self) -> RestRule {
-        RestRule {
+    /// What counts as stationary of the joints.
+    pub fn arm_rule(&self) -> StationaryRule {
+        StationaryRule {
             window_s: self.window_s,
             gap_s: self.gap_s,
             min_stretch_s: self.min_dwell_s,
-            threshold: self.still_rad,
+            threshold: self.stationary_rad,
             floor: FLOOR_RAD,
         }
     }
 
-    /// No least duration: a tracker may read only a few times, and only at rest.
-    pub(super) fn target_rule(&self) -> RestRule {
-        RestRule {
+    /// No least duration: a tracker may read only a few times, and only while stationary.
+    pub(super) fn target_rule(&self) -> StationaryRule {
+        StationaryRule {
             window_s: self.window_s,
             gap_s: self.gap_s,
             min_stretch_s: 0.0,
-            threshold: self.still_mm,
+            threshold: self.stationary_mm,
             floor: FLOOR_MM,
         }
     }

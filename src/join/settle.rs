@@ -1,4 +1,4 @@
-//! The settling time: how long after the arm comes to rest the target still rings, read from the readings themselves.
+//! The settling time: how long after the arm becomes stationary the target still rings, read from the readings themselves.
 //!
 //! 1. In each matched dwell the later half of the readings gives a median and a usual distance from it.
 //! 2. The distances of the earlier readings, in units of that usual distance, are sorted by their age after arrival.
@@ -12,13 +12,13 @@ use super::JoinError;
 use super::dwell::median;
 use super::observe::Observation;
 use super::pattern::{Pair, Relation};
-use super::sighting::Sightings;
+use super::readings::Readings;
 
 /// Ringing below half of the scatter of single readings does not show in their mean.
 const SETTLED: f64 = 1.5;
 /// Fewer readings than this have no later half to speak of.
 const MIN_READINGS: usize = 8;
-/// Ages are told apart by one reading, but no finer than this, s.
+/// Ages are distinguished by one reading, but no finer than this, s.
 const LEAST_AGE_STEP_S: f64 = 0.02;
 /// What still moves after this is drift, not settling, s.
 const LONGEST_S: f64 = 2.0;
@@ -26,7 +26,7 @@ const LONGEST_S: f64 = 2.0;
 /// The settling time in s, by the dwells of `pairs`.
 pub(super) fn settling_s(
     seen: &Observation,
-    sightings: &Sightings<'_>,
+    readings: &Readings<'_>,
     pairs: &[Pair],
     relation: Relation,
 ) -> Result<f64, JoinError> {
@@ -38,7 +38,7 @@ pub(super) fn settling_s(
             continue;
         };
         let arrived_s = relation.to_tracker(arrived_s);
-        let readings = sightings.of(target.stretch)?;
+        let readings = readings.of(target.stretch)?;
         let time_s = |row| readings.stamp(row).since_s(seen.first_measured);
         let times_s: Vec<f64> = readings.measured().map(time_s).collect();
         let position = |row| Vector3::from(readings.position(row));

@@ -32,12 +32,12 @@ pub struct About<'a> {
     /// Tables written.
     pub written: &'a [Written],
     /// What it says in words.
-    pub said: &'a Said,
+    pub said: &'a Statements,
 }
 
 /// What a run says in words.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Said {
+pub struct Statements {
     /// Topics of which too much was rejected.
     pub warnings: Vec<String>,
     /// What else was found.

@@ -30,7 +30,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
                 ", above " (CONDITION_LIMIT) ": some of its parameters are hardly determined by these poses, though its predictions near them are."
             }
         }
-        @if let Some(calibration) = parts { h3 { "Parts of the whole model" } (part_rows(calibration)) }
+        @if let Some(calibration) = parts { h3 { "Parts of the full error model" } (part_rows(calibration)) }
         @if !content.notes.is_empty() { h3 { "Notes" } ul { @for note in &content.notes { li { (note) } } } }
         h3 { "Valid for" }
         dl.list { @for (name, value) in valid_for(first) { div { dt { (name) } dd { (value) } } } }

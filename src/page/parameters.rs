@@ -1,4 +1,4 @@
-//! Identified parameters with their intervals, and what could not be told apart from what.
+//! Identified parameters with their intervals; those that are not identifiable with what they are confounded with.
 
 use maud::{Markup, html};
 
@@ -25,12 +25,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         .into_iter()
         .find(|model| !of(*model).is_empty())?;
     let own = of(model);
-    let (told, untold): (Vec<&ParameterRow>, Vec<&ParameterRow>) =
-        own.iter().partition(|p| is_told_apart(p));
+    let (identifiable, unidentifiable): (Vec<&ParameterRow>, Vec<&ParameterRow>) =
+        own.iter().partition(|p| is_identifiable(p));
     Some(html! {
         p {
             "Parameters of the " (words::model(model)) ": what was identified beside the nominal arm, with 95 % intervals. "
-            (told.len()) " of " (own.len()) " could be told apart. Every model's are in " code { "parameters" } "."
+            (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } "."
         }
         div.pair {
             @for (unit, shown, scale) in [(Unit::Mm, "mm", 1.0), (Unit::Rad, "mrad", 1e3)] {
@@ -38,13 +38,13 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
                 @if !links.is_empty() { figure { (chart(&links, shown, scale)) figcaption { "Links of the arm, " (if unit == Unit::Mm { "lengths" } else { "angles" }) "." } } }
             }
         }
-        @if !untold.is_empty() { h3 { "Not told apart" } (untold_rows(&untold)) }
+        @if !unidentifiable.is_empty() { h3 { "Not identifiable" } (unidentifiable_rows(&unidentifiable)) }
         details { summary { "All " (own.len()) " parameters" } (rows(&own)) }
     })
 }
 
-fn is_told_apart(parameter: &ParameterRow) -> bool {
-    parameter.identifiability == Identifiability::ToldApart
+fn is_identifiable(parameter: &ParameterRow) -> bool {
+    parameter.identifiability == Identifiability::Identifiable
 }
 
 /// The symbol of a link's parameter: θ₁ for `theta_1`.
@@ -72,15 +72,17 @@ fn symbol(parameter: &ParameterRow) -> String {
 }
 
 fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
-    let of = |told: bool| -> Vec<(f64, &ParameterRow)> {
+    let of = |identifiable: bool| -> Vec<(f64, &ParameterRow)> {
         let numbered = parameters
             .iter()
             .enumerate()
             .map(|(place, p)| (place as f64 + 1.0, *p));
-        numbered.filter(|(_, p)| is_told_apart(p) == told).collect()
+        numbered
+            .filter(|(_, p)| is_identifiable(p) == identifiable)
+            .collect()
     };
-    let series = |name: &str, told: bool| {
-        let own = of(told);
+    let series = |name: &str, identifiable: bool| {
+        let own = of(identifiable);
         let points = own.iter().map(|(x, p)| [*x, scale * p.offset]).collect();
         let span = |(x, p): &(f64, &ParameterRow)| {
             let half = REACH * p.standard_error?;
@@ -103,22 +105,22 @@ fn chart(parameters: &[&ParameterRow], unit: &str, scale: f64) -> Markup {
         y: Axis::new("identified minus nominal", unit).including(&[0.0]),
         series: vec![
             Series::line("", vec![[first, 0.0], [last, 0.0]]).looking(4),
-            series("told apart", true).looking(0),
-            series("not told apart", false).looking(1),
+            series("identifiable", true).looking(0),
+            series("not identifiable", false).looking(1),
         ],
         limits: Vec::new(),
     }
     .svg()
 }
 
-fn untold_rows(parameters: &[&ParameterRow]) -> Markup {
-    let head = html! { th { "Parameter" } th.word { "Why" } th.word { "Cannot be told from" } };
+fn unidentifiable_rows(parameters: &[&ParameterRow]) -> Markup {
+    let head = html! { th { "Parameter" } th.word { "Why" } th.word { "Confounded with" } };
     let body = html! {
         @for parameter in parameters {
             tr {
                 th.word scope="row" { (named(parameter)) }
                 td.word { (words::identifiability(parameter.identifiability)) }
-                td.word { @if parameter.confused_with.is_empty() { "no single other one" } @else { (parameter.confused_with.join(", ")) } }
+                td.word { @if parameter.confounded_with.is_empty() { "no single other one" } @else { (parameter.confounded_with.join(", ")) } }
             }
         }
     };
@@ -126,7 +128,7 @@ fn untold_rows(parameters: &[&ParameterRow]) -> Markup {
 }
 
 fn rows(parameters: &[&ParameterRow]) -> Markup {
-    let head = html! { th { "Parameter" } th.word { "Unit" } th { "Nominal" } th { "Offset" } th { "95 % interval" } th.word { "Told apart" } };
+    let head = html! { th { "Parameter" } th.word { "Unit" } th { "Nominal" } th { "Offset" } th { "95 % interval" } th.word { "Identifiable" } };
     let body = html! { @for parameter in parameters { (row(parameter)) } };
     super::table(&head, &body)
 }

@@ -260,7 +260,7 @@ fn parameter(name: &str) -> ParameterRow {
         standard_error: Some(1e-5),
         prior_sd: None,
         identifiability: Identifiability::Weak,
-        confused_with: vec![name.to_owned()],
+        confounded_with: vec![name.to_owned()],
         most_correlated_with: None,
         correlation: None,
     }
@@ -576,7 +576,7 @@ fn texts_and_marks_stand_out_in_every_colour_mode() {
     let [light, dark, print] = modes();
     assert!(
         contrast(light["paper"], dark["paper"]) > 10.0,
-        "the modes are told apart"
+        "the modes are distinguished"
     );
     for (mode, colours) in [("light", light), ("dark", dark), ("print", print)] {
         for name in [

@@ -55,7 +55,7 @@ const fn headline(verdict: &Verdict) -> (&'static str, &'static str) {
     }
 }
 
-/// Told apart without colour too.
+/// Distinguished without colour too.
 const fn sign(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::Meets => "✓",

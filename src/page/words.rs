@@ -72,10 +72,10 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
     }
 }
 
-/// Whether a parameter could be told apart.
+/// Whether a parameter is identifiable.
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {
     match found {
-        Identifiability::ToldApart => "told apart",
+        Identifiability::Identifiable => "identifiable",
         Identifiability::Fixed => "fixed by the settings",
         Identifiability::MovesNothing => "moves nothing that was measured",
         Identifiability::StructurallyDependent => "the same motion as others",

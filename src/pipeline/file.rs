@@ -122,7 +122,7 @@ pub struct InputSection {
     /// Which sessions are learnt from together.
     #[serde(default, skip_serializing)]
     pub pool: Pool,
-    /// How long a log without an end has to be still to be taken for a damaged one, s; until then its session waits.
+    /// How long a log without an end must not change to be taken for a damaged one, s; until then its session waits.
     #[serde(default = "settle_s", skip_serializing)]
     pub settle_s: u64,
     /// Share of a log's bytes or messages, or of those of a topic that is read, that may be lost before its session fails.
@@ -284,7 +284,7 @@ pub enum TrackerFromBase {
     Surveyed(Placement),
 }
 
-/// `[fit]`: the geometric fit, and the whole error model under `full`.
+/// `[fit]`: the geometric fit, and the full error model under `full`.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(try_from = "BTreeMap<String, toml::Value>")]
 pub struct FitSection {
@@ -366,7 +366,7 @@ fn tracker_log() -> LogNames {
 }
 
 /// Recorders write whole chunks. The slowest log is the tracker's: 20 readings a second of 100 bytes fill a chunk of 1 MiB in
-/// nine minutes, during which its file stands still.
+/// nine minutes, during which its file does not change.
 const fn settle_s() -> u64 {
     600
 }

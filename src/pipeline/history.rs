@@ -260,7 +260,7 @@ fn judge(
             .map(|row| session::read(lake, &row.fact))
             .collect();
         for (row, figures) in some.iter().zip(read) {
-            let said = figures.map(|figures| judged.course.next(&figures));
+            let said = figures.map(|figures| judged.session_history.next(&figures));
             judged.entries.push(Entry {
                 digest: row.digest.clone(),
                 judged: said,

@@ -101,11 +101,11 @@ impl PlanningError {
 impl Planning {
     /// Reads and checks the pipeline file at `path`.
     pub fn load(path: &Path, lake: Option<&Path>) -> Result<Self, PlanningError> {
-        Self::load_again(path, lake, None)
+        Self::reload(path, lake, None)
     }
 
     /// The same of a plan that was made, which started from the table `known_arm`: its session may have a later run by now.
-    pub(super) fn load_again(
+    pub(super) fn reload(
         path: &Path,
         lake: Option<&Path>,
         known_arm: Option<&Path>,

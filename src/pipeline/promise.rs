@@ -2,7 +2,7 @@
 //!
 //! The plan's id stands in the pipeline file (`[report] plan`) or in the logs (metadata record `session`, key `plan`); the plan
 //! itself is in the lake. The session's errors at the poses that verify are those of models which did not see them: the
-//! whole model from commands alone, blocks held out.
+//! full error model from commands alone, blocks held out.
 
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};

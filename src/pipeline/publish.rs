@@ -5,7 +5,7 @@ use crate::io::tables::counts::counts;
 use crate::io::tables::outcome::Outcome;
 use crate::io::tables::{PublishContext, PublishError, RunRows, SessionRows, ending};
 use crate::manifest::Work;
-use crate::page::{self, About, Said};
+use crate::page::{self, About, Statements};
 
 /// Writes every table of a run, its page, and then its row of `runs`. Its `logs`, if any, were written and kept before.
 pub fn publish(
@@ -13,7 +13,7 @@ pub fn publish(
     context: &PublishContext<'_>,
     mut run: OpenRun<'_>,
     work: &Work,
-    said: &Said,
+    said: &Statements,
 ) -> Result<Commit, PublishError> {
     let key = run.key().clone();
     run.publish_kept()?;

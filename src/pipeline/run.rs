@@ -26,7 +26,7 @@ use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
 use crate::manifest::{Replaced, RunKey};
-use crate::page::Said;
+use crate::page::Statements;
 use crate::progress::Progress;
 use crate::report::{Angles, Split};
 
@@ -136,9 +136,9 @@ fn said(
     outcome: &Outcome<'_>,
     remarks: &[String],
     table_state: Option<String>,
-) -> Result<Said, PublishError> {
+) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
-    Ok(Said {
+    Ok(Statements {
         warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
         notes: notes(outcome)
             .into_iter()

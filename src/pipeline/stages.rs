@@ -1,7 +1,7 @@
 //! The stages after the join, in order: fit, residuals, similarity, grid, accuracy. Pure: what is read comes in, what is
 //! published goes out.
 
-mod another_day;
+mod between_sessions;
 mod driven;
 mod figures;
 mod gridded;
@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
-use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSettings};
+use crate::fit::{self, ErrorFrame, FitError, FitSettings, Models, Noise, TrainingSettings};
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
@@ -25,7 +25,7 @@ use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;
 use crate::report::{Angles, Model, Residual, ResidualSet, Split};
 use crate::similarity::{self, ErrorSample, SimilaritySettings};
-use another_day::add_other_days;
+use between_sessions::add_between_session_variation;
 use figures::FigureMaker;
 use gridded::{grid_stations, grids};
 use judged::{Judged, raw_command, train_folds};
@@ -39,7 +39,7 @@ pub struct StageSettings {
     pub noise: Noise,
     /// The geometric fit.
     pub fit: FitSettings,
-    /// The whole error model.
+    /// The full error model.
     pub full: FullSettings,
     /// Against gravity in the base frame, where the mounting is known.
     pub up: Option<UnitVector3<f64>>,
@@ -112,27 +112,39 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
-    let gauge = Gauge::new(
+    let error_frame = ErrorFrame::new(
         arm,
         models.base_target.frames[last],
         settings.flange_from_tool,
         settings.noise.orientations,
     );
-    residuals.extend(raw_command(&training[last], &gauge, settings.raw_command));
+    residuals.extend(raw_command(
+        &training[last],
+        &error_frame,
+        settings.raw_command,
+    ));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
-    let mut stations = grid_stations(&training[last], &gauge, &observed.folds_of(last));
-    add_other_days(&mut stations, &training[last], last, &models, &gauge);
-    let mut grids = grids(&stations, &gauge, &models, &folds, last, settings, progress)?;
+    let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
+    add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
+    let mut grids = grids(
+        &stations,
+        &error_frame,
+        &models,
+        &folds,
+        last,
+        settings,
+        progress,
+    )?;
     let judges = Judges {
         arm,
         models: &models,
         test: &test,
         own: (&training[last], last),
-        gauge: &gauge,
+        error_frame: &error_frame,
         settings,
     };
     judges.judge_table(&mut grids);
-    let driven = driven::judged(&training[last], &gauge, settings);
+    let driven = driven::judged(&training[last], &error_frame, settings);
     let iso_9283 = iso_9283::Sources {
         arm,
         models: &models,
@@ -148,7 +160,7 @@ pub fn run<'a>(
         settings,
         models: &models,
         training: &training,
-        gauge: &gauge,
+        error_frame: &error_frame,
         stations: &stations,
         grids: &grids,
     };
@@ -172,7 +184,7 @@ pub fn run<'a>(
         full: models.full,
         on_top: models.on_top,
         scales,
-        gauge,
+        error_frame,
         residuals,
         semivariograms,
         grids,

@@ -12,14 +12,14 @@
 //!
 //! Not shown by this: which run a run `replaces`, as that depends on what the lake held when it was computed. It has the
 //! digest of that one's row as it was then; and of a row that no later one replaces, a list kept elsewhere knows the digest
-//! ([`RowList`]). Every file under the lake is accounted for besides ([`Account`]).
+//! ([`RowList`]). Every file under the lake is accounted for besides ([`FilesOfLake`]).
 
-mod account;
-mod again;
 mod altered;
 mod cited;
 mod claim;
+mod files;
 mod list;
+mod recompute;
 mod register;
 mod row;
 mod selection;
@@ -36,12 +36,12 @@ use crate::io::store::Place;
 use crate::progress::Progress;
 
 use super::plan::PlanError;
-pub use account::{Account, Foreign, WithoutRow, account};
-pub use again::{ComparedFile, FileOutcome, clean};
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
+pub use files::{FilesOfLake, Foreign, WithoutRow, account};
 pub use list::{ListError, ListedRow, RowList, Unexpected};
+pub use recompute::{ComparedFile, FileOutcome, clean};
 pub use register::Register;
 pub use selection::{NoClaim, PastRun, Selected, Selection, select};
 pub use settings::ChangedSetting;
@@ -188,7 +188,7 @@ fn recomputed(
     progress: &dyn Progress,
 ) -> Recomputed {
     let claim = verified.claim.clone();
-    let temporary = match again::temporary_lake(lake, &claim.key) {
+    let temporary = match recompute::temporary_lake(lake, &claim.key) {
         Ok(temporary) => temporary,
         Err(reason) => return Recomputed::No(reason),
     };
@@ -205,7 +205,7 @@ fn recomputed(
         Err(NoSource::Other(reason)) => return Recomputed::No(reason),
     };
     let table = source.driven_by();
-    let added = table.map(|made| again::add_table(lake, &made, temporary.path()));
+    let added = table.map(|made| recompute::add_table(lake, &made, temporary.path()));
     if let Some(Err(reason)) = added {
         return Recomputed::No(reason);
     }
@@ -222,5 +222,5 @@ fn recomputed(
         let cited = Citation::new(Role::Planned, &plan, register, lake);
         verified.cited.push(cited);
     }
-    again::again(verified, &source, lake, temporary.path(), progress)
+    recompute::again(verified, &source, lake, temporary.path(), progress)
 }

@@ -10,7 +10,7 @@ use crate::report::verdict::{self, Judge, figure_of_model};
 use crate::report::{Accuracy, BaseRefit, Moment, Split};
 use crate::units::NS_PER_S;
 
-/// What a page has no section for: damage of logs, scales that are named, and stations that the whole model hardly believes.
+/// What a page has no section for: damage of logs, scales that are named, and stations that the full error model hardly believes.
 pub(super) fn notes(outcome: &Outcome<'_>) -> Vec<String> {
     let sessions = outcome.training.iter().chain(&outcome.test);
     let damaged = sessions.flat_map(|session| damage::words(&session.name, &session.counts));
@@ -91,19 +91,19 @@ fn session_words(session: &JoinedSession) -> Vec<String> {
 
 fn part_words(full: &FullModel) -> String {
     let part = |part: &PartEvidence| {
-        let fate = if part.kept { "kept" } else { "dropped" };
-        format!("{} {fate} ({:+.0} nats)", part.name, part.gain)
+        let disposition = if part.kept { "kept" } else { "dropped" };
+        format!("{} {disposition} ({:+.0} nats)", part.name, part.gain)
     };
     let parts: Vec<String> = full.parts.iter().map(part).collect();
     format!("parts of the model by evidence: {}", parts.join(", "))
 }
 
-/// A station that counts for less than this in the whole model is far from what all others say.
+/// A station that counts for less than this in the full error model is far from what all others say.
 const FAR: f64 = 0.25;
 /// The most stations that are named.
 const NAMED: usize = 5;
 
-/// Stations that the whole model hardly believes, the least believed first, with how far all others predict them.
+/// Stations that the full error model hardly believes, the least believed first, with how far all others predict them.
 fn far_stations(outcome: &Outcome<'_>) -> Option<String> {
     let full = outcome.full.as_ref()?;
     let paired = outcome.training.iter().flat_map(|session| {

@@ -1,9 +1,9 @@
-//! Designs side by side: accuracy of the whole model against the number of poses, for grid, random and chosen poses.
+//! Designs side by side: accuracy of the full error model against the number of poses, for grid, random and chosen poses.
 //!
 //! Inputs: the nominal arm and what is expected of robots. Output: a row for each design and number of poses.
 //! 1. Candidates are random poses of the region that suit the constraints; each design takes its own from them, but the
 //!    grid, which has its nodes.
-//! 2. Each robot measures each design at each number of poses; the whole model is trained on it.
+//! 2. Each robot measures each design at each number of poses; the full error model is trained on it.
 //! 3. Its predictions from commands alone are held against what the robot really does at fresh poses of the region: that is
 //!    what compensating by the identified arm leaves.
 
@@ -15,7 +15,7 @@ use super::place::{Drawn, Placer};
 use super::robots::{Fitted, Robot};
 use super::settings::{PlanSettings, Region};
 use super::steps::{Grid, test_poses};
-use super::{PlanError, Trial, sight};
+use super::{PlanError, Trial, line_of_sight};
 use crate::figures::Figures;
 use crate::fit::full::FullModel;
 use crate::fit::{Frames, Observation, ToolErrors};
@@ -228,11 +228,11 @@ fn candidates(
         ..settings.region
     };
     let mut stream = Stream::new(settings.seed, Ingredient::Candidates);
-    let suits = |joints: &[f64]| sight::verdict(arm, joints, &settings.constraints);
+    let suits = |joints: &[f64]| line_of_sight::verdict(arm, joints, &settings.constraints);
     placer.random(&region, settings.candidates, &mut stream, &suits)
 }
 
-/// The whole model of a robot of which nothing is known yet, in the plan's cell.
+/// The full error model of a robot of which nothing is known yet, in the plan's cell.
 fn expected_model(
     arm: &Arm,
     settings: &PlanSettings,
@@ -361,7 +361,7 @@ pub fn judge_sizes(
     asked.iter().enumerate().map(row).collect()
 }
 
-/// What the whole model trained on `poses` leaves at `tests`.
+/// What the full error model trained on `poses` leaves at `tests`.
 pub(super) fn on_robot(
     robot: &mut Robot<'_>,
     poses: &[Commanded],
@@ -374,7 +374,7 @@ pub(super) fn on_robot(
     }
 }
 
-/// What a fitted robot is left with at `tests`, each commanded on another day and predicted from its command alone.
+/// What a fitted robot is left with at `tests`, each commanded in another session and predicted from its command alone.
 pub fn left_at(
     robot: &mut Robot<'_>,
     fitted: &Fitted<'_>,
@@ -383,7 +383,7 @@ pub fn left_at(
 ) -> RobotOutcome {
     let visits = robot.session(tests);
     let errors = fitted.true_errors(&visits, settings);
-    let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.gauge);
+    let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.error_frame);
     let left = |(test, error): (&Commanded, &Vector3<f64>)| {
         let predicted = model.error(&test.joints).map_err(|gap| gap.refusal());
         Some(predicted.map(|predicted| (error - predicted).norm()))

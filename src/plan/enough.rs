@@ -1,6 +1,6 @@
 //! Whether what was measured so far is enough, and which poses would say most next: a design that stops by itself.
 //!
-//! Inputs: the whole error model of the stations so far, poses of the region that matters, poses that may be measured.
+//! Inputs: the full error model of the stations so far, poses of the region that matters, poses that may be measured.
 //! 1. Arms are drawn that the model holds possible, all poses of the region together: its posterior, a day of the base, and
 //!    for each pose where its joints come to stand against their command and what no visit repeats.
 //! 2. What the mean model leaves of each is judged as a simulated robot is in a plan: the bound that the asked share of
@@ -42,7 +42,7 @@ pub fn promised(
         let query = commanded(axes, session);
         let predicted = model.predict(&query);
         rows.rows_mut(3 * place, 3).copy_from(&predicted.rows);
-        alone.push(half(&(predicted.standing + model.visit_covariance(&query))));
+        alone.push(half(&(predicted.approach + model.visit_covariance(&query))));
     }
     let together = model.half(&rows);
     let day_mm = model.any_time_variance().sqrt();
@@ -84,7 +84,7 @@ pub fn next(
         .iter()
         .map(|axes| {
             let query = commanded(axes, 0);
-            model.visit_covariance(&query) + model.predict(&query).standing
+            model.visit_covariance(&query) + model.predict(&query).approach
         })
         .collect();
     let expected = |design: &Design<'_>| Expected::of(design.region(), &visit, settings).share_mm;

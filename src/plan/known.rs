@@ -1,6 +1,6 @@
 //! An arm that was identified before: what a past session's posterior says takes the place of the prior.
 //!
-//! Inputs: the whole error model of a past run, what the new session shares with it. Robots are drawn from its posterior
+//! Inputs: the full error model of a past run, what the new session shares with it. Robots are drawn from its posterior
 //! with all its covariance (geometry, curves, gravity, gear lines, where joints come to stand, the target; and how a new
 //! session differs), designs start from it, and a session's own fit goes on from it.
 
@@ -13,8 +13,8 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::{Frames, Observation};
 use crate::kinematics::Arm;
 use crate::simulate::{
-    ArmErrors, AxisError, AxisErrors, GearLine, Ingredient, JointCurve, SimulateSettings, Stand,
-    Stream, Visit,
+    ApproachOffset, ArmErrors, AxisError, AxisErrors, GearLine, Ingredient, JointCurve,
+    SimulateSettings, Stream, Visit,
 };
 
 /// A known arm in a session that is still to come.
@@ -22,7 +22,7 @@ use crate::simulate::{
 pub struct KnownArm {
     mounting: Mounting,
     model: FullModel,
-    knows_standing: bool,
+    knows_approach: bool,
 }
 
 impl KnownArm {
@@ -38,7 +38,7 @@ impl KnownArm {
         Some(Self {
             model: past.next(arm, &mounting, stations, settings, up)?,
             mounting,
-            knows_standing: past.knows_standing(),
+            knows_approach: past.knows_approach(),
         })
     }
 
@@ -100,7 +100,7 @@ impl KnownArm {
                 .map(|joint| self.axis(joint, count, drawn))
                 .collect(),
             period_turns: f64::from(self.model.layout().period_turns()),
-            standing: self.standing(count, drawn),
+            approach: self.approach(count, drawn),
             repeatability_rad: joints_rad,
         }
     }
@@ -132,20 +132,20 @@ impl KnownArm {
         }
     }
 
-    fn standing(&self, joints: usize, drawn: &DVector<f64>) -> Option<Vec<Stand>> {
+    fn approach(&self, joints: usize, drawn: &DVector<f64>) -> Option<Vec<ApproachOffset>> {
         let of = |block| self.coefficients(block, drawn);
-        let (blend, own, short) = (
-            of(Block::Blend),
-            of(Block::SessionBlend(0)),
-            of(Block::StopShort),
+        let (command_weight, own, short) = (
+            of(Block::CommandWeight),
+            of(Block::SessionCommandWeight(0)),
+            of(Block::ApproachOffset),
         );
         let at = |list: &[f64], joint: usize| list.get(joint).copied().unwrap_or(0.0);
-        let stand = |joint| Stand {
-            nearer_command: at(&blend, joint) + at(&own, joint),
+        let stand = |joint| ApproachOffset {
+            nearer_command: at(&command_weight, joint) + at(&own, joint),
             beyond_rad: at(&short, joint),
             within_rad: SATURATION_RAD,
         };
-        self.knows_standing
+        self.knows_approach
             .then(|| (0..joints).map(stand).collect())
     }
 

@@ -7,8 +7,8 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::PlanError;
+use super::line_of_sight::Unsuitable;
 use super::settings::{PlanSettings, Region};
-use super::sight::Unsuitable;
 use crate::grid::{GridStation, Lattice, PlacedGrid, Reach, Refusal, WorkBox};
 use crate::kinematics::Arm;
 use crate::simulate::{Commanded, Stream};
@@ -61,7 +61,7 @@ impl<'a> Placer<'a> {
             joints,
             error: Vector3::zeros(),
             fold: 0,
-            another_day: Vec::new(),
+            between_sessions: Vec::new(),
         });
     }
 

@@ -8,7 +8,7 @@ use super::known::KnownArm;
 use super::settings::PlanSettings;
 use crate::fit::commanded::{CommandFrames, commanded};
 use crate::fit::full::FullSettings;
-use crate::fit::{self, FitError, Gauge, Models, Observation, TrainingSettings};
+use crate::fit::{self, ErrorFrame, FitError, Models, Observation, TrainingSettings};
 use crate::join::{Pairing, Station};
 use crate::kinematics::Arm;
 use crate::simulate::{ArmErrors, Commanded, Ingredient, SimulateSettings, Stream, Visit, visits};
@@ -28,8 +28,8 @@ pub struct Robot<'a> {
 pub struct Fitted<'a> {
     /// The models trained on it.
     pub models: Models,
-    /// The gauge its errors are stated in.
-    pub gauge: Gauge<'a>,
+    /// The error reference frame its errors are stated in.
+    pub error_frame: ErrorFrame<'a>,
 }
 
 impl<'a> Robot<'a> {
@@ -79,7 +79,7 @@ impl<'a> Robot<'a> {
         self.fit(&stations, settings, full)
     }
 
-    /// The models and the gauge of measured stations.
+    /// The models and the error reference frame of measured stations.
     pub fn fit(
         &self,
         stations: &[Station],
@@ -88,13 +88,16 @@ impl<'a> Robot<'a> {
     ) -> Result<Fitted<'a>, FitError> {
         let observations = observations(self.arm, stations, settings);
         let models = self.models(&observations, settings, full)?;
-        let gauge = Gauge::new(
+        let error_frame = ErrorFrame::new(
             self.arm,
             models.base_target.frames[0],
             Some(settings.flange_from_target),
             settings.noise.orientations,
         );
-        Ok(Fitted { models, gauge })
+        Ok(Fitted {
+            models,
+            error_frame,
+        })
     }
 }
 
@@ -150,14 +153,17 @@ fn observations(arm: &Arm, stations: &[Station], settings: &PlanSettings) -> Vec
 }
 
 impl Fitted<'_> {
-    /// Errors of the tool point at measured stations in the gauge, in the base frame, mm, each with its station's number.
+    /// Errors of the tool point at measured stations in the error reference frame, in the base frame, mm, each with its station's number.
     pub fn errors(&self, stations: &[Station]) -> Vec<(usize, Vector3<f64>)> {
         stations
             .iter()
             .filter(|station| station.pairing == Pairing::Paired)
             .filter_map(|station| {
                 let command = station.command.as_ref()?.position;
-                Some((station.number, self.gauge.tool_error(station, &command)?))
+                Some((
+                    station.number,
+                    self.error_frame.tool_error(station, &command)?,
+                ))
             })
             .collect()
     }

@@ -26,7 +26,7 @@ pub struct PlanSection {
     /// Robots that steps are judged on.
     #[serde(default = "robots")]
     pub robots: usize,
-    /// Robots that designs are judged on, with the whole error model.
+    /// Robots that designs are judged on, with the full error model.
     #[serde(default = "whole_model_robots")]
     pub whole_model_robots: usize,
     /// Fresh poses that judge each robot.
@@ -122,7 +122,7 @@ pub struct ConstraintsSection {
     pub keep_out_margin_mm: f64,
     /// What the tracker needs to see the target. Absent: it sees it from everywhere.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub sight: Option<SightSection>,
+    pub line_of_sight: Option<LineOfSightSection>,
 }
 
 /// A box along the base frame's axes.
@@ -140,7 +140,7 @@ pub struct KeepOutSection {
 /// What a tracker needs to see the target.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct SightSection {
+pub struct LineOfSightSection {
     /// Which way the target looks, along the tool's axes.
     pub facing: [f64; 3],
     /// Largest angle between that and the way to the tracker, degrees.
@@ -158,7 +158,7 @@ impl Default for ConstraintsSection {
             least_singularity_factor: 0.05,
             keep_out: Vec::new(),
             keep_out_margin_mm: 100.0,
-            sight: None,
+            line_of_sight: None,
         }
     }
 }

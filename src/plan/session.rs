@@ -9,7 +9,7 @@ use super::outcomes::{Outcomes, RobotOutcome};
 use super::robots::stations;
 use super::settings::PlanSettings;
 use super::steps::test_poses;
-use super::{PlanError, Trial, sight};
+use super::{PlanError, Trial, line_of_sight};
 use crate::simulate::{Commanded, Ingredient, Stream};
 
 /// The design of the session's own poses.
@@ -88,7 +88,7 @@ impl Session {
             })
             .collect();
         let mut stream = Stream::new(settings.seed, Ingredient::Verify);
-        let suits = |joints: &[f64]| sight::verdict(arm, joints, &settings.constraints);
+        let suits = |joints: &[f64]| line_of_sight::verdict(arm, joints, &settings.constraints);
         let count = settings.verify_poses;
         let (fresh, _) = trial
             .placer
@@ -159,7 +159,7 @@ pub fn promise(trial: &Trial<'_>, session: &Session, pool: &[Commanded]) -> Outc
 }
 
 /// The session on these robots of the plan's population: each measures all of it, is identified on all but what verifies,
-/// and is judged at fresh poses on another day.
+/// and is judged at fresh poses in another session.
 pub fn tried(
     trial: &Trial<'_>,
     session: &Session,

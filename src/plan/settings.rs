@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::{Isometry3, UnitQuaternion, UnitVector3};
 
 use super::known::KnownArm;
-use super::sight::Constraints;
+use super::line_of_sight::Constraints;
 use crate::figures::Coverage;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Noise};
@@ -39,13 +39,13 @@ pub struct PlanSettings {
     pub noise: Noise,
     /// The geometric fit.
     pub fit: FitSettings,
-    /// The whole error model.
+    /// The full error model.
     pub full: FullSettings,
     /// Against gravity in the base frame, where the mounting is known.
     pub up: Option<UnitVector3<f64>>,
     /// Robots that steps are judged on.
     pub robots: usize,
-    /// Robots that designs are judged on, with the whole model.
+    /// Robots that designs are judged on, with the full error model.
     pub whole_model_robots: usize,
     /// Fresh poses that judge each robot.
     pub test_poses: usize,

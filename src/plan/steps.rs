@@ -164,7 +164,7 @@ impl<'a> Measured<'a> {
         };
         let stations = stations(robot.session(&grid.commands));
         let fitted = robot.fit(&stations, settings, &geometric)?;
-        let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.gauge);
+        let model = ToolErrors::new(fitted.models.best().1, 0, &fitted.error_frame);
         let by_model = node_errors(&grid.placed, &model);
         let mut at_stations = vec![Ok(Vector3::zeros()); grid.placed.nodes.len()];
         for (number, error) in fitted.errors(&stations) {

@@ -54,10 +54,10 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
     }
 }
 
-/// The same figures with the bound of commands of another day: `moved` is by how much a station's error may have been another
-/// on another day, mm, several for each station ([`crate::method::accuracy`]: what a table will do, not what one
+/// Figures whose bound includes between-session variation: `moved` are the changes of a station's error that another session may bring,
+/// mm, several for each station ([`crate::method::accuracy`]: what a table will do, not what one
 /// session did). Never less than the session's own bound.
-pub fn of_another_day<'m>(
+pub fn with_between_session_variation<'m>(
     own: Accuracy,
     set: &ResidualSet,
     moved: impl Fn(usize) -> &'m [Vector3<f64>],
@@ -67,10 +67,10 @@ pub fn of_another_day<'m>(
         let (others, own) = (moved(r.station), r.residual);
         others.iter().map(move |moved| (own + moved).norm())
     });
-    let another_day = by_pose.bound(tolerance.coverage());
+    let between_sessions = by_pose.bound(tolerance.coverage());
     let bound = own
         .bound
-        .map(|bound| another_day.map_or(bound, |other| bound.max(other)));
+        .map(|bound| between_sessions.map_or(bound, |other| bound.max(other)));
     Accuracy {
         verdict: tolerance.verdict(bound, own.counted, own.expanded_uncertainty_mm),
         bound,

@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_to_draw_is_said() {
+    fn nothing_to_draw_is_stated() {
         let mut chart = chart();
         chart.series.clear();
         chart.y.include.clear();

@@ -344,7 +344,7 @@ fn predictions<'m>(
         Some(
             o.axes
                 .iter()
-                .zip(o.shortfall.as_ref()?.sent()?)
+                .zip(o.settling_error.as_ref()?.sent()?)
                 .map(|(q, short)| q + short)
                 .collect(),
         )
@@ -353,7 +353,7 @@ fn predictions<'m>(
         let (axes, known) = match angles {
             Angles::Commanded => (commanded(o)?, Known::Commanded),
             Angles::Reported => (o.axes.clone(), Known::Reported),
-            Angles::Blended => (o.axes.clone(), Known::of(o)),
+            Angles::Weighted => (o.axes.clone(), Known::of(o)),
         };
         let session = if own { o.session } else { 0 };
         let query = Query {

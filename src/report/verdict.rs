@@ -1,9 +1,9 @@
 //! The verdict of a run: the worst of everything that judges it, made once and shown everywhere.
 //!
-//! Inputs: what held-out blocks say of the chosen table, and what each test session says of the whole model and of that table.
+//! Inputs: what held-out blocks say of the chosen table, and what each test session says of the full error model and of that table.
 //! Output: a [`RunVerdict`]. Tables, page, summary and exit code take verdict and reason from it.
 //! - Held-out blocks are of the sessions that were learnt from: whatever is peculiar to that day is in the model too.
-//! - A test session is another day. Its base is found from its first stations, the others judge: the model by commands alone at
+//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model by commands alone at
 //!   all of them, and the table at those it answers for. One that is shown is enough, as a table answers for one orientation;
 //!   where neither is, the session shows nothing.
 
@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(
             not_met.reason().as_deref(),
             Some(
-                "test session wed: whole model from commands alone: bound 0.900 mm with U 0.030 mm is more than 0.5 mm \
+                "test session wed: full error model from commands alone: bound 0.900 mm with U 0.030 mm is more than 0.5 mm \
                  (100 poses); compensation table where it answers: bound 0.400 mm with U 0.030 mm is within 0.5 mm (60 poses)"
             )
         );
@@ -287,7 +287,7 @@ mod tests {
         let few = wed(&of(Model::Full, 0.1, 40), &of(Model::Table, 0.1, 12));
         let verdict = RunVerdict::of(vec![mon(0.2), few.clone()]).verdict();
         assert!(
-            matches!(&verdict, Verdict::NotShown(reason) if reason.contains("wed: whole model") && reason.contains("40 poses")),
+            matches!(&verdict, Verdict::NotShown(reason) if reason.contains("wed: full error model") && reason.contains("40 poses")),
             "{verdict:?}"
         );
         // What is shown not to hold is worse.

@@ -15,7 +15,7 @@ pub struct AxisErrors {
     /// After how many turns curves repeat.
     pub period_turns: f64,
     /// Where joints come to stand against their commands; `None` where the model does not know.
-    pub standing: Option<Vec<Stand>>,
+    pub approach: Option<Vec<ApproachOffset>>,
     /// What a visit of each joint does not repeat, as standard deviations, rad.
     pub repeatability_rad: Vec<f64>,
 }
@@ -35,7 +35,7 @@ pub struct AxisError {
 
 /// Where a joint comes to stand.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Stand {
+pub struct ApproachOffset {
     /// Share of the way from reported to commanded angle.
     pub nearer_command: f64,
     /// Beyond that, on the side of the command, rad: all of it once the joint is `within_rad` short, less in proportion
@@ -79,7 +79,7 @@ impl AxisErrors {
     }
 }
 
-impl Stand {
+impl ApproachOffset {
     /// True minus reported angle of a joint that reports to be `short_rad` short of its command.
     pub(super) fn beside_reported(&self, short_rad: f64) -> f64 {
         let share = (short_rad / self.within_rad).clamp(-1.0, 1.0);

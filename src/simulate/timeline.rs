@@ -22,7 +22,7 @@ pub(super) struct Stop {
     pub(super) base_from_target: Isometry3<f64>,
     /// The angles that the controller computed for it.
     pub(super) commanded: Vec<f64>,
-    /// The angles it reports at rest.
+    /// The angles it reports while stationary.
     pub(super) reported: Vec<f64>,
     /// What the arm's angles are off on this visit beyond the arm's own errors.
     pub(super) visit: Vec<f64>,
@@ -103,7 +103,7 @@ impl Timeline {
         Some(next.min(last))
     }
 
-    /// The arm at a moment: at rest, or on a minimum-jerk move.
+    /// The arm at a moment: stationary, or on a minimum-jerk move.
     pub(super) fn state(&self, t_s: f64) -> State {
         let Some(number) = self.stop_at(t_s) else {
             return State {
@@ -113,24 +113,24 @@ impl Timeline {
         };
         let stop = &self.stops[number];
         let way = minimum_jerk((t_s - stop.departs_s) / (stop.start_s - stop.departs_s));
-        let blend = |from: &[f64], to: &[f64]| -> Vec<f64> {
+        let between = |from: &[f64], to: &[f64]| -> Vec<f64> {
             from.iter()
                 .zip(to)
                 .map(|(a, b)| a + way * (b - a))
                 .collect()
         };
         match number.checked_sub(1).map(|before| &self.stops[before]) {
-            // At rest the reported angles are the very same numbers, not a blend that rounds to them.
+            // While the arm is stationary, the reported angles are the very same numbers, not a mean that rounds to them.
             _ if way >= 1.0 => State {
                 reported: stop.reported.clone(),
                 visit: stop.visit.clone(),
             },
             Some(before) => State {
-                reported: blend(&before.reported, &stop.reported),
-                visit: blend(&before.visit, &stop.visit),
+                reported: between(&before.reported, &stop.reported),
+                visit: between(&before.visit, &stop.visit),
             },
             None => State {
-                reported: blend(&self.home, &stop.reported),
+                reported: between(&self.home, &stop.reported),
                 visit: stop.visit.clone(),
             },
         }

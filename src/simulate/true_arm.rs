@@ -116,10 +116,10 @@ impl ArmErrors {
         nearer_command: f64,
     ) -> f64 {
         let slack = -direction * self.backlash_rad[joint] / 2.0;
-        let standing = self.identified.as_ref().and_then(|i| i.standing.as_ref());
+        let approach = self.identified.as_ref().and_then(|i| i.approach.as_ref());
         slack
-            + standing.map_or(nearer_command * short_rad, |standing| {
-                standing[joint].beside_reported(short_rad)
+            + approach.map_or(nearer_command * short_rad, |approach| {
+                approach[joint].beside_reported(short_rad)
             })
     }
 

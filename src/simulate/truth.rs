@@ -94,9 +94,9 @@ pub struct RawError {
 pub struct TrueStation {
     /// Number, from 0, in time order.
     pub number: usize,
-    /// First moment at rest.
+    /// First stationary moment.
     pub start: Stamp<Controller>,
-    /// Last moment at rest.
+    /// Last stationary moment.
     pub end: Stamp<Controller>,
     /// Whether the tracker saw it.
     pub measured: bool,
@@ -104,7 +104,7 @@ pub struct TrueStation {
     pub command: Isometry3<f64>,
     /// Angles the controller computed for it, rad.
     pub commanded: Vec<f64>,
-    /// Angles it reported at rest, rad.
+    /// Angles it reported while stationary, rad.
     pub reported: Vec<f64>,
     /// What the true angles were off on this visit beyond the arm's own errors, rad.
     pub visit: Vec<f64>,

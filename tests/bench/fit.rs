@@ -1,7 +1,7 @@
-//! What the fits cost: geometry alone, the whole error model, its predictions, beside a dense Gaussian process.
+//! What the fits cost: geometry alone, the full error model, its predictions, beside a dense Gaussian process.
 //!
 //! `cargo bench --bench fit` simulates sessions of a UR10 at random joint angles and prints wall times from one run:
-//! the identification of 1000 stations, one more fit at the same poses, the training of the whole model on 800, on 200
+//! the identification of 1000 stations, one more fit at the same poses, the training of the full error model on 800, on 200
 //! and on 5000, one evaluation of the evidence (covariance matrix, Cholesky factor, solve) by a dense Gaussian process of
 //! the same short and long kernels on 200, of which a search of hyper-parameters needs tens, and predictions a second.
 //! Without `--bench` (as `cargo test` calls it) small sessions show that it works.
@@ -46,12 +46,12 @@ fn main() {
     row(&what, base, base);
 
     let (model, large) = timed_ms(|| trained(&arm, &stations[..most], &calibration));
-    row(&format!("whole model: {most} stations"), large, base);
+    row(&format!("full error model: {most} stations"), large, base);
     let (_, small) = timed_ms(|| trained(&arm, &stations[..few], &calibration));
-    row(&format!("whole model: {few} stations"), small, base);
+    row(&format!("full error model: {few} stations"), small, base);
     let (_, largest) = timed_ms(|| trained(&arm, &all, &calibration));
     row(
-        &format!("whole model: {} stations", all.len()),
+        &format!("full error model: {} stations", all.len()),
         largest,
         base,
     );

@@ -1,6 +1,6 @@
 //! How long a history takes: `cargo bench --bench history`. A lake of 10,000 sessions of one robot (asked: 1 s on two cores), once
 //! from nothing and then from what was kept; beside it the floor, reading and digesting every row of `runs`. The sessions carry
-//! a geometric model of 36 unknowns; whole models take some 70 ms each the first time, and the same time from what was kept.
+//! a geometric model of 36 unknowns; full error models take some 70 ms each the first time, and the same time from what was kept.
 
 use std::fs;
 use std::path::Path;

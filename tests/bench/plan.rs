@@ -1,6 +1,6 @@
 //! How long plans take: `cargo bench --bench plan`. The step study of a KR 210 with the geometric model on 1000 robots (asked:
 //! 60 s on two cores for 8 steps and 200 fresh poses), beside the simulation of the same stations alone; then the designs
-//! with the whole model on 50 robots.
+//! with the full error model on 50 robots.
 
 use std::path::Path;
 use std::time::Instant;
@@ -13,7 +13,7 @@ use posegrid::progress::Quiet;
 use rayon::prelude::*;
 
 const ROBOTS: usize = 1000;
-const WHOLE_MODEL_ROBOTS: usize = 50;
+const FULL_MODEL_ROBOTS: usize = 50;
 
 fn main() {
     let path = Path::new("pipelines/plan-kr210.toml");
@@ -21,7 +21,7 @@ fn main() {
     let arm = &planning.arm;
     let settings = PlanSettings {
         robots: ROBOTS,
-        whole_model_robots: WHOLE_MODEL_ROBOTS,
+        whole_model_robots: FULL_MODEL_ROBOTS,
         test_poses: 200,
         ..planning.settings
     };
@@ -74,7 +74,7 @@ fn main() {
     let begin = Instant::now();
     let rows = compare::judge(&trial, &designs, &pool);
     println!(
-        "the whole model on {WHOLE_MODEL_ROBOTS} robots × {} designs: {:.1} s",
+        "the full error model on {FULL_MODEL_ROBOTS} robots × {} designs: {:.1} s",
         rows.len(),
         seconds(begin)
     );

@@ -41,7 +41,7 @@ const STEPS: [Step; 5] = [
     ("inspect", |log, _| {
         inspect(log, Limits::default(), &Quiet)
             .expect("a sound log")
-            .account
+            .read_summary
             .messages
     }),
 ];

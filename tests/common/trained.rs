@@ -1,4 +1,4 @@
-//! Observations of the real recordings, whole models of them, and what those leave on other sessions.
+//! Observations of the real recordings, full error models of them, and what those leave on other sessions.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -11,7 +11,7 @@ use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
 
-/// The whole model of some observations.
+/// The full error model of some observations.
 pub fn trained(
     arm: &Arm,
     observations: &[Observation],

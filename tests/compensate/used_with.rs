@@ -24,7 +24,7 @@ fn with(payload_kg: f64, temperature_c: f64) -> UsedWithArgs {
 }
 
 #[test]
-fn what_is_within_outside_or_not_checked_is_told() {
+fn what_is_within_outside_or_not_checked_is_reported() {
     let used = UsedWithArgs {
         base: Some("fixture".to_owned()),
         absolute_accuracy: Some(OnOff::Off),

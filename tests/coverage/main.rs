@@ -1,4 +1,4 @@
-//! Whether 95 % intervals hold the truth in 95 of 100 cases: the whole model on simulated sessions of several arms.
+//! Whether 95 % intervals hold the truth in 95 of 100 cases: the full error model on simulated sessions of several arms.
 //!
 //! The proof is of 500 sessions and runs by a command of its own, in about a quarter of an hour on two cores:
 //! `cargo test --release --test coverage -- --ignored --nocapture`. It prints, per arm and for all, the share of intervals

@@ -3,8 +3,8 @@
 //! What is identifiable needs a word. The base takes any turn of joint 1, the target any of the last joint, a curve's mean
 //! trades with θ, and gravity with both: of such directions the data say nothing, and their intervals are the prior's. So
 //! a parameter counts where its standard deviation is below half its prior's (`method::identification`), with the truth as
-//! an offset from the nominal arm, which is the model's own gauge; a curve counts less its mean over the visited angles,
-//! where that is told apart by the same rule. Positions need no gauge.
+//! an offset from the nominal arm, which is the model's own error reference frame; a curve counts less its mean over the visited angles,
+//! where that is identifiable by the same rule. Positions need no error reference frame.
 
 use std::fmt;
 
@@ -17,19 +17,19 @@ use posegrid::kinematics::Parameter;
 use super::session::{Attained, Session};
 use super::tally::{Count, Tally};
 
-/// Told apart: a standard deviation below this share of the prior's.
-const TOLD_APART: f64 = 0.5;
+/// Identifiable: a standard deviation below this share of the prior's.
+const IDENTIFIABLE_SHARE: f64 = 0.5;
 /// A joint's curve is held against the truth at the quantiles 1/20 … 19/20 of its visited angles.
 const ANGLES: usize = 20;
 
 /// What an interval is given for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
-    /// Geometric parameters told apart.
+    /// Geometric identifiable parameters.
     Parameters,
-    /// Joint curves less their mean, told apart.
+    /// Joint curves less their identifiable mean,.
     CurveShapes,
-    /// Joint curves as published, their mean and what was not told apart included.
+    /// Joint curves as published, their mean and what is not identifiable included.
     CurvesAsPublished,
     /// Where the arm stands on one visit to a fresh pose, per axis of the tracker's frame.
     Attained(Angles),
@@ -75,7 +75,7 @@ impl Quantity {
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (what, angles) = match self {
-            Self::Parameters => ("parameters told apart", None),
+            Self::Parameters => ("identifiable parameters", None),
             Self::CurveShapes => ("joint curves less their mean", None),
             Self::CurvesAsPublished => ("joint curves as published", None),
             Self::Attained(angles) => ("attained, per axis", Some(angles)),
@@ -106,7 +106,7 @@ pub fn of(session: &Session) -> Tally {
     tally
 }
 
-/// Normalised errors of the geometry's parameters that are told apart.
+/// Normalised errors of the geometry's parameters that are identifiable.
 fn parameters(session: &Session) -> Vec<f64> {
     let model = &session.model;
     let links = session.arm.chain().parameters();
@@ -118,8 +118,8 @@ fn parameters(session: &Session) -> Vec<f64> {
     let error = |(place, unknown): (usize, &posegrid::fit::Unknown)| {
         let truth = truth(unknown.parameter)?;
         let sd = model.covariance_of(&[place])[(0, 0)].sqrt();
-        let told_apart = sd < TOLD_APART * model.prior_sd()[place];
-        told_apart.then_some((found[place] - truth) / sd)
+        let identifiable = sd < IDENTIFIABLE_SHARE * model.prior_sd()[place];
+        identifiable.then_some((found[place] - truth) / sd)
     };
     model
         .unknowns()
@@ -163,7 +163,7 @@ fn true_curve(session: &Session, joint: usize, angles: &[f64]) -> Vec<f64> {
     angles.iter().map(|q| sign * error(sign * q)).collect()
 }
 
-/// Normalised errors of the curve less its mean over `angles`, where told apart.
+/// Normalised errors of the curve less its mean over `angles`, where identifiable.
 fn shape(session: &Session, joint: usize, angles: &[f64], truth: &[f64]) -> Vec<f64> {
     let model = &session.model;
     let columns = curve_columns(session, joint);
@@ -184,8 +184,8 @@ fn shape(session: &Session, joint: usize, angles: &[f64], truth: &[f64]) -> Vec<
     let error = |i: usize| {
         let expected = rows.row(i).map(|x| x * x).transpose().dot(&prior);
         let variance = covariance[(i, i)];
-        let told_apart = variance < TOLD_APART.powi(2) * expected;
-        told_apart.then_some((found[i] - (truth[i] - mean)) / variance.sqrt())
+        let identifiable = variance < IDENTIFIABLE_SHARE.powi(2) * expected;
+        identifiable.then_some((found[i] - (truth[i] - mean)) / variance.sqrt())
     };
     (0..angles.len()).filter_map(error).collect()
 }
@@ -221,7 +221,7 @@ fn positions(session: &Session, angles: Angles, tally: &mut Tally) {
         let commanded = session.arm.axes(&session.true_station(o).commanded);
         let query = query(o, angles, &commanded);
         let predicted = model.predict(&query);
-        let covariance = model.covariances(&predicted.rows)[0] + predicted.standing;
+        let covariance = model.covariances(&predicted.rows)[0] + predicted.approach;
         let off = predicted.position.coords - session.attained(o, Attained::OnAverage);
         average.extend((0..3).map(|axis| off[axis] / covariance[(axis, axis)].sqrt()));
         let covariance = covariance + model.visit_covariance(&query);
@@ -249,7 +249,10 @@ fn measured(session: &Session, o: &Observation) -> f64 {
 }
 
 fn query<'q>(o: &'q Observation, angles: Angles, commanded: &'q [f64]) -> Query<'q> {
-    let short = o.shortfall.as_ref().expect("commands have orientations");
+    let short = o
+        .settling_error
+        .as_ref()
+        .expect("commands have orientations");
     let (axes, known) = match angles {
         Angles::Both => (o.axes.as_slice(), Known::Both(short)),
         Angles::Reported => (o.axes.as_slice(), Known::Reported),

@@ -1,4 +1,4 @@
-//! One simulated session, measured, and the whole model trained on three quarters of it.
+//! One simulated session, measured, and the full error model trained on three quarters of it.
 //!
 //! The session has every ingredient of `SimulateSettings::realistic`: wrong geometry (0.4 mm, 0.3 mrad), joint curves with a
 //! slow part (0.1 mrad over 50°) and a fast one (20 µrad over 6°), gear lines (10 µrad), gravity (0.4 mrad), backlash

@@ -1,7 +1,7 @@
 //! The closed loop in simulation: measured, identified, corrected, driven, measured after.
 //!
 //! Every loop has an arm of its own with wrong geometry, joint curves, gear lines, sag, backlash, drift, and a controller that
-//! stops short. The session that follows is another day: other noise, another drift of the base, targets that were not
+//! stops short. The session that follows differs: other noise, another drift of the base, targets that were not
 //! measured before, joints that come from other sides.
 
 #[path = "../common/mod.rs"]
@@ -15,7 +15,7 @@ use nalgebra::{Isometry3, Point3, Rotation3, Vector3};
 use posegrid::compensation::{ArmModel, Corrected, IdentifiedArm, Target, TargetJoints, Validity};
 use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
-use posegrid::fit::{FitSettings, Gauge};
+use posegrid::fit::{ErrorFrame, FitSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance};
 use posegrid::io::tables::outcome::JoinedSession;
@@ -125,7 +125,7 @@ impl Identified {
             (subject.model, subject.angles, subject.split)
                 == (Model::Full, Angles::Commanded, Split::Blocks)
         });
-        let judged = judged.expect("a whole model from commands alone");
+        let judged = judged.expect("a full error model from commands alone");
         let promise = TablePromise {
             mean_mm: judged.figures.expect("stations").mean,
             bound_mm: judged.bound.expect("stations enough"),
@@ -145,12 +145,12 @@ impl Identified {
         let by = IdentifiedArm {
             table_id: format!("{number:04x}"),
             arm: arm.clone(),
-            frames: *found.gauge.frames(),
+            frames: *found.error_frame.frames(),
             flange_from_tool: Transform::claim(tool()),
             command_from_base: Transform::identity(),
             model: ArmModel {
                 model: Model::Full,
-                predicts: Box::new(found.full.expect("a whole model")),
+                predicts: Box::new(found.full.expect("a full error model")),
                 session: 0,
             },
             measured,
@@ -169,7 +169,7 @@ impl Identified {
         }
     }
 
-    /// Fresh targets of another day, corrected; those that ask for joint angles which were not measured are refused.
+    /// Fresh targets of another session, corrected; those that ask for joint angles which were not measured are refused.
     fn corrected(&self) -> Vec<Corrected> {
         let day = session(&self.arm, self.number, 5_000 + self.number, TARGETS);
         let fresh = simulate(&self.arm, &day).expect("in reach").truth.stations;
@@ -191,7 +191,7 @@ impl Identified {
             .collect()
     }
 
-    /// Drives the arm to targets by commands, on another day, and tells what a session says of it.
+    /// Drives the arm to targets by commands, in another session, and tells what a session says of it.
     fn driven(
         &self,
         corrected: &[Corrected],
@@ -209,7 +209,7 @@ impl Identified {
                 }
             })
             .collect();
-        let gauge = Gauge::new(&self.arm, self.by.frames, Some(tool()), false);
+        let error_frame = ErrorFrame::new(&self.arm, self.by.frames, Some(tool()), false);
         let visits = visits(&self.arm, &day, &errors, &commands);
         let station = |(visit, corrected): (&Station, &Corrected)| {
             Some(DrivenStation {
@@ -217,7 +217,7 @@ impl Identified {
                 pose: visit.number,
                 target: *corrected.target.point(),
                 command: visit.command.as_ref()?.position,
-                attained: gauge.attained_tool(&visit.joints, visit.attained.as_ref()?),
+                attained: error_frame.attained_tool(&visit.joints, visit.attained.as_ref()?),
                 stated: corrected.correction,
                 covariance: corrected.covariance,
                 turn: None,
@@ -297,7 +297,7 @@ fn played(identified: &Identified) -> Loop {
 }
 
 #[test]
-fn a_table_does_what_it_promised_and_what_was_done_with_it_is_told() {
+fn a_table_does_what_it_promised_and_what_was_done_with_it_is_reported() {
     let own = &*THIRD;
     let played = played(own);
     assert!(played.after.mean < 0.12 && played.after.mean < played.before.mean / 2.0);

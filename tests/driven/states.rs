@@ -6,10 +6,10 @@ use posegrid::figures::share_interval;
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings};
 use posegrid::fit::models::train;
-use posegrid::fit::{self, FitSettings, Gauge, Models, TrainingSettings};
+use posegrid::fit::{self, ErrorFrame, FitSettings, Models, TrainingSettings};
 use posegrid::history::between;
 use posegrid::history::estimate::Estimate;
-use posegrid::history::suspects::Suspect;
+use posegrid::history::hypotheses::Hypothesis;
 use posegrid::history::table_state::{Drifted, Shown, TableState};
 use posegrid::join::Station;
 use posegrid::kinematics::{LinkQuantity, Parameter};
@@ -122,14 +122,14 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         ..FullSettings::default()
     };
     let models = identified(own, &stations, &full(false));
-    let gauge = Gauge::new(&own.arm, models.base_target.frames[0], Some(tool()), false);
+    let error_frame = ErrorFrame::new(&own.arm, models.base_target.frames[0], Some(tool()), false);
     let station = |(station, corrected): (&Station, &Corrected)| {
         Some(DrivenStation {
             station: station.number,
             pose: station.number,
             target: *corrected.target.point(),
             command: station.command.as_ref()?.position,
-            attained: gauge.attained_tool(&station.joints, station.attained.as_ref()?),
+            attained: error_frame.attained_tool(&station.joints, station.attained.as_ref()?),
             stated: corrected.correction,
             covariance: corrected.covariance,
             turn: None,
@@ -148,7 +148,7 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         outside: vec![],
     };
     let model = own.by.model.is::<FullModel>();
-    let earlier = Estimate::of_full(model.expect("a whole model")).expect("a covariance");
+    let earlier = Estimate::of_full(model.expect("a full error model")).expect("a covariance");
     let state = shown.state(|| {
         let models = identified(own, &stations, &full(true));
         let later = models.full.as_ref().and_then(Estimate::of_full);
@@ -166,7 +166,10 @@ fn names(state: &TableState, joint: usize) -> bool {
         return false;
     };
     let parts = judged.finding.parts();
-    let wanted = [Suspect::JointOffset(joint), Suspect::JointCurve(joint)];
+    let wanted = [
+        Hypothesis::JointOffset(joint),
+        Hypothesis::JointCurve(joint),
+    ];
     wanted.iter().any(|part| parts.contains(part))
 }
 
@@ -194,7 +197,7 @@ fn an_unchanged_arm_holds_wherever_it_stands_and_a_changed_one_expires_by_what_c
 /// twenty; the arms took no part in choosing anything.
 #[test]
 #[ignore = "a long proof: cargo test --release --test driven states -- --ignored --nocapture"]
-fn on_twenty_arms_what_happened_to_them_is_told() {
+fn on_twenty_arms_what_happened_to_them_is_reported() {
     const ARMS: usize = 20;
     const CHANGED: [(usize, f64); 6] = [
         (2, 3e-4),

@@ -40,7 +40,7 @@ fn calls() -> Vec<Call> {
 }
 
 #[test]
-fn a_few_writes_that_find_no_space_are_told_and_harm_nothing() {
+fn a_few_writes_that_find_no_space_are_reported_and_harm_nothing() {
     if strace::is_there() {
         strace::spread(&calls(), 5).iter().for_each(refused);
     }
@@ -48,7 +48,7 @@ fn a_few_writes_that_find_no_space_are_told_and_harm_nothing() {
 
 #[test]
 #[ignore = "minutes: every write of a run; see README.md"]
-fn any_write_that_finds_no_space_is_told_and_harms_nothing() {
+fn any_write_that_finds_no_space_is_reported_and_harms_nothing() {
     if strace::is_there() {
         let calls = calls();
         calls.iter().for_each(refused);

@@ -20,7 +20,7 @@ fn ended(child: Child) -> Faulted {
 }
 
 #[test]
-fn a_second_batch_is_told_of_the_first_and_may_wait_for_it() {
+fn a_second_batch_is_reported_of_the_first_and_may_wait_for_it() {
     if !strace::is_there() {
         return;
     }

@@ -1,5 +1,5 @@
 //! False alarms at the stated rate, and known changes named: on sessions drawn from a real fit's own information, and on sessions
-//! simulated station by station and identified by the whole model.
+//! simulated station by station and identified by the full error model.
 //!
 //! Rates of long runs: `cargo test --release --test history -- --ignored --nocapture`.
 use crate::common::NOISE;
@@ -9,8 +9,8 @@ use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::history::compare::Comparison;
 use posegrid::history::estimate::{Column, Estimate};
-use posegrid::history::suspects::{Asked, Finding, Suspect, find, suspects};
-use posegrid::history::{Basis, Course, Judged, SessionFigures};
+use posegrid::history::hypotheses::{Asked, Finding, Hypothesis, find, hypotheses};
+use posegrid::history::{Basis, Judged, SessionFigures, SessionHistory};
 use posegrid::kinematics::{Arm, Axis, LinkQuantity, Motion, Parameter, RobotFile};
 use posegrid::simulate::{
     ArmErrors, Commanded, Ingredient, Poses, SimulateSettings, Stream, visits,
@@ -116,7 +116,7 @@ impl Drawing {
     fn compared(&mut self, truth: &[(Column, f64)]) -> (Vec<Asked>, Finding) {
         let (earlier, later) = (self.next(&[]), self.next(truth));
         let comparison = Comparison::new(&earlier, &later);
-        find(&comparison, &suspects(comparison.columns()))
+        find(&comparison, &hypotheses(comparison.columns()))
     }
 }
 
@@ -141,7 +141,7 @@ fn below_a_tenth(of: &Estimate, rounds: usize) -> (usize, usize) {
         let (asked, _) = drawing.compared(&[]);
         let all = asked
             .iter()
-            .find(|asked| asked.suspect == Suspect::Anything);
+            .find(|asked| asked.hypothesis == Hypothesis::Anything);
         omnibus += usize::from(all.expect("asked").alone.p_value() < 0.1);
         let p_values = asked.iter().map(|asked| asked.alone.p_value());
         any += usize::from(p_values.fold(1.0, f64::min) * (asked.len() as f64) < 0.1);
@@ -153,7 +153,7 @@ fn below_a_tenth(of: &Estimate, rounds: usize) -> (usize, usize) {
 fn p_values_are_uniform_where_nothing_changed() {
     let rounds = 400;
     let (omnibus, any) = below_a_tenth(&geometric(&arm()), rounds);
-    // 10 % of 400 is 40 ± 6; suspects overlap, so of the corrected ones there are fewer, but some.
+    // 10 % of 400 is 40 ± 6; hypotheses overlap, so of the corrected ones there are fewer, but some.
     assert!(
         (22..=58).contains(&omnibus),
         "{omnibus} of {rounds} below 0.1"
@@ -165,7 +165,7 @@ fn p_values_are_uniform_where_nothing_changed() {
 }
 
 /// How often, of `rounds`, the part is among those named, is named alone, and a wrong part is named alone.
-fn named(of: &Estimate, truth: &[(Column, f64)], part: Suspect, rounds: usize) -> [usize; 3] {
+fn named(of: &Estimate, truth: &[(Column, f64)], part: Hypothesis, rounds: usize) -> [usize; 3] {
     let mut drawing = Drawing::new(of, 2);
     let mut counts = [0; 3];
     for _ in 0..rounds {
@@ -179,29 +179,29 @@ fn named(of: &Estimate, truth: &[(Column, f64)], part: Suspect, rounds: usize) -
 }
 
 /// What moves in a simulation: in words, by how much, and which part that is.
-type Change = (&'static str, Vec<(Column, f64)>, Suspect);
+type Change = (&'static str, Vec<(Column, f64)>, Hypothesis);
 
 fn changes() -> [Change; 4] {
     [
         (
             "base 0.2 mm along x",
             vec![(base(Axis::X), 0.2)],
-            Suspect::Base,
+            Hypothesis::Base,
         ),
         (
             "target 0.1 mm along x",
             vec![(target(Axis::X), 0.1)],
-            Suspect::Target,
+            Hypothesis::Target,
         ),
         (
             "joint 3 by 50 µrad",
             vec![(theta(3), 50e-6)],
-            Suspect::JointOffset(3),
+            Hypothesis::JointOffset(3),
         ),
         (
             "joint 3 by 150 µrad",
             vec![(theta(3), 150e-6)],
-            Suspect::JointOffset(3),
+            Hypothesis::JointOffset(3),
         ),
     ]
 }
@@ -242,14 +242,14 @@ fn measured(
     change: impl Fn(u64, &mut SimulateSettings, &mut ArmErrors),
 ) -> Vec<Judged> {
     let arm = arm();
-    let mut course = Course::default();
+    let mut session_history = SessionHistory::default();
     let judge = |session: u64| {
         let seen = observations(&arm, session, |settings, errors| {
             // The base drifts in every session otherwise, and has moved indeed.
             settings.cell.base_drift_mm = 0.0;
             change(session, settings, errors);
         });
-        course.next(&figures(full(&arm, &seen)))
+        session_history.next(&figures(full(&arm, &seen)))
     };
     sessions.map(judge).collect()
 }
@@ -259,7 +259,7 @@ fn told(judged: &[Judged]) {
         let all = judged
             .asked
             .iter()
-            .find(|asked| asked.suspect == Suspect::Anything);
+            .find(|asked| asked.hypothesis == Hypothesis::Anything);
         let all = all.map(|asked| (asked.alone.statistic, asked.alone.freedom));
         eprintln!(
             "{session} against {}: {:?} {all:?} settles {:?}",
@@ -283,8 +283,8 @@ fn the_whole_model_finds_what_moved_from_measured_stations() {
     told(&judged);
     for (session, own) in judged.iter().enumerate() {
         let expected = match session {
-            3 => vec![Suspect::Base],
-            6 => vec![Suspect::Target],
+            3 => vec![Hypothesis::Base],
+            6 => vec![Hypothesis::Target],
             _ => Vec::new(),
         };
         assert_eq!(own.finding.parts(), expected, "session {session}");
@@ -303,11 +303,11 @@ fn the_whole_model_finds_what_moved_from_measured_stations() {
 #[test]
 fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segment() {
     let mut drawing = Drawing::new(&geometric(&arm()), 3);
-    let mut course = Course::default();
+    let mut session_history = SessionHistory::default();
     let moved = [(base(Axis::X), 0.5)];
     for session in 0..5 {
         let truth: &[_] = if session == 2 { &moved } else { &[] };
-        let judged = course.next(&figures(drawing.next(truth)));
+        let judged = session_history.next(&figures(drawing.next(truth)));
         assert_eq!(
             judged.finding != Finding::Nothing,
             session == 2,
@@ -327,7 +327,7 @@ fn a_change_of_one_session_alone_does_not_last_and_another_basis_begins_a_segmen
     }
     let mut other = figures(drawing.next(&moved));
     other.basis.settings = "others".to_owned();
-    let judged = course.next(&other);
+    let judged = session_history.next(&other);
     assert_eq!((judged.segment, judged.against), (2, 0));
     assert_eq!(judged.began, ["settings"]);
     assert_eq!(judged.finding, Finding::Nothing);
@@ -368,7 +368,7 @@ fn rates_over_many_sessions() {
             judged
                 .asked
                 .iter()
-                .find(|asked| asked.suspect == Suspect::Anything)
+                .find(|asked| asked.hypothesis == Hypothesis::Anything)
         })
         .map(|asked| asked.alone.statistic / asked.alone.freedom as f64)
         .collect();

@@ -8,11 +8,11 @@ use mcap::MessageStream;
 use posegrid::ingest::{Mapping, PoseSamples, TemperatureSamples};
 use posegrid::io::log::SessionLogs;
 use posegrid::join::JoinInput;
-use posegrid::join::rest::{RestRule, at_rest};
+use posegrid::join::stationary::{StationaryRule, find_stationary};
 use posegrid::units::Stamp;
 
 /// What the join is given of a session of six joints.
-pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &RestRule) -> JoinInput {
+pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &StationaryRule) -> JoinInput {
     let joints = messages(&logs.controller, &mapping.controller.topic, |cdr| {
         let names: Vec<String> = (0..cdr.word()).map(|_| cdr.text()).collect();
         let angles: Vec<f64> = (0..cdr.word()).map(|_| cdr.number()).collect();
@@ -29,7 +29,7 @@ pub fn input(logs: &SessionLogs, mapping: &Mapping, rule: &RestRule) -> JoinInpu
     let temperatures = temperatures.map(|(stamp_ns, celsius)| (Stamp::from_ns(stamp_ns), celsius));
     let (stamps, celsius) = temperatures.unzip();
     JoinInput {
-        joints: at_rest(&stamps_ns, &angles.concat(), mapping.joints.len(), rule),
+        joints: find_stationary(&stamps_ns, &angles.concat(), mapping.joints.len(), rule),
         commands: Box::new(poses(&logs.controller, &commanded.topic)),
         readings: Box::new(poses(&logs.tracker, &mapping.tracker.topic)),
         temperatures: TemperatureSamples { stamps, celsius },

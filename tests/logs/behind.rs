@@ -137,11 +137,14 @@ fn logs_one_behind_another_are_all_read_each_with_its_own_ids() {
         let recording = read(&both).expect("two sound logs");
         is_whole(&recording, "two logs");
         let found = inspected(&both);
-        assert_eq!((found.account.logs, found.account.messages), (2, ALL));
-        assert_eq!(found.account.ending, Ending::Sound);
-        assert_eq!(found.account.bytes_lost(), 0);
-        let [reject] = &found.account.rejects[..] else {
-            panic!("{:?}", found.account.rejects)
+        assert_eq!(
+            (found.read_summary.logs, found.read_summary.messages),
+            (2, ALL)
+        );
+        assert_eq!(found.read_summary.ending, Ending::Sound);
+        assert_eq!(found.read_summary.bytes_lost(), 0);
+        let [reject] = &found.read_summary.rejects[..] else {
+            panic!("{:?}", found.read_summary.rejects)
         };
         assert_eq!(
             (reject.byte_start, reject.loss),
@@ -154,7 +157,7 @@ fn logs_one_behind_another_are_all_read_each_with_its_own_ids() {
         for cut in [8, 12, 100] {
             let both = [&one[..one.len() - cut], &two].concat();
             is_whole(&read(&both).expect("read"), &format!("{cut} bytes less"));
-            assert!(!inspected(&both).account.rejects.is_empty());
+            assert!(!inspected(&both).read_summary.rejects.is_empty());
         }
         let three = [&one[..], &two, &later_part(200, 210, compression)].concat();
         assert_eq!(read(&three).expect("read").joints.stamps.len(), 210);
@@ -180,7 +183,7 @@ fn a_log_cut_anywhere_before_another_costs_its_own_messages_only() {
 }
 
 #[test]
-fn an_end_before_the_last_records_is_told_and_they_are_read() {
+fn an_end_before_the_last_records_is_reported_and_they_are_read() {
     for log in [chunked(), unchunked()] {
         let [data, summary] = parts(&log);
         let end = (op::DATA_END, raw::data_end(0).record(op::DATA_END));
@@ -218,7 +221,7 @@ fn an_end_before_the_last_records_is_told_and_they_are_read() {
                     .iter()
                     .any(|r| r.reason.contains("its data ends at byte"));
                 assert!(told, "{what}: {:?}", recording.rejects);
-                assert_eq!(inspected(&bytes).account.messages, ALL, "{what}");
+                assert_eq!(inspected(&bytes).read_summary.messages, ALL, "{what}");
                 assert_eq!(shown(&bytes).0, Some(3), "{what}");
             }
         }
@@ -267,9 +270,9 @@ fn messages_that_a_sound_summary_counts_and_that_are_not_there_are_lost() {
     for (what, bytes) in cases {
         let found = inspected(&bytes);
         let recording = read(&bytes).expect("the rest is sound");
-        let lost = ALL - found.account.messages;
+        let lost = ALL - found.read_summary.messages;
         assert!(lost >= 10, "{what}: {lost}");
-        assert_eq!(found.account.messages_lost, lost, "{what}");
+        assert_eq!(found.read_summary.messages_lost, lost, "{what}");
         let topics = ["/joints", "/command", "/reading"];
         let read_of = [
             recording.counts["joints.messages"],
@@ -282,7 +285,7 @@ fn messages_that_a_sound_summary_counts_and_that_are_not_there_are_lost() {
             });
             let told: u64 = missing.filter_map(|reject| reject.messages).sum();
             assert_eq!(told, all - read, "{what}: {topic}");
-            let lost_of = found.account.lost_of.get(topic).copied().unwrap_or(0);
+            let lost_of = found.read_summary.lost_of.get(topic).copied().unwrap_or(0);
             assert_eq!(lost_of, told, "{what}: {topic}");
         }
         assert_eq!(recording.counts["log.messages_lost"], lost, "{what}");
@@ -309,12 +312,12 @@ fn messages_of_a_damaged_chunk_are_counted_once() {
         .collect();
     let mut damaged = log.clone();
     damaged[usize::midpoint(chunks[3].0, chunks[3].1)] ^= 0x10;
-    let account = inspected(&damaged).account;
-    let [reject] = &account.rejects[..] else {
-        panic!("{:?}", account.rejects)
+    let read_summary = inspected(&damaged).read_summary;
+    let [reject] = &read_summary.rejects[..] else {
+        panic!("{:?}", read_summary.rejects)
     };
-    assert_eq!(reject.messages, Some(ALL - account.messages));
-    assert_eq!(account.messages_lost, ALL - account.messages);
+    assert_eq!(reject.messages, Some(ALL - read_summary.messages));
+    assert_eq!(read_summary.messages_lost, ALL - read_summary.messages);
     // Beside it a chunk that is cut out: only its messages are told as missing.
     let [mut data, summary] = parts(&log);
     data = without_chunk(&data, 6);
@@ -323,16 +326,16 @@ fn messages_of_a_damaged_chunk_are_counted_once() {
         .collect();
     let middle = data[places[3]].1.len() / 2;
     data[places[3]].1[middle] ^= 0x10;
-    let account = inspected(&log_of(&data, &summary)).account;
+    let read_summary = inspected(&log_of(&data, &summary)).read_summary;
     let sum = |loss| {
-        let of = account
+        let of = read_summary
             .rejects
             .iter()
             .filter(move |reject| reject.loss == loss);
         of.filter_map(|reject| reject.messages).sum::<u64>()
     };
-    let lost = ALL - account.messages;
-    assert_eq!(account.messages_lost, lost);
+    let lost = ALL - read_summary.messages;
+    assert_eq!(read_summary.messages_lost, lost);
     assert_eq!(sum(LossKind::Bytes), reject.messages.expect("indexed"));
     assert_eq!(sum(LossKind::Missing) + sum(LossKind::Bytes), lost);
 }
@@ -391,10 +394,10 @@ fn statistics_that_say_nothing_of_a_loss_raise_no_alarm() {
         let record = record.map(|bytes| (op::STATISTICS, bytes));
         let summary: Vec<_> = others.chain(record).collect();
         let bytes = log_of(&data, &summary);
-        let account = inspected(&bytes).account;
-        assert_eq!(account.rejects, [], "{what}");
+        let read_summary = inspected(&bytes).read_summary;
+        assert_eq!(read_summary.rejects, [], "{what}");
         assert_eq!(
-            (account.messages, account.messages_lost),
+            (read_summary.messages, read_summary.messages_lost),
             (ALL, 0),
             "{what}"
         );
@@ -407,15 +410,15 @@ fn statistics_that_say_nothing_of_a_loss_raise_no_alarm() {
     // A count that is too large, yet not beyond belief, is one of lost messages, and the share stays below one.
     for (stated, lost) in [(ALL + 10, 10), (1 << 48, (1 << 48) - ALL)] {
         let summary = [(op::STATISTICS, statistics(stated, &[]))];
-        let account = inspected(&log_of(&data, &summary)).account;
-        assert_eq!(account.messages_lost, lost);
-        assert_eq!(account.bytes_lost(), 0);
+        let read_summary = inspected(&log_of(&data, &summary)).read_summary;
+        assert_eq!(read_summary.messages_lost, lost);
+        assert_eq!(read_summary.bytes_lost(), 0);
     }
     // A damaged summary proves nothing.
     let mut damaged = log_of(&data, &[(op::STATISTICS, statistics(1000, &[]))]);
     let at = damaged.len() - 60;
     damaged[at] ^= 1;
-    assert_eq!(inspected(&damaged).account.messages_lost, 0);
+    assert_eq!(inspected(&damaged).read_summary.messages_lost, 0);
 }
 
 #[test]
@@ -434,9 +437,9 @@ fn records_of_an_application_are_stepped_over_and_counted() {
         data.push(private(0x80, 5));
         summary.insert(1, private(0x90, 5));
         let bytes = log_of(&data, &summary);
-        let account = inspected(&bytes).account;
-        assert_eq!(account.rejects, []);
-        let counted: Vec<_> = account.private_records.into_iter().collect();
+        let read_summary = inspected(&bytes).read_summary;
+        assert_eq!(read_summary.rejects, []);
+        let counted: Vec<_> = read_summary.private_records.into_iter().collect();
         assert_eq!(counted, [(0x80, 2), (0x85, 1), (0x86, 1), (0xff, 1)]);
         is_whole(&read(&bytes).expect("sound"), "private records");
         let (code, words) = shown(&bytes);
@@ -457,11 +460,11 @@ fn records_of_an_application_are_stepped_over_and_counted() {
         private(0xc0, 0).1,
     ];
     let chunk = raw::chunk((at, at), &records.concat(), raw::Packing::Zstd).record(op::CHUNK);
-    let account = inspected(&raw::log(&[chunk])).account;
-    assert_eq!(account.rejects, []);
-    assert_eq!(account.messages, 1);
+    let read_summary = inspected(&raw::log(&[chunk])).read_summary;
+    assert_eq!(read_summary.rejects, []);
+    assert_eq!(read_summary.messages, 1);
     assert_eq!(
-        account.private_records.into_iter().collect::<Vec<_>>(),
+        read_summary.private_records.into_iter().collect::<Vec<_>>(),
         [(0xc0, 2)]
     );
 }
@@ -482,7 +485,7 @@ fn a_record_that_one_bit_makes_an_applications_is_not_lost_in_silence() {
 }
 
 #[test]
-fn a_pipe_or_a_device_is_told_at_once() {
+fn a_pipe_or_a_device_is_reported_at_once() {
     let folder = Folder::new();
     let pipe = folder.path().join("pipe.mcap");
     let made = Command::new("mkfifo").arg(&pipe).status();

@@ -13,7 +13,7 @@ use posegrid::ingest::{
 };
 use posegrid::io::log::{JointSink, Limits, LogError, SessionLogs, SessionRead, read_session};
 use posegrid::io::table::ROW_GROUP_ROWS;
-use posegrid::join::rest::Rest;
+use posegrid::join::stationary::Stationary;
 use posegrid::join::{JoinInput, JoinSettings};
 use posegrid::progress::{Progress, Quiet};
 use posegrid::units::Stamp;
@@ -291,7 +291,7 @@ impl Folder {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct WholeSession {
     pub joints: JointSamples,
-    pub dwells: Rest,
+    pub dwells: Stationary,
     pub commands: CommandSamples,
     pub readings: TargetReadings,
     pub temperatures: TemperatureSamples,
@@ -308,7 +308,7 @@ struct Collected {
 }
 
 impl JointSink for Collected {
-    fn begin_again(&mut self) {
+    fn restart(&mut self) {
         *self = Self::default();
     }
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use posegrid::ingest::LogReject;
 use posegrid::io::log::{
-    Account, Channel, Ending, Extent, FileError, Limits, MessageRecord, Schema, Visitor, scan,
+    Channel, Ending, Extent, FileError, Limits, MessageRecord, ReadSummary, Schema, Visitor, scan,
 };
 use posegrid::progress::Quiet;
 
@@ -398,11 +398,11 @@ impl Visitor for Everything {
     }
 }
 
-fn read(folder: &Folder, bytes: &[u8]) -> (Everything, Account) {
+fn read(folder: &Folder, bytes: &[u8]) -> (Everything, ReadSummary) {
     let path = folder.file("log.mcap", bytes);
     let mut found = Everything::default();
-    let account = scan(&path, "log.mcap", Limits::default(), &mut found, &Quiet);
-    (found, account.expect("a log"))
+    let read_summary = scan(&path, "log.mcap", Limits::default(), &mut found, &Quiet);
+    (found, read_summary.expect("a log"))
 }
 
 /// What the set says is in a file, channels apart from messages.
@@ -439,9 +439,9 @@ fn every_file_of_the_set_is_read_with_its_records() {
     assert_eq!((variants.len(), names.len()), (416, 416));
     for variant in variants {
         let name = variant.name();
-        let (found, account) = read(&folder, &variant.build());
+        let (found, read_summary) = read(&folder, &variant.build());
         assert_eq!(found, expected(variant.content), "{name}");
-        assert_eq!(account.rejects, [], "{name}");
+        assert_eq!(read_summary.rejects, [], "{name}");
         let has_summary = variant
             .features
             .iter()
@@ -451,13 +451,13 @@ fn every_file_of_the_set_is_read_with_its_records() {
         } else {
             Ending::NoSummary
         };
-        assert_eq!(account.ending, ending, "{name}");
-        let chunks: u64 = account.chunks.values().sum();
+        assert_eq!(read_summary.ending, ending, "{name}");
+        let chunks: u64 = read_summary.chunks.values().sum();
         assert_eq!(chunks, u64::from(variant.has(Chunks)), "{name}");
         let metadata = [("myMetadata".to_owned(), "foo".to_owned(), "bar".to_owned())];
         let has_metadata = variant.content == Content::OneMetadata;
         assert_eq!(
-            account.metadata,
+            read_summary.metadata,
             metadata[..usize::from(has_metadata)],
             "{name}"
         );
@@ -509,11 +509,11 @@ fn a_file_of_the_set_cut_anywhere_loses_nothing_in_silence() {
     let file = variant.build();
     let all = expected(Content::TenMessages).messages;
     for length in 8..file.len() {
-        let (found, account) = read(&folder, &file[..length]);
+        let (found, read_summary) = read(&folder, &file[..length]);
         assert!(all.starts_with(&found.messages), "cut to {length}");
         let whole = found.messages.len() == all.len();
-        assert!(whole || !account.rejects.is_empty(), "cut to {length}");
+        assert!(whole || !read_summary.rejects.is_empty(), "cut to {length}");
         // A file without its last byte is not whole, and that is told.
-        assert!(!account.rejects.is_empty(), "cut to {length}");
+        assert!(!read_summary.rejects.is_empty(), "cut to {length}");
     }
 }

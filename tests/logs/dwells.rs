@@ -8,7 +8,7 @@ use mcap::{Compression, WriteOptions};
 use posegrid::ingest::PoseSamples;
 use posegrid::io::log::{Limits, LogError, SessionLogs};
 use posegrid::join::JoinSettings;
-use posegrid::join::rest::at_rest;
+use posegrid::join::stationary::find_stationary;
 use posegrid::progress::Progress;
 
 use crate::build::{Cdr, Folder, Log, WholeSession, mapping, read_whole};
@@ -102,7 +102,7 @@ pub fn consistent(
     let stamps_ns: Vec<i64> = found.joints.stamps.iter().map(|stamp| stamp.ns()).collect();
     let angles = &found.joints.angles;
     let rule = JoinSettings::default().arm_rule();
-    let dwells = at_rest(&stamps_ns, angles.all(), angles.joints(), &rule);
+    let dwells = find_stationary(&stamps_ns, angles.all(), angles.joints(), &rule);
     assert_eq!(found.dwells, dwells);
     assert_eq!(angles.len(), stamps_ns.len());
     check_counts(&found, "joints", &stamps_ns);

@@ -135,7 +135,7 @@ fn two_channels_of_one_schema_on_one_topic_are_one_stream() {
 }
 
 #[test]
-fn two_schemas_on_one_topic_are_told() {
+fn two_schemas_on_one_topic_are_reported() {
     let (name, text) = schema("Temperature");
     let other = [
         raw::schema(9, &name, "ros2msg", text.as_bytes()).record(op::SCHEMA),

@@ -128,7 +128,7 @@ fn set_statistics(bytes: &mut [u8], chance: &mut Chance) {
 
 /// Reads a log in all ways; what goes in comes out or is counted.
 fn read_log(path: &Path) -> String {
-    let (mut outcome, mut accounts) = (String::new(), None);
+    let (mut outcome, mut summaries) = (String::new(), None);
     match inspect(path, LIMITS, &Quiet) {
         Err(error) => outcome += &error.to_string(),
         Ok(found) => {
@@ -137,9 +137,9 @@ fn read_log(path: &Path) -> String {
                 .iter()
                 .map(|channel| channel.traffic.messages)
                 .sum();
-            assert!(counted <= found.account.messages);
-            accounts = Some(found.account.clone());
-            for reject in &found.account.rejects {
+            assert!(counted <= found.read_summary.messages);
+            summaries = Some(found.read_summary.clone());
+            for reject in &found.read_summary.rejects {
                 assert!(reject.byte_start <= reject.byte_end, "{reject:?}");
                 outcome += &reject.reason;
             }
@@ -149,11 +149,11 @@ fn read_log(path: &Path) -> String {
         Err(error) => outcome += &error.to_string(),
         Ok(found) => {
             // Both ways of reading see the same log, and lose the same of it.
-            let account = accounts.expect("what can be read can be inspected");
+            let read_summary = summaries.expect("what can be read can be inspected");
             let counts = [
-                ("log.messages", account.messages),
-                ("log.messages_lost", account.messages_lost),
-                ("log.bytes_lost", account.bytes_lost()),
+                ("log.messages", read_summary.messages),
+                ("log.messages_lost", read_summary.messages_lost),
+                ("log.bytes_lost", read_summary.bytes_lost()),
             ];
             for (name, count) in counts {
                 assert_eq!(found.counts[name], count, "{name}");

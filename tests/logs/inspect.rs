@@ -157,7 +157,7 @@ fn a_log_cut_behind_its_data_is_damaged_and_a_log_without_summary_is_not() {
 }
 
 #[test]
-fn files_of_other_formats_are_told_with_what_to_do() {
+fn files_of_other_formats_are_reported_with_what_to_do() {
     let folder = Folder::new();
     let cases: [(&str, &[u8], &str); 6] = [
         ("a.bag", b"#ROSBAG V2.0\n", "mcap convert"),
@@ -214,7 +214,7 @@ fn a_reader_that_goes_away_is_no_error() {
 }
 
 #[test]
-fn a_log_in_zstd_without_room_to_decompress_it_is_told() {
+fn a_log_in_zstd_without_room_to_decompress_it_is_reported() {
     let folder = Folder::new();
     let packed = zstd::stream::encode_all(&session_log(None, 20)[..], 1).expect("memory");
     let log = folder.file("log.mcap.zst", &packed);

@@ -194,7 +194,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
         .map(|channel| channel.traffic.messages)
         .sum();
     let unknown: u64 = seen
-        .account
+        .read_summary
         .rejects
         .iter()
         .filter(|reject| reject.reason.contains("which no record before them"))
@@ -202,7 +202,7 @@ fn check(log: &Log, mutant: &Mutant, folder: &Folder) -> Result<(), LogError> {
         .sum();
     assert_eq!(
         counted + unknown,
-        seen.account.messages,
+        seen.read_summary.messages,
         "{what}: {seen:#?}"
     );
     for stream in ["joints", "commands", "readings"] {

@@ -11,7 +11,7 @@ use posegrid::io::log::{Limits, SessionLogs, read_session};
 use posegrid::io::schema;
 use posegrid::io::table::Table;
 use posegrid::io::tables::logs::LogTable;
-use posegrid::join::rest::Rest;
+use posegrid::join::stationary::Stationary;
 use posegrid::join::{JoinInput, JoinSettings};
 use posegrid::manifest::RunKey;
 use posegrid::progress::Quiet;
@@ -226,7 +226,7 @@ fn a_table_that_is_not_finished_leaves_no_file() {
 }
 
 #[test]
-fn what_breaks_the_contract_is_told_at_the_end_and_leaves_no_file() {
+fn what_breaks_the_contract_is_reported_at_the_end_and_leaves_no_file() {
     use posegrid::io::log::JointSink as _;
     let folder = Folder::new();
     let lake = Lake::new(folder.path());
@@ -236,7 +236,7 @@ fn what_breaks_the_contract_is_told_at_the_end_and_leaves_no_file() {
     table.take(&[3, 4], &[0.0, f64::NAN]);
     table.take(&[5], &[0.0]);
     let nothing = JoinInput {
-        joints: Rest::default(),
+        joints: Stationary::default(),
         commands: Box::new(CommandSamples::default()),
         readings: Box::new(TargetReadings::default()),
         temperatures: TemperatureSamples::default(),

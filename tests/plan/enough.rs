@@ -1,4 +1,4 @@
-//! Sessions that stop by themselves: whether what they promised then holds on fresh poses of another day.
+//! Sessions that stop by themselves: whether what they promised then holds on fresh poses of another session.
 //!
 //! The proof is of 100 robots of each arm and runs by a command of its own:
 //! `cargo test --release --test plan sessions_that_stop -- --ignored --nocapture`.
@@ -23,7 +23,7 @@ use super::{chosen, settings, small_of};
 /// How one session ended.
 #[derive(Debug)]
 enum Ended {
-    /// It stopped after so many poses: what it promised, and the bound of fresh poses of another day, mm.
+    /// It stopped after so many poses: what it promised, and the bound of fresh poses of another session, mm.
     Stopped {
         poses: usize,
         promised: f64,
@@ -45,7 +45,7 @@ fn session(trial: &Trial<'_>, designs: &Designs, sizes: &[usize], number: usize)
         let fitted = robot
             .fit(&measured[..size], settings, &settings.full)
             .expect("enough poses");
-        let model = fitted.models.full.as_ref().expect("a whole model");
+        let model = fitted.models.full.as_ref().expect("a full error model");
         let promise = enough::promised(model, 0, &region, settings);
         if promise.holds() {
             let pool = fresh_poses(trial.placer, &settings.region, settings).expect("in reach");
@@ -152,7 +152,7 @@ fn from_commands(model: &FullModel, b: &[Observation]) -> Vec<f64> {
     let sent: Vec<(&Observation, Vec<f64>)> = b
         .iter()
         .filter_map(|o| {
-            let short = o.shortfall.as_ref()?.sent()?;
+            let short = o.settling_error.as_ref()?.sent()?;
             Some((
                 o,
                 o.axes

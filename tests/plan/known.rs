@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{DVector, Matrix3, Point3, Vector3};
 use posegrid::figures::Figures;
-use posegrid::fit::commanded::Shortfall;
+use posegrid::fit::commanded::SettlingError;
 use posegrid::fit::full::next::{Mounted, Mounting};
 use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
 use posegrid::fit::{FitSettings, Frames, Observation, start};
@@ -22,7 +22,7 @@ use super::common::trained::{base_refitted, observed, predictions, trained};
 use super::common::{self, NOISE};
 use super::{chosen, drawn, settings, small};
 
-/// A robot of the small plan, measured at `count` poses turned as far as candidates may be: its whole model.
+/// A robot of the small plan, measured at `count` poses turned as far as candidates may be: its full error model.
 fn past(planning: &Planning, count: usize) -> FullModel {
     let Planning { arm, settings, .. } = planning;
     let placer = Placer::new(arm, settings).expect("a box in reach");
@@ -30,7 +30,7 @@ fn past(planning: &Planning, count: usize) -> FullModel {
     let fitted = robot
         .fitted(&random(&placer, settings, count), settings, &settings.full)
         .expect("enough poses");
-    fitted.models.full.expect("a whole model")
+    fitted.models.full.expect("a full error model")
 }
 
 fn random(placer: &Placer<'_>, settings: &PlanSettings, count: usize) -> Vec<Commanded> {
@@ -131,7 +131,7 @@ fn a_drawn_arm_stands_where_its_coefficients_say() {
         for pose in random(&placer, settings, 8) {
             let axes = arm.axes(&pose.joints);
             // At its command, so that nothing of where joints come to stand is in it.
-            let at_command = Shortfall::Sent(vec![0.0; axes.len()]);
+            let at_command = SettlingError::Sent(vec![0.0; axes.len()]);
             let predicted = model.predict(&query(&axes, Known::Both(&at_command)));
             let shift = &predicted.rows * &away;
             let expected = predicted.position + Vector3::new(shift[0], shift[1], shift[2]);

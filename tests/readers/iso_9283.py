@@ -4,7 +4,7 @@
     python tests/readers/iso_9283.py check LAKE
 
 Which stations visited one pose is told from `stations`; commanded and attained positions are those of `residuals`, so every
-figure of the raw command, of a session that a table drove and of the whole model from commands is worked out again. Of base
+figure of the raw command, of a session that a table drove and of the full error model from commands is worked out again. Of base
 and target fitted the lake has no residuals against the command: there the tool is placed by the frames in `calibrations` and
 what the tracker saw, where it saw orientations too. Poses, pairs and groups are found here by rules of their own wording, and
 every row of those subjects has to be met.

@@ -26,7 +26,7 @@ fn bad_usage(cell: &Cell, texts: &[&str]) -> Ended {
 }
 
 #[test]
-fn a_missing_log_of_a_session_is_told_and_the_others_have_their_result() {
+fn a_missing_log_of_a_session_is_reported_and_the_others_have_their_result() {
     let cell = small().with_simulated("tue", &["--random", "7"]);
     fs::remove_file(cell.session("tue").join("controller.mcap")).expect("was there");
     // 12 stations cannot show 95 %: 3, and not 1.
@@ -39,19 +39,19 @@ fn a_missing_log_of_a_session_is_told_and_the_others_have_their_result() {
 }
 
 #[test]
-fn an_empty_log_is_told() {
+fn an_empty_log_is_reported() {
     let cell = small().with_log("mon", "controller.mcap", |_| Vec::new());
     no_result(&cell, &["mon/controller.mcap: the file is empty"]);
 }
 
 #[test]
-fn a_file_that_is_no_log_is_told() {
+fn a_file_that_is_no_log_is_reported() {
     let cell = small().with_log("mon", "tracker.mcap", |_| b"time,x,y,z\n0,1,2,3\n".to_vec());
     no_result(&cell, &["mon/tracker.mcap: not an MCAP log"]);
 }
 
 #[test]
-fn an_unknown_topic_is_told_with_those_there_are() {
+fn an_unknown_topic_is_reported_with_those_there_are() {
     let cell = small().with("\"/tracker/point\"", "\"/tracker/pose\"");
     let topics = [
         "no topic \"/tracker/pose\"",
@@ -62,7 +62,7 @@ fn an_unknown_topic_is_told_with_those_there_are() {
 }
 
 #[test]
-fn a_joint_that_no_message_names_is_told() {
+fn a_joint_that_no_message_names_is_reported() {
     let cell = small();
     let path = cell.path("robots/kr210-r2700-extra.toml");
     let robot = fs::read_to_string(&path).expect("readable");
@@ -71,7 +71,7 @@ fn a_joint_that_no_message_names_is_told() {
 }
 
 #[test]
-fn an_unknown_key_of_the_pipeline_file_is_told_with_its_line() {
+fn an_unknown_key_of_the_pipeline_file_is_reported_with_its_line() {
     let cell = small().with("share = 0.95", "share = 0.95\nshares = 1");
     bad_usage(&cell, &["pipeline.toml", "unknown field `shares`", "line "]);
 }
@@ -83,7 +83,7 @@ fn a_missing_unit_is_asked_for_and_not_guessed() {
 }
 
 #[test]
-fn a_step_larger_than_the_box_of_the_pipeline_file_is_told_before_a_log_is_opened() {
+fn a_step_larger_than_the_box_of_the_pipeline_file_is_reported_before_a_log_is_opened() {
     let bounds = "box = { low_mm = [1500, 0, 800], high_mm = [1800, 300, 1100] }\n";
     let cell = small().with("[tolerance]", &format!("{bounds}\n[tolerance]"));
     // [grid] ends where [tolerance] begins, so the box is in it.
@@ -91,7 +91,7 @@ fn a_step_larger_than_the_box_of_the_pipeline_file_is_told_before_a_log_is_opene
 }
 
 #[test]
-fn a_step_larger_than_the_measured_box_is_told() {
+fn a_step_larger_than_the_measured_box_is_reported() {
     let flags = ["--random", "12", "--size", "300,300,300"];
     let cell = Cell::new().with_simulated("mon", &flags);
     // Other steps fit: this one is a row that says so.
@@ -112,7 +112,7 @@ fn a_step_larger_than_the_measured_box_is_told() {
 }
 
 #[test]
-fn too_few_stations_are_told_with_both_numbers() {
+fn too_few_stations_are_reported_with_both_numbers() {
     let cell = Cell::new().with_simulated("mon", &["--random", "5"]);
     no_result(
         &cell,
@@ -130,7 +130,7 @@ fn few_stations_have_a_result_that_shows_nothing() {
 }
 
 #[test]
-fn stations_in_one_place_are_told() {
+fn stations_in_one_place_are_reported() {
     // One pose, again and again: nothing tells one dwell from another.
     let flags = ["--random", "30", "--size", "0,0,0", "--cone-deg", "0"];
     let cell = Cell::new().with_simulated("mon", &flags);
@@ -138,7 +138,7 @@ fn stations_in_one_place_are_told() {
 }
 
 #[test]
-fn stations_on_a_line_are_told() {
+fn stations_on_a_line_are_reported() {
     let flags = ["--random", "30", "--size", "900,0,0", "--cone-deg", "0"];
     let cell = Cell::new().with_simulated("mon", &flags);
     no_result(&cell, &["fit: ", "on a line", "spread the poses"]);
@@ -162,7 +162,7 @@ fn a_bad_session_does_not_stop_the_others() {
 }
 
 #[test]
-fn a_pipeline_file_that_is_not_there_is_told() {
+fn a_pipeline_file_that_is_not_there_is_reported() {
     let ended = super::cell::ended(posegrid().args(["run", "no/such/pipeline.toml"]));
     ended.expect(2, &["no/such/pipeline.toml"]);
 }
@@ -173,7 +173,7 @@ fn checked(cell: &Cell) -> Ended {
 }
 
 #[test]
-fn a_name_that_no_lake_takes_is_told_by_check_and_by_run_alike() {
+fn a_name_that_no_lake_takes_is_reported_by_check_and_by_run_alike() {
     // 61 letters of two bytes, three characters a byte: 366 of 180.
     let name = "ü".repeat(61);
     let cell = small().with("name = \"kr210-demo\"", &format!("name = \"{name}\""));
@@ -193,7 +193,7 @@ fn a_name_that_no_lake_takes_is_told_by_check_and_by_run_alike() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn files_that_are_none_and_files_without_an_end_are_told_at_once() {
+fn files_that_are_none_and_files_without_an_end_are_reported_at_once() {
     let cell = small();
     let robot = fs::read_to_string(cell.pipeline()).expect("readable");
     let robot = robot

@@ -42,7 +42,7 @@ fn small() -> Cell {
 }
 
 #[test]
-fn a_read_only_lake_is_told() {
+fn a_read_only_lake_is_reported() {
     if !mounting_is_allowed() {
         return;
     }
@@ -53,7 +53,7 @@ fn a_read_only_lake_is_told() {
 }
 
 #[test]
-fn a_full_lake_is_told_and_holds_no_run() {
+fn a_full_lake_is_reported_and_holds_no_run() {
     if !mounting_is_allowed() {
         return;
     }

@@ -104,7 +104,7 @@ fn a_file_that_carries_a_runs_id_and_is_none_of_its_files_is_foreign() {
 }
 
 #[test]
-fn files_of_a_run_without_a_row_are_told_with_both_causes() {
+fn files_of_a_run_without_a_row_are_reported_with_both_causes() {
     let cell = copied();
     let run = run_of(&cell, "tue");
     // What a stopped run leaves under a temporary name is no mismatch: the next run removes it.
@@ -163,7 +163,7 @@ fn every_column_of_a_row_is_sealed() {
 }
 
 #[test]
-fn a_flipped_bit_anywhere_in_a_row_is_told() {
+fn a_flipped_bit_anywhere_in_a_row_is_reported() {
     let cell = copied();
     let lake = Lake::new(cell.path("lake"));
     let row = cell.table_file("runs", "mon");
@@ -201,7 +201,7 @@ fn a_flipped_bit_anywhere_in_a_row_is_told() {
 }
 
 #[test]
-fn a_row_that_was_replaced_is_told_when_it_is_changed_with_all_its_digests() {
+fn a_row_that_was_replaced_is_reported_when_it_is_changed_with_all_its_digests() {
     let cell = copied();
     let first = run_of(&cell, "mon");
     let row = cell.table_file("runs", "mon");
@@ -228,7 +228,7 @@ fn a_row_that_was_replaced_is_told_when_it_is_changed_with_all_its_digests() {
 }
 
 #[test]
-fn the_last_row_is_told_by_a_list_kept_elsewhere() {
+fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
     let cell = copied();
     let kept = kept_list(&cell);
     let text = fs::read_to_string(&kept).expect("there");

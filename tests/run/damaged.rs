@@ -178,7 +178,7 @@ fn with_short_messages(log: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn more_rejected_messages_than_the_pipeline_file_allows_are_told_now_and_later() {
+fn more_rejected_messages_than_the_pipeline_file_allows_are_reported_now_and_later() {
     let cell = Cell::new()
         .with("harmonics = 12", "enabled = false")
         .with_simulated("mon", &["--random", "12"])

@@ -140,7 +140,7 @@ fn page(cell: &Cell) -> std::path::PathBuf {
 }
 
 #[test]
-fn a_file_that_says_nothing_of_a_table_is_told() {
+fn a_file_that_says_nothing_of_a_table_is_reported() {
     let cell = Cell::new().with_quickstart("mon");
     fs::write(
         cell.session("mon").join("corrected.csv"),

@@ -210,8 +210,8 @@ fn the_urdf_stands_where_the_identified_geometry_does() {
     let published = calibrations_table::read_geometry(&file("calibrations")).unwrap();
     let arm = &published.arm;
     assert_eq!(arm.model.model, Model::Geometric);
-    let gauge = arm.gauge();
-    let errors = ToolErrors::new(&*arm.model.predicts, arm.model.session, &gauge);
+    let error_frame = arm.error_frame();
+    let errors = ToolErrors::new(&*arm.model.predicts, arm.model.session, &error_frame);
     let names: Vec<&str> = arm
         .arm
         .joints()
@@ -232,7 +232,7 @@ fn the_urdf_stands_where_the_identified_geometry_does() {
             .zip(q.iter().copied())
             .collect();
         let tool = forward(&joints, "tool", &named) * Vector4::new(0.0, 0.0, 0.0, 1.0) * 1000.0;
-        let nominal: Isometry3<f64> = gauge.nominal_tool(&q);
+        let nominal: Isometry3<f64> = error_frame.nominal_tool(&q);
         let error = errors.error(&q).unwrap();
         let expected = nominal.translation.vector + error;
         let apart = (tool.xyz() - expected).norm();

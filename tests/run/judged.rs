@@ -138,7 +138,7 @@ fn a_test_session_of_this_arm_agrees() {
     assert_eq!(text(&accuracy, "evidence", bound), "predicted");
     let apart = accuracy.f64("value").value(bound) - steps.f64("bound_mm").value(tue);
     assert!(apart.abs() < 1e-12, "{apart}");
-    // What the table leaves on another day is about what the model does: its base is found as theirs is.
+    // What the table leaves in another session is about what the model does: its base is found as theirs is.
     let words = [
         ("of_session", "tue"),
         ("model", "full"),
@@ -166,7 +166,7 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
     );
     let reason = [
         "test session wed: ",
-        "whole model from commands alone: bound ",
+        "full error model from commands alone: bound ",
         "another arm, this one before or after a repair, or poses unlike",
     ];
     everywhere(&cell, &ended, "not_met", &reason);
@@ -176,7 +176,7 @@ fn a_test_session_of_another_arm_decides_and_is_named() {
     let again = cell.run(&["mon", "--test", "wed"]);
     again.expect(
         3,
-        &["done-before  mon: not within tolerance: test session wed: whole model"],
+        &["done-before  mon: not within tolerance: test session wed: full error model"],
     );
 }
 
@@ -285,7 +285,7 @@ fn one_fold_a_pose(cell: &Cell) {
         &[
             ("split", "blocks"),
             ("model", "full"),
-            ("angles", "blended"),
+            ("angles", "weighted"),
         ],
     ) {
         let station = residuals.i64("station").value(row);

@@ -183,7 +183,7 @@ fn a_file_that_was_deleted_is_the_same_when_it_is_made_again() {
 }
 
 #[test]
-fn a_plan_that_the_lake_never_had_is_told_and_changes_nothing() {
+fn a_plan_that_the_lake_never_had_is_reported_and_changes_nothing() {
     let (cell, _) = small();
     let cell = cell.with("[tolerance]", "[report]\nplan = \"feed\"\n\n[tolerance]");
     assert_ne!(cell.run(&[]).code, 1);

@@ -68,7 +68,7 @@ fn a_past_run_takes_the_place_of_the_prior() {
 }
 
 #[test]
-fn what_cannot_take_the_place_of_the_prior_is_told() {
+fn what_cannot_take_the_place_of_the_prior_is_reported() {
     let with = |known: &str| planning().with("# of the past", known);
     let wrong = |cell: &Cell, texts: &[&str]| plan(cell, &[]).expect(2, texts);
     wrong(

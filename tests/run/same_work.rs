@@ -19,7 +19,7 @@ fn a_run_gives_every_table_and_page_of_every_session() {
 }
 
 #[test]
-fn the_same_work_is_not_done_again_and_that_is_said() {
+fn the_same_work_is_not_done_again_and_that_is_stated() {
     let cell = undisturbed();
     let before = written(cell);
     cell.run(&[]).expect(

@@ -77,7 +77,7 @@ fn a_split_session_gives_the_stations_of_the_whole_one() {
 }
 
 #[test]
-fn a_part_that_is_named_twice_or_not_there_is_told() {
+fn a_part_that_is_named_twice_or_not_there_is_reported() {
     let cell = split();
     let folder = cell.session("mon");
     fs::copy(folder.join("arm_0.mcap"), folder.join("arm_2.mcap")).expect("writable");

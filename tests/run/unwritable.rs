@@ -211,7 +211,7 @@ fn help_and_version_are_results_and_an_error_of_usage_is_a_message() {
 }
 
 #[test]
-fn a_choice_of_messages_that_cannot_be_read_is_told_where_that_is_possible() {
+fn a_choice_of_messages_that_cannot_be_read_is_reported_where_that_is_possible() {
     let mut command = posegrid(&["schema"]);
     command.env("RUST_LOG", "posegrid=loudly");
     let read = told(&mut command, Stream::Read, Stream::Read);

@@ -149,7 +149,7 @@ fn the_same_work_is_the_same_byte_for_byte() {
 }
 
 #[test]
-fn a_flipped_byte_of_a_published_table_is_told_by_table_with_both_digests() {
+fn a_flipped_byte_of_a_published_table_is_reported_by_table_with_both_digests() {
     let cell = copied();
     let path = cell.table_file("residuals", "mon");
     let sound = digest_of(&path);
@@ -166,7 +166,7 @@ fn a_flipped_byte_of_a_published_table_is_told_by_table_with_both_digests() {
 }
 
 #[test]
-fn a_table_that_is_gone_is_told() {
+fn a_table_that_is_gone_is_reported() {
     let cell = copied();
     fs::remove_file(cell.table_file("compensation", "mon")).expect("there");
     let ended = verify(&cell, &[]);
@@ -181,7 +181,7 @@ fn a_table_that_is_gone_is_told() {
 }
 
 #[test]
-fn a_changed_input_is_told_by_name_and_a_missing_one_too() {
+fn a_changed_input_is_reported_by_name_and_a_missing_one_too() {
     let cell = copied();
     let sound = digest_of(&cell.session("mon").join("tracker.mcap"));
     let cell = cell.with_log("mon", "tracker.mcap", |mut bytes| {
@@ -210,7 +210,7 @@ fn a_changed_input_is_told_by_name_and_a_missing_one_too() {
 }
 
 #[test]
-fn a_changed_setting_is_told_by_key_with_both_values() {
+fn a_changed_setting_is_reported_by_key_with_both_values() {
     let cell = copied().with("mm = 0.5", "mm = 0.4");
     let ended = verify(&cell, &["mon"]);
     ended.expect(
@@ -225,7 +225,7 @@ fn a_changed_setting_is_told_by_key_with_both_values() {
 }
 
 #[test]
-fn a_changed_value_is_told_by_column_even_when_its_digest_was_changed_with_it() {
+fn a_changed_value_is_reported_by_column_even_when_its_digest_was_changed_with_it() {
     let cell = copied();
     let path = cell.table_file("parameters", "mon");
     let before = digest_of(&path);
@@ -256,7 +256,7 @@ fn a_changed_value_is_told_by_column_even_when_its_digest_was_changed_with_it() 
 }
 
 #[test]
-fn a_file_written_anew_with_the_same_values_is_told_as_such() {
+fn a_file_written_anew_with_the_same_values_is_reported_as_such() {
     let cell = copied();
     let path = cell.table_file("parameters", "mon");
     let before = digest_of(&path);
@@ -275,7 +275,7 @@ fn a_file_written_anew_with_the_same_values_is_told_as_such() {
 }
 
 #[test]
-fn a_row_that_says_something_else_than_was_computed_is_told() {
+fn a_row_that_says_something_else_than_was_computed_is_reported() {
     let cell = copied();
     // With every digest changed along: only what follows from the work tells.
     rewrite(&cell.table_file("runs", "mon"), |column, _| {
@@ -299,7 +299,7 @@ fn a_row_that_says_something_else_than_was_computed_is_told() {
 }
 
 #[test]
-fn what_cannot_be_verified_is_told() {
+fn what_cannot_be_verified_is_reported() {
     let cell = copied();
     verify(&cell, &["wed"]).expect(2, &["\"wed\" is neither a run nor a session", "mon, tue"]);
     let lake = cell.path("lake");
@@ -324,7 +324,7 @@ fn what_cannot_be_verified_is_told() {
 }
 
 #[test]
-fn a_version_that_computes_differently_is_told_with_the_largest_difference() {
+fn a_version_that_computes_differently_is_reported_with_the_largest_difference() {
     let cell = copied();
     // That version's page said something else, as it named the version.
     for session in ["mon", "tue"] {

@@ -145,7 +145,7 @@ fn a_request_that_goes_wrong_once_is_asked_again() {
 }
 
 #[test]
-fn requests_that_go_wrong_to_the_end_are_told_and_the_next_run_does_the_work() {
+fn requests_that_go_wrong_to_the_end_are_reported_and_the_next_run_does_the_work() {
     if !is_there() {
         return;
     }

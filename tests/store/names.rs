@@ -41,7 +41,7 @@ fn hostile_names_are_names_of_sessions_and_nothing_else() {
 }
 
 #[test]
-fn a_name_that_leads_elsewhere_is_told() {
+fn a_name_that_leads_elsewhere_is_reported() {
     let Some(remote) = Remote::new(&["mon"]) else {
         return;
     };

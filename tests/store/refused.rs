@@ -19,7 +19,7 @@ fn run_with(remote: &Remote, changes: &[(&str, Option<&str>)]) -> Ended {
 }
 
 #[test]
-fn what_the_environment_lacks_is_told_before_anything_is_sent() {
+fn what_the_environment_lacks_is_reported_before_anything_is_sent() {
     let Some(remote) = Remote::new(&[]) else {
         return;
     };
@@ -36,7 +36,7 @@ fn what_the_environment_lacks_is_told_before_anything_is_sent() {
 }
 
 #[test]
-fn a_wrong_key_and_a_wrong_secret_are_told() {
+fn a_wrong_key_and_a_wrong_secret_are_reported() {
     let Some(remote) = Remote::strict(&["mon"]) else {
         return;
     };
@@ -48,7 +48,7 @@ fn a_wrong_key_and_a_wrong_secret_are_told() {
 }
 
 #[test]
-fn a_bucket_that_is_not_there_is_told() {
+fn a_bucket_that_is_not_there_is_reported() {
     let Some(remote) = Remote::new(&["mon"]) else {
         return;
     };
@@ -72,7 +72,7 @@ fn a_bucket_that_is_not_there_is_told() {
 }
 
 #[test]
-fn sessions_that_are_not_there_are_told() {
+fn sessions_that_are_not_there_are_reported() {
     let Some(remote) = Remote::new(&[]) else {
         return;
     };

@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_is_told_to_the_minute() {
+    fn a_day_is_reported_to_the_minute() {
         let noon = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_795_348_859);
         assert_eq!(day(noon), "on 2026-11-22 12:00 UTC");
     }

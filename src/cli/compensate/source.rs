@@ -1,4 +1,4 @@
-//! What corrects targets: either of two tables of a run, told apart by what the file says it holds.
+//! What corrects targets: either of two tables of a run, distinguished by what the file says it holds.
 
 use std::path::Path;
 

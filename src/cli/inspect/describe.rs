@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use super::{escaped, shown};
 use crate::ingest::LogReject;
 use crate::io::inspect::{ChannelSummary, ClockSummary, Differences, Inspection, Traffic};
-use crate::io::log::{Account, Ending};
+use crate::io::log::{Ending, ReadSummary};
 
 /// Rejects of one log that are printed.
 const MOST_PRINTED: usize = 20;
@@ -15,24 +15,24 @@ const LONG_GAP: f64 = 5.0;
 
 /// One log in words.
 pub fn describe(found: &Inspection) -> String {
-    let account = &found.account;
+    let read_summary = &found.read_summary;
     let mut text = String::new();
     let mut line = |line: String| text.push_str(&(line + "\n"));
     line(format!(
         "{}  {:.1} MB, {} messages",
-        escaped(&account.file),
-        account.bytes as f64 / 1e6,
-        account.messages
+        escaped(&read_summary.file),
+        read_summary.bytes as f64 / 1e6,
+        read_summary.messages
     ));
     line(format!(
         "  profile {:?}, written by {:?}",
-        shown(&account.profile),
-        shown(&account.library)
+        shown(&read_summary.profile),
+        shown(&read_summary.library)
     ));
-    line(format!("  {}", storage(account)));
-    line(format!("  {}", ending(account.ending)));
-    remarks(account).into_iter().for_each(&mut line);
-    for (name, key, value) in &account.metadata {
+    line(format!("  {}", storage(read_summary)));
+    line(format!("  {}", ending(read_summary.ending)));
+    remarks(read_summary).into_iter().for_each(&mut line);
+    for (name, key, value) in &read_summary.metadata {
         line(format!(
             "  metadata {}.{} = {}",
             escaped(name),
@@ -47,37 +47,34 @@ pub fn describe(found: &Inspection) -> String {
     for channel in &found.channels {
         line(of_channel(channel, of_topic[channel.topic.as_str()]));
     }
-    line(damage(account));
+    line(damage(read_summary));
     text
 }
 
-fn storage(account: &Account) -> String {
+fn storage(read_summary: &ReadSummary) -> String {
     let mut parts = Vec::new();
-    if let Some(packed) = &account.packed {
+    if let Some(packed) = &read_summary.packed {
         let megabytes = packed.bytes as f64 / 1e6;
         parts.push(format!(
             "in zstd as a whole ({megabytes:.1} MB; places are those of the decompressed log)"
         ));
     }
-    parts.extend(
-        account
-            .chunks
-            .iter()
-            .map(|(compression, count)| match compression.as_str() {
-                "" => format!("{count} uncompressed chunks"),
-                name => format!("{count} chunks in {}", escaped(name)),
-            }),
-    );
-    if account.messages_outside_chunks > 0 {
+    parts.extend(read_summary.chunks.iter().map(
+        |(compression, count)| match compression.as_str() {
+            "" => format!("{count} uncompressed chunks"),
+            name => format!("{count} chunks in {}", escaped(name)),
+        },
+    ));
+    if read_summary.messages_outside_chunks > 0 {
         parts.push(format!(
             "{} messages outside chunks",
-            account.messages_outside_chunks
+            read_summary.messages_outside_chunks
         ));
     }
-    if account.chunks_unchecked > 0 {
+    if read_summary.chunks_unchecked > 0 {
         parts.push(format!(
             "{} chunks without a checksum: damage inside them can go unnoticed",
-            account.chunks_unchecked
+            read_summary.chunks_unchecked
         ));
     }
     if parts.is_empty() {
@@ -88,23 +85,23 @@ fn storage(account: &Account) -> String {
 }
 
 /// What is unusual and no damage.
-fn remarks(account: &Account) -> Vec<String> {
+fn remarks(read_summary: &ReadSummary) -> Vec<String> {
     let mut found = Vec::new();
-    if account.logs > 1 {
+    if read_summary.logs > 1 {
         found.push(format!(
             "  {} logs in one file, one behind another",
-            account.logs
+            read_summary.logs
         ));
     }
-    if !account.private_records.is_empty() {
+    if !read_summary.private_records.is_empty() {
         let of = |(opcode, count): (&u8, &u64)| format!("{count} with opcode 0x{opcode:02x}");
-        let opcodes: Vec<String> = account.private_records.iter().map(of).collect();
+        let opcodes: Vec<String> = read_summary.private_records.iter().map(of).collect();
         found.push(format!(
             "  records of an application's own, stepped over: {}",
             opcodes.join(", ")
         ));
     }
-    if let Some((stated, read)) = account.undercounted {
+    if let Some((stated, read)) = read_summary.undercounted {
         found.push(format!(
             "  the summary counts {stated} messages where {read} are: its writer counted wrongly, none is lost"
         ));
@@ -246,18 +243,18 @@ fn compare_clocks(other: &str, differences: Differences) -> Option<String> {
     ))
 }
 
-fn damage(account: &Account) -> String {
-    let rejects = &account.rejects;
+fn damage(read_summary: &ReadSummary) -> String {
+    let rejects = &read_summary.rejects;
     if rejects.is_empty() {
         return "\n  no damage".to_owned();
     }
-    let (lost, bytes) = (account.bytes_lost(), account.bytes.max(1));
+    let (lost, bytes) = (read_summary.bytes_lost(), read_summary.bytes.max(1));
     let mut text = format!(
         "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %){}; [input] max_lost_share says how much may be",
         rejects.len(),
-        account.bytes,
+        read_summary.bytes,
         100.0 * lost as f64 / bytes as f64,
-        messages_lost(account)
+        messages_lost(read_summary)
     );
     for reject in rejects.iter().take(MOST_PRINTED) {
         text += "\n    ";
@@ -271,12 +268,12 @@ fn damage(account: &Account) -> String {
 }
 
 /// How many messages are known to be lost, with a leading comma; empty where none is.
-fn messages_lost(account: &Account) -> String {
-    let lost = account.messages_lost;
+fn messages_lost(read_summary: &ReadSummary) -> String {
+    let lost = read_summary.messages_lost;
     if lost == 0 {
         return String::new();
     }
-    let all = account.messages.saturating_add(lost);
+    let all = read_summary.messages.saturating_add(lost);
     let percent = 100.0 * lost as f64 / all as f64;
     format!(", {lost} of {all} messages lost ({percent:.2} %)")
 }
@@ -310,7 +307,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn clocks_apart_are_told() {
+    fn clocks_apart_are_reported() {
         let compare =
             |least, most| compare_clocks("header stamp", Differences(Some((least, most))));
         assert!(compare(100_000, 200_000).unwrap().contains("one clock"));

@@ -199,7 +199,9 @@ fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
             whole.append(&clock);
             whole
         });
-        let name = Path::new(&log.account.file).file_name().unwrap_or_default();
+        let name = Path::new(&log.read_summary.file)
+            .file_name()
+            .unwrap_or_default();
         Some(Part {
             name: name.to_string_lossy().into_owned(),
             first: whole.first,

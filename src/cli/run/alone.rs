@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_holder_is_told_whatever_it_says() {
+    fn the_holder_is_reported_whatever_it_says() {
         let holder = |words: &str| Holder {
             path: "lake/.lock".into(),
             words: words.to_owned(),

@@ -100,7 +100,8 @@ fn at_joints(degrees: [f64; 6]) -> Target {
 fn at_pose(identified: &IdentifiedArm, joints: &[f64]) -> Target {
     let arm = &identified.arm;
     let nominal = vec![0.0; arm.chain().parameters().len()];
-    let pose = identified.command_from_base.isometry() * identified.gauge().nominal_tool(joints);
+    let pose =
+        identified.command_from_base.isometry() * identified.error_frame().nominal_tool(joints);
     let configuration = Configuration::of(arm, &nominal, joints);
     Target {
         name: "rivet 7".to_owned(),
@@ -267,7 +268,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
                 .map(|(joint, [low, high])| low + (high - low) * share(joint))
                 .collect()
         };
-        let pose = |joints: &Vec<f64>| identified.gauge().nominal_tool(joints);
+        let pose = |joints: &Vec<f64>| identified.error_frame().nominal_tool(joints);
         // Nearer than 6° to a stretched elbow the search may end at the stretched arm, whatever it is seeded with.
         let nominal = vec![0.0; identified.arm.chain().parameters().len()];
         let is_far = |joints: &Vec<f64>| {

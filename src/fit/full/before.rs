@@ -1,4 +1,4 @@
-//! The whole error model before a session: what is expected of an arm that has not been measured yet.
+//! The full error model before a session: what is expected of an arm that has not been measured yet.
 //!
 //! Every column has its prior variance and nothing has been learned, so predictions are those of the frames and the
 //! nominal arm, with the covariance of everything that may be wrong. For planning.
@@ -51,7 +51,7 @@ impl FullModel {
             middles: state.middles,
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
-            standing: None,
+            approach: None,
             tails: Tails::Normal,
             layout: state.layout,
             offsets: state.offsets,

@@ -57,7 +57,7 @@ struct Joint {
 /// One pose on its way to an estimate.
 struct Pose {
     position: Point3<f64>,
-    standing: Matrix3<f64>,
+    approach: Matrix3<f64>,
     /// How the point moves with each joint, mm/rad.
     joints: Vec<Vector3<f64>>,
 }
@@ -141,7 +141,7 @@ impl<'m> Bulk<'m> {
             let (beside, curves) = self.curves(query.axes, &pose.joints, &own);
             Estimate {
                 position: pose.position,
-                covariance: among + beside + beside.transpose() + curves + pose.standing,
+                covariance: among + beside + beside.transpose() + curves + pose.approach,
             }
         };
         poses
@@ -165,10 +165,10 @@ impl<'m> Bulk<'m> {
                 rows[(other, axis)] += twist.linear[axis] * amount;
             }
         });
-        let (position, standing) = model.attained(query, &pose);
+        let (position, approach) = model.attained(query, &pose);
         Pose {
             position,
-            standing,
+            approach,
             joints: target.joints.iter().map(|twist| twist.linear).collect(),
         }
     }
@@ -230,15 +230,15 @@ fn fixed(matrix: &DMatrix<f64>) -> Matrix3<f64> {
 /// Whether a block's columns move the target in queries of `session`.
 fn applies(block: Block, session: Option<usize>) -> bool {
     match block {
-        Block::SessionBlend(own)
-        | Block::OwnBlend(own)
+        Block::SessionCommandWeight(own)
+        | Block::OwnCommandWeight(own)
         | Block::Drift(own)
         | Block::Scale(own)
         | Block::SessionCurve { session: own, .. } => Some(own) == session,
         Block::Unknowns
         | Block::Gravity
-        | Block::Blend
-        | Block::StopShort
+        | Block::CommandWeight
+        | Block::ApproachOffset
         | Block::WarmUp
         | Block::Curve(_)
         | Block::Line { .. } => true,

@@ -33,8 +33,8 @@ pub(super) fn layout(
     if settings.gravity && has_up {
         layout.push(Block::Gravity, gravity_columns(joints));
     }
-    if settings.blend {
-        blends(&mut layout, observations, sessions, joints);
+    if settings.command_weight {
+        command_weights(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
         // Beyond this order the prior leaves less than a thousandth.
@@ -81,23 +81,28 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
     sessions.enumerate().map(middle).collect()
 }
 
-/// Blends between reported and commanded angles, for sessions whose commands say something.
-fn blends(layout: &mut Layout, observations: &[Observation], sessions: usize, joints: usize) {
+/// Weights between reported and commanded angles, for sessions whose commands say something.
+fn command_weights(
+    layout: &mut Layout,
+    observations: &[Observation],
+    sessions: usize,
+    joints: usize,
+) {
     let sent = |session: usize, is_sent: bool| {
         let own = observations.iter().filter(|o| o.session == session);
-        own.filter_map(|o| o.shortfall.as_ref())
-            .any(|shortfall| shortfall.sent().is_some() == is_sent)
+        own.filter_map(|o| o.settling_error.as_ref())
+            .any(|settling_error| settling_error.sent().is_some() == is_sent)
     };
     if (0..sessions).any(|session| sent(session, true)) {
-        layout.push(Block::Blend, joints);
-        layout.push(Block::StopShort, joints);
+        layout.push(Block::CommandWeight, joints);
+        layout.push(Block::ApproachOffset, joints);
     }
     for session in 0..sessions {
         if sessions > 1 && sent(session, true) {
-            layout.push(Block::SessionBlend(session), joints);
+            layout.push(Block::SessionCommandWeight(session), joints);
         }
         if sent(session, false) {
-            layout.push(Block::OwnBlend(session), joints);
+            layout.push(Block::OwnCommandWeight(session), joints);
         }
     }
 }

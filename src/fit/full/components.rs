@@ -23,15 +23,15 @@ pub enum Part {
     /// Gravity.
     Gravity,
     /// Stopping short of the command.
-    StopShort,
+    ApproachOffset,
     /// Warming up, common to all sessions.
     WarmUp,
     /// Base drift of single sessions.
     Drift,
     /// How sessions differ in their curves.
     SessionCurve,
-    /// How sessions differ in their blend.
-    SessionBlend,
+    /// How sessions differ in their command–feedback weight.
+    SessionCommandWeight,
     /// One gear line.
     Line {
         /// The joint, from 0.
@@ -167,12 +167,24 @@ impl Components {
         let even = vec![1.0; columns.len()];
         match block {
             Block::Unknowns => self.fixed[columns].copy_from_slice(unknowns),
-            Block::Blend | Block::OwnBlend(_) => self.fixed[columns].fill(s.blend_sd.powi(2)),
+            Block::CommandWeight | Block::OwnCommandWeight(_) => {
+                self.fixed[columns].fill(s.command_weight_sd.powi(2));
+            }
             Block::Scale(_) => self.fixed[columns].fill((1e-6 * s.session_scale_ppm).powi(2)),
             Block::Gravity => self.join(Part::Gravity, s.gravity_sd, columns, even),
-            Block::StopShort => self.join(Part::StopShort, s.stop_short_sd_rad, columns, even),
-            Block::SessionBlend(_) => {
-                self.join(Part::SessionBlend, s.session_blend_sd, columns, even);
+            Block::ApproachOffset => self.join(
+                Part::ApproachOffset,
+                s.approach_offset_sd_rad,
+                columns,
+                even,
+            ),
+            Block::SessionCommandWeight(_) => {
+                self.join(
+                    Part::SessionCommandWeight,
+                    s.session_command_weight_sd,
+                    columns,
+                    even,
+                );
             }
             Block::WarmUp => {
                 let profile = drift_profile(s, span, columns.len());

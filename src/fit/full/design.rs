@@ -7,11 +7,11 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 
 use super::layout::{Block, Layout};
 use super::tabulated::Tabulated;
-use crate::fit::commanded::Shortfall;
+use crate::fit::commanded::SettlingError;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
-/// A joint that came to rest this far from its command stopped short by as much as it ever does, rad. Widths of 40 to
+/// A joint that became stationary this far from its command stopped short by as much as it ever does, rad. Widths of 40 to
 /// 110 µrad fit the same.
 pub const SATURATION_RAD: f64 = 60e-6;
 
@@ -33,7 +33,7 @@ pub struct PoseView<'a> {
     /// Axis variables, rad.
     pub angles: &'a [f64],
     /// Commanded minus reported axis variables.
-    pub shortfall: Option<&'a Shortfall>,
+    pub settling_error: Option<&'a SettlingError>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
     /// Place in the session as a share of the drift's span; `None` where drift and the session's scale do not apply.
@@ -102,13 +102,13 @@ impl PoseView<'_> {
                     }
                 }
                 Block::Gravity => self.gravity(columns.start, each),
-                Block::Blend => self.blend(columns, self.sent(), each),
-                Block::StopShort => self.stop_short(columns, each),
-                Block::SessionBlend(session) if self.session == Some(session) => {
-                    self.blend(columns, self.sent(), each);
+                Block::CommandWeight => self.command_weight(columns, self.sent(), each),
+                Block::ApproachOffset => self.approach_offset(columns, each),
+                Block::SessionCommandWeight(session) if self.session == Some(session) => {
+                    self.command_weight(columns, self.sent(), each);
                 }
-                Block::OwnBlend(session) if self.session == Some(session) => {
-                    self.blend(columns, self.of_position(), each);
+                Block::OwnCommandWeight(session) if self.session == Some(session) => {
+                    self.command_weight(columns, self.of_position(), each);
                 }
                 Block::WarmUp => self.drift(columns, each),
                 Block::Drift(session) if self.session == Some(session) => {
@@ -127,8 +127,8 @@ impl PoseView<'_> {
                     each(columns.start, &self.joints[joint], cos);
                     each(columns.start + 1, &self.joints[joint], sin);
                 }
-                Block::SessionBlend(_)
-                | Block::OwnBlend(_)
+                Block::SessionCommandWeight(_)
+                | Block::OwnCommandWeight(_)
                 | Block::Drift(_)
                 | Block::Scale(_)
                 | Block::SessionCurve { .. } => {}
@@ -154,34 +154,39 @@ impl PoseView<'_> {
     }
 
     fn sent(&self) -> &[f64] {
-        match self.shortfall {
-            Some(Shortfall::Sent(axes)) => axes,
-            Some(Shortfall::OfPosition(_)) | None => &[],
+        match self.settling_error {
+            Some(SettlingError::Sent(axes)) => axes,
+            Some(SettlingError::OfPosition(_)) | None => &[],
         }
     }
 
     fn of_position(&self) -> &[f64] {
-        match self.shortfall {
-            Some(Shortfall::OfPosition(axes)) => axes,
-            Some(Shortfall::Sent(_)) | None => &[],
+        match self.settling_error {
+            Some(SettlingError::OfPosition(axes)) => axes,
+            Some(SettlingError::Sent(_)) | None => &[],
         }
     }
 
-    fn blend(
+    fn command_weight(
         &self,
         columns: Range<usize>,
-        shortfall: &[f64],
+        settling_error: &[f64],
         each: &mut impl FnMut(usize, &Twist, f64),
     ) {
-        for (column, (twist, shortfall)) in columns.zip(self.joints.iter().zip(shortfall)) {
-            each(column, twist, *shortfall);
+        for (column, (twist, settling_error)) in columns.zip(self.joints.iter().zip(settling_error))
+        {
+            each(column, twist, *settling_error);
         }
     }
 
-    fn stop_short(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let shortfalls = self.joints.iter().zip(self.sent());
-        for (column, (twist, shortfall)) in columns.zip(shortfalls) {
-            each(column, twist, (shortfall / SATURATION_RAD).clamp(-1.0, 1.0));
+    fn approach_offset(&self, columns: Range<usize>, each: &mut impl FnMut(usize, &Twist, f64)) {
+        let settling_errors = self.joints.iter().zip(self.sent());
+        for (column, (twist, settling_error)) in columns.zip(settling_errors) {
+            each(
+                column,
+                twist,
+                (settling_error / SATURATION_RAD).clamp(-1.0, 1.0),
+            );
         }
     }
 

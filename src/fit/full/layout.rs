@@ -10,13 +10,13 @@ pub enum Block {
     /// Joints giving way under the torque on them, one coefficient per joint and later point mass.
     Gravity,
     /// Share of the way from reported to commanded angle, one per joint.
-    Blend,
-    /// Stopping short of the command on the side the joint came from, one per joint: it saturates at small shortfalls.
-    StopShort,
-    /// The blend as one session differs from all.
-    SessionBlend(usize),
-    /// The blend of a session whose commanded orientations are not what was sent.
-    OwnBlend(usize),
+    CommandWeight,
+    /// Stopping short of the command on the side the joint came from, one per joint: it saturates at small settling errors.
+    ApproachOffset,
+    /// The command–feedback weight as one session differs from all.
+    SessionCommandWeight(usize),
+    /// The command–feedback weight of a session whose commanded orientations are not what was sent.
+    OwnCommandWeight(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,
     /// Slow translation of the base in one session alone.
@@ -52,7 +52,11 @@ impl Block {
     pub(super) const fn is_of_arm(self) -> bool {
         matches!(
             self,
-            Self::Gravity | Self::Blend | Self::StopShort | Self::Curve(_) | Self::Line { .. }
+            Self::Gravity
+                | Self::CommandWeight
+                | Self::ApproachOffset
+                | Self::Curve(_)
+                | Self::Line { .. }
         )
     }
 }

@@ -1,11 +1,11 @@
-//! The whole error model of an arm that was identified before, in a session that is still to come; and what it becomes when
+//! The full error model of an arm that was identified before, in a session that is still to come; and what it becomes when
 //! that session is measured.
 //!
 //! Inputs: a trained [`FullModel`], and what the new session shares with one of its own ([`Mounting`]). Output: a model of
 //! one session of which no station is known yet.
-//! 1. What belongs to the arm (geometry, curves, gravity, gear lines, blend) keeps its mean and covariance, the sessions'
+//! 1. What belongs to the arm (geometry, curves, gravity, gear lines, command–feedback weight) keeps its mean and covariance, the sessions'
 //!    own parts being integrated out.
-//! 2. What belongs to a session (its base, drift, scale, how its curves and its blend differ) is as open as that of any session.
+//! 2. What belongs to a session (its base, drift, scale, how its curves and its command–feedback weight differ) is as open as that of any session.
 //! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes held: what training on both sessions
 //!    together gives, as far as their sizes are the same.
 
@@ -18,7 +18,7 @@ use super::leave_one_out::leave_one_out;
 use super::regression::Posterior;
 use super::rows::{rows, sums};
 use super::train::State;
-use super::{FullModel, FullSettings, Ready, standing};
+use super::{FullModel, FullSettings, Ready, approach};
 use crate::fit::observation::Observation;
 use crate::fit::problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
@@ -110,7 +110,7 @@ impl FullModel {
             middles: vec![self.middles[mounting.session]],
             scale_sd: 1e-6 * settings.session_scale_ppm,
             scale_evidence: None,
-            standing: self.standing.clone(),
+            approach: self.approach.clone(),
             tails: self.tails,
             mean,
             posterior,
@@ -167,7 +167,7 @@ impl FullModel {
                     Block::SessionCurve { session: 0, joint },
                     few.min(range.len()) + 1,
                 )),
-                Block::Blend => Some((Block::SessionBlend(0), range.len())),
+                Block::CommandWeight => Some((Block::SessionCommandWeight(0), range.len())),
                 _ => None,
             };
             if let Some((block, count)) = own {
@@ -181,8 +181,11 @@ impl FullModel {
             fresh.push((Block::Scale(0), 1));
         }
         // A session whose commands said nothing of orientation left open where joints come to stand against them.
-        if settings.blend && !self.knows_standing() {
-            fresh.extend([(Block::Blend, joints), (Block::StopShort, joints)]);
+        if settings.command_weight && !self.knows_approach() {
+            fresh.extend([
+                (Block::CommandWeight, joints),
+                (Block::ApproachOffset, joints),
+            ]);
         }
         for (block, count) in fresh {
             layout.push(block, count);
@@ -192,8 +195,8 @@ impl FullModel {
     }
 
     /// Whether it was trained on commands that say where joints come to stand against them.
-    pub fn knows_standing(&self) -> bool {
-        self.layout.columns(Block::Blend).is_some()
+    pub fn knows_approach(&self) -> bool {
+        self.layout.columns(Block::CommandWeight).is_some()
     }
 
     fn next_drift(&self, settings: &FullSettings) -> Option<(Block, usize)> {
@@ -281,7 +284,7 @@ impl FullModel {
                 (Block::SessionCurve { joint, .. }, Block::SessionCurve { joint: other, .. }) => {
                     joint == other
                 }
-                (Block::SessionBlend(_), Block::SessionBlend(_))
+                (Block::SessionCommandWeight(_), Block::SessionCommandWeight(_))
                 | (Block::Drift(_), Block::Drift(_)) => true,
                 _ => false,
             };
@@ -326,7 +329,7 @@ impl FullModel {
         }
         let (posterior, expected, left_out) = self.round(&problem, &state)?;
         let mean = posterior.mean() + expected;
-        let standing = standing(&observations, &state.layout, &mean);
+        let approach = approach(&observations, &state.layout, &mean);
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             frames: problem.frames(&state.offsets),
@@ -337,7 +340,7 @@ impl FullModel {
             middles: state.middles,
             scale_sd: self.scale_sd,
             scale_evidence: None,
-            standing: standing.or_else(|| self.standing.clone()),
+            approach: approach.or_else(|| self.approach.clone()),
             tails: self.tails,
             layout: state.layout,
             offsets: state.offsets,

@@ -20,10 +20,13 @@ type Optional = (&'static str, fn(Block) -> bool);
 
 const OPTIONAL: [Optional; 6] = [
     ("gravity", |block| block == Block::Gravity),
-    ("blend", |block| {
+    ("command_weight", |block| {
         matches!(
             block,
-            Block::Blend | Block::StopShort | Block::SessionBlend(_) | Block::OwnBlend(_)
+            Block::CommandWeight
+                | Block::ApproachOffset
+                | Block::SessionCommandWeight(_)
+                | Block::OwnCommandWeight(_)
         )
     }),
     ("drift", |block| {
@@ -75,7 +78,7 @@ impl Part {
         match self {
             Self::Gravity => name == "gravity",
             Self::WarmUp | Self::Drift => name == "drift",
-            Self::SessionBlend | Self::StopShort => name == "blend",
+            Self::SessionCommandWeight | Self::ApproachOffset => name == "command_weight",
             Self::SessionCurve => name == "session_changes",
             Self::Line { .. } => name == "gear_lines",
             Self::ShortCurve(_) | Self::LongCurve(_) => false,

@@ -51,7 +51,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             up: up.map(|up| root * up),
             base: *root.to_rotation_matrix().matrix(),
             angles: &observation.axes,
-            shortfall: observation.shortfall.as_ref(),
+            settling_error: observation.settling_error.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
             middle: frames[observation.session].tracker_from_base.isometry()

@@ -1,4 +1,4 @@
-//! The whole error model as JSON and back.
+//! The full error model as JSON and back.
 //!
 //! A column's coefficient is `mean`; the covariance of all columns is `S L⁻ᵀ L⁻¹ S`, S the diagonal of `scale`. `factor`
 //! is L: its lower triangle column by column, each from the diagonal down, as little-endian 64-bit numbers in base64, some
@@ -12,10 +12,10 @@ use base64::engine::general_purpose::STANDARD;
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::approach::ApproachOffsets;
 use super::layout::{Block, Layout};
 use super::noise::Repeatability;
 use super::regression::Posterior;
-use super::standing::Standing;
 use super::student::Tails;
 use super::{FullModel, PartEvidence, Ready};
 use crate::fit::problem::{Freedom, Prior, Problem};
@@ -25,7 +25,7 @@ use crate::fit::saved::{
 use crate::kinematics::{Arm, Chain, Motion, Parameter};
 use crate::linalg::Cholesky;
 
-/// The whole error model of an arm.
+/// The full error model of an arm.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedFull {
@@ -64,7 +64,7 @@ pub struct SavedFull {
     /// Standard deviation of a session's own scale, as a share.
     pub scale_sd: f64,
     /// Where joints come to stand against their command, where it is known.
-    pub standing: Option<Standing>,
+    pub approach: Option<ApproachOffsets>,
     /// Log marginal likelihood, nats.
     pub log_evidence: f64,
     /// What is left beside the model.
@@ -92,16 +92,16 @@ pub enum BlockName {
     /// Joints giving way: for each joint, one column for each later origin and the target.
     Gravity,
     /// Share of the way from reported to commanded angle, one per joint.
-    Blend,
+    CommandWeight,
     /// Stopping short of the command, one per joint.
-    StopShort,
-    /// How one session differs in the blend.
-    SessionBlend {
+    ApproachOffset,
+    /// How one session differs in the command–feedback weight.
+    SessionCommandWeight {
         /// The session.
         session: usize,
     },
-    /// The blend of a session whose commanded orientations are not what was sent.
-    OwnBlend {
+    /// The command–feedback weight of a session whose commanded orientations are not what was sent.
+    OwnCommandWeight {
         /// The session.
         session: usize,
     },
@@ -165,7 +165,7 @@ pub struct SavedPart {
 /// Names of parts that can be left out.
 const PARTS: [&str; 6] = [
     "gravity",
-    "blend",
+    "command_weight",
     "drift",
     "session_scale",
     "gear_lines",
@@ -203,7 +203,7 @@ impl FullModel {
                 .map(|middle| middle.coords.into())
                 .collect(),
             scale_sd: self.scale_sd,
-            standing: self.standing.clone(),
+            approach: self.approach.clone(),
             log_evidence: self.posterior.log_evidence,
             repeatability: SavedRepeatability::of(&self.repeatability),
             parts: self.parts.iter().map(part).collect(),
@@ -242,7 +242,7 @@ impl FullModel {
             middles: saved.middles()?,
             scale_sd: saved.scale_sd,
             scale_evidence: None,
-            standing: saved.standing.clone(),
+            approach: saved.approach.clone(),
             posterior,
             span: saved.span_stations,
             repeatability: saved.repeatability.repeatability(),
@@ -313,10 +313,10 @@ impl SavedFull {
         Ok(match block.block {
             BlockName::Unknowns => self.unknowns.len(),
             BlockName::Gravity => (1..=joints).sum(),
-            BlockName::Blend
-            | BlockName::StopShort
-            | BlockName::SessionBlend { .. }
-            | BlockName::OwnBlend { .. } => joints,
+            BlockName::CommandWeight
+            | BlockName::ApproachOffset
+            | BlockName::SessionCommandWeight { .. }
+            | BlockName::OwnCommandWeight { .. } => joints,
             BlockName::WarmUp | BlockName::Drift { .. } => columns / 3 * 3,
             BlockName::Curve { .. } => columns / 2 * 2,
             BlockName::SessionCurve { .. } => columns.saturating_sub(1) / 2 * 2 + 1,
@@ -371,10 +371,10 @@ impl SavedBlock {
         let block = match block {
             Block::Unknowns => BlockName::Unknowns,
             Block::Gravity => BlockName::Gravity,
-            Block::Blend => BlockName::Blend,
-            Block::StopShort => BlockName::StopShort,
-            Block::SessionBlend(session) => BlockName::SessionBlend { session },
-            Block::OwnBlend(session) => BlockName::OwnBlend { session },
+            Block::CommandWeight => BlockName::CommandWeight,
+            Block::ApproachOffset => BlockName::ApproachOffset,
+            Block::SessionCommandWeight(session) => BlockName::SessionCommandWeight { session },
+            Block::OwnCommandWeight(session) => BlockName::OwnCommandWeight { session },
             Block::WarmUp => BlockName::WarmUp,
             Block::Drift(session) => BlockName::Drift { session },
             Block::Scale(session) => BlockName::Scale { session },
@@ -394,10 +394,10 @@ impl BlockName {
         match self {
             Self::Unknowns => Block::Unknowns,
             Self::Gravity => Block::Gravity,
-            Self::Blend => Block::Blend,
-            Self::StopShort => Block::StopShort,
-            Self::SessionBlend { session } => Block::SessionBlend(session),
-            Self::OwnBlend { session } => Block::OwnBlend(session),
+            Self::CommandWeight => Block::CommandWeight,
+            Self::ApproachOffset => Block::ApproachOffset,
+            Self::SessionCommandWeight { session } => Block::SessionCommandWeight(session),
+            Self::OwnCommandWeight { session } => Block::OwnCommandWeight(session),
             Self::WarmUp => Block::WarmUp,
             Self::Drift { session } => Block::Drift(session),
             Self::Scale { session } => Block::Scale(session),
@@ -410,11 +410,13 @@ impl BlockName {
     /// The joint and the session that the block is of.
     const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
         match self {
-            Self::Unknowns | Self::Gravity | Self::Blend | Self::StopShort | Self::WarmUp => {
-                (None, None)
-            }
-            Self::SessionBlend { session }
-            | Self::OwnBlend { session }
+            Self::Unknowns
+            | Self::Gravity
+            | Self::CommandWeight
+            | Self::ApproachOffset
+            | Self::WarmUp => (None, None),
+            Self::SessionCommandWeight { session }
+            | Self::OwnCommandWeight { session }
             | Self::Drift { session }
             | Self::Scale { session } => (None, Some(session)),
             Self::Curve { joint } | Self::Line { joint, .. } => (Some(joint), None),

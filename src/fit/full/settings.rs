@@ -1,11 +1,11 @@
-//! The `[fit.full]` section: what the whole error model starts from. Sizes are starting points that the session's own
+//! The `[fit.full]` section: what the full error model starts from. Sizes are starting points that the session's own
 //! likelihood replaces; lengths are fixed.
 
 use serde::{Deserialize, Serialize};
 
 use crate::fit::observation::TrackerUncertainty;
 
-/// Settings of the whole error model.
+/// Settings of the full error model.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 #[expect(
@@ -13,7 +13,7 @@ use crate::fit::observation::TrackerUncertainty;
     reason = "each part of the model can be left out by itself"
 )]
 pub struct FullSettings {
-    /// Whether the whole model is fitted at all.
+    /// Whether the full error model is fitted at all.
     pub enabled: bool,
     /// Joints give way under gravity (needs the mounting).
     pub gravity: bool,
@@ -22,7 +22,7 @@ pub struct FullSettings {
     /// The base drifts slowly.
     pub drift: bool,
     /// The arm stands between reported and commanded angle (needs commanded orientations).
-    pub blend: bool,
+    pub command_weight: bool,
     /// Length of the short kernel of the joint curves, degrees.
     pub short_length_deg: f64,
     /// Length of the long kernel of the joint curves, degrees.
@@ -45,12 +45,12 @@ pub struct FullSettings {
     pub drift_sd_mm: f64,
     /// Smoothness of the base drift, stations.
     pub drift_length_stations: f64,
-    /// Expected size of the blend between reported and commanded angle.
-    pub blend_sd: f64,
+    /// Expected size of the command–feedback weight.
+    pub command_weight_sd: f64,
     /// Expected size of stopping short of the command, rad.
-    pub stop_short_sd_rad: f64,
-    /// Expected difference of the blend between sessions.
-    pub session_blend_sd: f64,
+    pub approach_offset_sd_rad: f64,
+    /// Expected difference of the command–feedback weight between sessions.
+    pub session_command_weight_sd: f64,
     /// Expected change of a joint's curve between sessions, rad.
     pub session_curve_sd_rad: f64,
     /// Smoothness of that change, degrees.
@@ -86,7 +86,7 @@ impl Default for FullSettings {
             gravity: true,
             gear_lines: true,
             drift: true,
-            blend: true,
+            command_weight: true,
             short_length_deg: 6.0,
             long_length_deg: 50.0,
             curve_period_turns: 1,
@@ -97,9 +97,9 @@ impl Default for FullSettings {
             line_threshold: 10.0,
             drift_sd_mm: 0.03,
             drift_length_stations: 180.0,
-            blend_sd: 1.0,
-            stop_short_sd_rad: 30e-6,
-            session_blend_sd: 0.1,
+            command_weight_sd: 1.0,
+            approach_offset_sd_rad: 30e-6,
+            session_command_weight_sd: 0.1,
             session_curve_sd_rad: 30e-6,
             session_length_deg: 30.0,
             session_scale_ppm: 50.0,

@@ -14,10 +14,10 @@ use crate::kinematics::Arm;
 
 pub(super) const ABOUT: About = About {
     word: "full",
-    name: "whole model",
+    name: "full error model",
     look: 0,
     corrects: Corrects::Predicted,
-    angles: &[Angles::Blended, Angles::Commanded],
+    angles: &[Angles::Weighted, Angles::Commanded],
     serves: true,
     made: Made::Always(|models| models.full.as_ref().map(|full| full as &dyn PoseModel)),
     load: Some(load),
@@ -40,7 +40,7 @@ impl PoseModel for FullModel {
             error: None,
             open: Some(Open {
                 rows: predicted.rows,
-                alone: predicted.standing,
+                alone: predicted.approach,
             }),
         })
     }

@@ -25,7 +25,7 @@ struct Posterior<'p> {
 }
 
 impl Estimate {
-    /// Of a whole error model of one session; `None` where the covariance is none.
+    /// Of a full error model of one session; `None` where the covariance is none.
     pub fn of_full(model: &FullModel) -> Option<Self> {
         let (places, columns): (Vec<usize>, Vec<Column>) =
             shared_columns(model).into_iter().unzip();

@@ -191,7 +191,7 @@ fn degrees(low: f64, high: f64) -> Vec<f64> {
     let last = (high.to_degrees() + BEYOND_DEG).ceil();
     std::iter::successors(Some(first), |degree| Some(degree + 1.0))
         .take_while(|degree| *degree <= last)
-        // A joint that never came to rest within sixteen turns is no joint.
+        // A joint that never became stationary within sixteen turns is no joint.
         .take(10_000)
         .map(f64::to_radians)
         .collect()

@@ -8,7 +8,7 @@
 //!   so that they are seen wherever one looks into the file;
 //! - `…/error`, `posegrid.Residual`: the numbers of each row, at its station's time, to plot.
 //!
-//! Messages are JSON. Times are the controller's, the first moment at rest; what holds for the whole file stands in its
+//! Messages are JSON. Times are the controller's, the first stationary moment; what holds for the whole file stands in its
 //! metadata record `posegrid`. The same tables give the same bytes.
 
 mod rows;
@@ -167,7 +167,7 @@ fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
         ("frame", "base".to_owned()),
         (
             "clock",
-            "controller, first moment at rest of each station".to_owned(),
+            "controller, first stationary moment of each station".to_owned(),
         ),
     ]
     .map(|(name, value)| (name.to_owned(), value))

@@ -3,7 +3,7 @@
 //! Inputs: the arm of table `calibrations` with its geometry alone. Output: links `base_link`, `link_1` …, `flange`, `tool`
 //! with a revolute joint for each of the arm's, m and rad. Steps:
 //! 1. the chain is cut at its joint variables: what stands before one is the joint's origin;
-//! 2. `base_link` is the controller's base and `flange` its flange, in the gauge of base and target
+//! 2. `base_link` is the controller's base and `flange` its flange, in the error reference frame of base and target
 //!    ([`crate::method::compensation`]), not the root and the end of the identified chain, which a fit may move by
 //!    millimetres along what it cannot tell apart. So this arm's tool point is where the geometry's compensation says it
 //!    is;

@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_was_edited_is_told() {
+    fn a_row_that_was_edited_is_reported() {
         let table = sample().table().unwrap();
         assert_eq!(Correction::of(&table), Ok(sample()));
         let edited = [

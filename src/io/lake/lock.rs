@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_has_the_lake_and_others_are_told_who() {
+    fn one_has_the_lake_and_others_are_reported_who() {
         let folder = tempfile::tempdir().unwrap();
         let lake = Lake::new(folder.path().join("new/lake"));
         let Locking::Done(lock) = lake.lock("run a.toml") else {

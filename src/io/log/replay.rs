@@ -8,8 +8,8 @@
 //!
 //! One replay is enough for nearly every session. There is another
 //! - where messages are further out of order than the buffer reaches: with all samples buffered;
-//! - where the detector finds the threshold of rest too late to have kept the dwells by it: with that threshold alone
-//!   ([`rest_of`]).
+//! - where the detector finds the stationary threshold too late to have kept the dwells by it: with that threshold alone
+//!   ([`stationary_of`]).
 //!
 //! Dwells and samples are then those of a single replay, to the last bit.
 
@@ -21,13 +21,13 @@ use super::session::{ReadFiles, SessionLogs};
 use super::{Limits, LogError};
 use crate::ingest::{BUFFERED, LogReject, Mapping};
 use crate::join::JoinInput;
-use crate::join::rest::{Finder, RestRule, rest_of};
+use crate::join::stationary::{Finder, StationaryRule, stationary_of};
 use crate::progress::Progress;
 
 /// What wants the joint samples of a session in order of time, while its logs are read.
 pub trait JointSink: Send {
     /// What was given so far does not count: all samples come again.
-    fn begin_again(&mut self);
+    fn restart(&mut self);
     /// Takes the next 65 536 samples, or what is left of them: stamps that do not decrease, and angles (rad) row
     /// behind row.
     fn take(&mut self, stamps_ns: &[i64], angles: &[f64]);
@@ -35,7 +35,7 @@ pub trait JointSink: Send {
 
 /// Wants nothing.
 impl JointSink for () {
-    fn begin_again(&mut self) {}
+    fn restart(&mut self) {}
     fn take(&mut self, _: &[i64], _: &[f64]) {}
 }
 
@@ -77,7 +77,7 @@ pub fn read_session(
     logs: &SessionLogs,
     mapping: &Mapping,
     limits: Limits,
-    rule: &RestRule,
+    rule: &StationaryRule,
     sink: &mut dyn JointSink,
     progress: &dyn Progress,
 ) -> Result<SessionRead, LogError> {
@@ -90,7 +90,7 @@ pub fn read_session(
     };
     // Where the detector needs the samples once more, the sink has had them all.
     let mut sink = Some(sink);
-    let (joints, replayed) = rest_of(mapping.joints.len(), rule, |finder| {
+    let (joints, replayed) = stationary_of(mapping.joints.len(), rule, |finder| {
         let beside = sink.take();
         source.replay(&mut Detecting { finder, beside })
     })?;
@@ -145,7 +145,7 @@ impl LogSource<'_> {
             self.logs.names(),
         );
         self.buffered = usize::MAX;
-        joints.begin_again();
+        joints.restart();
         self.replay_buffered(joints)
     }
 
@@ -173,10 +173,10 @@ struct Detecting<'f, 's> {
 }
 
 impl JointSink for Detecting<'_, '_> {
-    fn begin_again(&mut self) {
-        self.finder.begin_again();
+    fn restart(&mut self) {
+        self.finder.restart();
         if let Some(sink) = &mut self.beside {
-            sink.begin_again();
+            sink.restart();
         }
     }
 

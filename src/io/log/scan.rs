@@ -1,4 +1,4 @@
-//! Scan: one log file → every sound message given to a visitor, every lost byte range to the account.
+//! Scan: one log file → every sound message given to a visitor, every lost byte range to the read summary.
 //!
 //! 1. Check the magic bytes and read the header.
 //! 2. Walk the frames and gather blocks: chunks, and runs of records outside chunks.
@@ -23,9 +23,9 @@ use std::sync::Arc;
 use mcap::MAGIC;
 use rayon::prelude::*;
 
-use super::account::Account;
 use super::block::{Block, BlockFault, Extent, Metadata, Outcome};
 use super::frames::{Frames, Loss, Lost, Piece, indexed_behind};
+use super::read_summary::ReadSummary;
 use super::record::{FRAME_HEADER, HeaderRecord, MessageRecord, op};
 use super::registry::{Channel, Refused, Registry, Schema};
 use super::source::Source;
@@ -82,20 +82,20 @@ pub fn scan<V, E>(
     limits: Limits,
     visitor: &mut V,
     progress: &dyn Progress,
-) -> Result<Account, E>
+) -> Result<ReadSummary, E>
 where
     V: Visitor<Error = E>,
     V::Part: Send,
     E: From<FileError>,
 {
     let (mut source, packed) = Source::open(path, name, limits, progress)?;
-    let mut account = Account {
+    let mut read_summary = ReadSummary {
         file: name.to_owned(),
         bytes: source.length(),
         packed,
-        ..Account::default()
+        ..ReadSummary::default()
     };
-    let start = read_start(&mut source, &mut account)?;
+    let start = read_start(&mut source, &mut read_summary)?;
     progress.begin(name, source.length());
     let mut scan = Scan {
         frames: Frames::new(&mut source, start, limits),
@@ -106,7 +106,7 @@ where
         blocks_at_once: 1,
         limits,
         visitor,
-        account,
+        read_summary,
         progress,
         told: 0,
         summary: None,
@@ -120,15 +120,15 @@ where
     scan.run()?;
     scan.account_for_packing();
     let metadata = scan.metadata.entries;
-    let mut account = scan.account;
-    account.metadata = metadata;
+    let mut read_summary = scan.read_summary;
+    read_summary.metadata = metadata;
     progress.end();
-    Ok(account)
+    Ok(read_summary)
 }
 
 /// Checks the magic bytes of the file; returns where its first data section begins.
-fn read_start(source: &mut Source, account: &mut Account) -> Result<u64, FileError> {
-    let name = account.file.clone();
+fn read_start(source: &mut Source, read_summary: &mut ReadSummary) -> Result<u64, FileError> {
+    let name = read_summary.file.clone();
     let at_fault = |source| FileError::Io {
         file: name.clone(),
         source,
@@ -140,12 +140,16 @@ fn read_start(source: &mut Source, account: &mut Account) -> Result<u64, FileErr
     if start != MAGIC {
         return Err(FileError::NotMcap { file: name, start });
     }
-    read_header(source, 0, account).map_err(at_fault)
+    read_header(source, 0, read_summary).map_err(at_fault)
 }
 
 /// Where the data section of the log that begins at byte `log` begins; the first header is kept.
-fn read_header(source: &mut Source, log: u64, account: &mut Account) -> std::io::Result<u64> {
-    account.logs += 1;
+fn read_header(
+    source: &mut Source,
+    log: u64,
+    read_summary: &mut ReadSummary,
+) -> std::io::Result<u64> {
+    read_summary.logs += 1;
     let at = log + MAGIC.len() as u64;
     let frame = source.peek(at, 9)?;
     let (Some(&op::HEADER), Some(length)) = (
@@ -162,9 +166,9 @@ fn read_header(source: &mut Source, log: u64, account: &mut Account) -> std::io:
     let Some(header) = HeaderRecord::read(body) else {
         return Ok(at);
     };
-    if account.logs == 1 {
-        header.profile.clone_into(&mut account.profile);
-        header.library.clone_into(&mut account.library);
+    if read_summary.logs == 1 {
+        header.profile.clone_into(&mut read_summary.profile);
+        header.library.clone_into(&mut read_summary.library);
     }
     Ok(at + FRAME_HEADER + length as u64)
 }
@@ -178,7 +182,7 @@ struct Scan<'a, V: Visitor> {
     blocks_at_once: usize,
     limits: Limits,
     visitor: &'a mut V,
-    account: Account,
+    read_summary: ReadSummary,
     progress: &'a dyn Progress,
     /// Bytes told to the progress.
     told: u64,
@@ -242,7 +246,7 @@ where
             };
         }
         let end = self.frames.log_end();
-        self.end_log(end.unwrap_or(self.account.bytes))?;
+        self.end_log(end.unwrap_or(self.read_summary.bytes))?;
         self.tell_what_follows(end);
         Ok(())
     }
@@ -251,15 +255,15 @@ where
     fn next_log(&mut self, start: u64) -> Result<(), E> {
         self.end_log(self.frames.log_end().unwrap_or(start).min(start))?;
         self.note((start, start), ANOTHER_LOG.to_owned());
-        let at = read_header(self.frames.source(), start, &mut self.account);
+        let at = read_header(self.frames.source(), start, &mut self.read_summary);
         let at = at.map_err(|source| self.io(source))?;
         self.frames.begin(start, at);
         self.summary = None;
         self.read.clear();
         self.lost.clear();
         self.private.clear();
-        self.outside_chunks = self.account.messages_outside_chunks;
-        self.rejects = self.account.rejects.len();
+        self.outside_chunks = self.read_summary.messages_outside_chunks;
+        self.rejects = self.read_summary.rejects.len();
         Ok(())
     }
 
@@ -274,7 +278,7 @@ where
                 self.add(extent)
             }
             Piece::Private { start, end, opcode } => {
-                self.account.private(opcode, 1);
+                self.read_summary.private(opcode, 1);
                 let full = self.private.len() >= MOST_PLACES;
                 match self.private.last_mut() {
                     Some(last) if full || last.1 == start => last.1 = end,
@@ -360,7 +364,7 @@ where
                 self.define(&mut block)?;
             }
             self.count(&mut block)?;
-            settle(&mut block, self.visitor, &mut self.account);
+            settle(&mut block, self.visitor, &mut self.read_summary);
             self.keep(&mut block);
             self.batch[place] = block;
         }
@@ -396,7 +400,7 @@ where
         }
         let summary = match self.summary.take() {
             Some(summary) => summary,
-            None => self.definitions(self.account.bytes)?,
+            None => self.definitions(self.read_summary.bytes)?,
         };
         // Many channels may share a schema, which is long to compare.
         let mut schemas = BTreeMap::new();
@@ -455,8 +459,8 @@ where
 
     /// Tells of bytes without messages.
     fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
-        let file = self.account.file.clone();
-        self.account.reject(LogReject {
+        let file = self.read_summary.file.clone();
+        self.read_summary.reject(LogReject {
             file,
             topic: None,
             byte_start,
@@ -473,7 +477,7 @@ where
         let times = lost.times.map(|(first, last)| (ns(first), ns(last)));
         let nothing = lost.why == Loss::NoDataEnd;
         let reject = LogReject {
-            file: self.account.file.clone(),
+            file: self.read_summary.file.clone(),
             topic: None,
             byte_start: lost.start,
             byte_end: lost.end,
@@ -487,11 +491,11 @@ where
             },
             reason: lost.why.to_string(),
         };
-        self.account.reject(reject);
+        self.read_summary.reject(reject);
     }
 
     fn io(&self, source: std::io::Error) -> E {
-        let file = self.account.file.clone();
+        let file = self.read_summary.file.clone();
         FileError::Io { file, source }.into()
     }
 }

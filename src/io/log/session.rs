@@ -12,9 +12,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use super::account::Account;
 use super::block::Extent;
 use super::ordered::SessionStreams;
+use super::read_summary::ReadSummary;
 use super::record::MessageRecord;
 use super::registry::{Channel, Schema};
 use super::scan::{Visitor, scan};
@@ -66,7 +66,7 @@ impl SessionLogs {
             let mut of_file = Streams::new(&name, unlike(&name, wanted)?, mapping, streams);
             parts.push(Part {
                 role: file.role(),
-                account: scan(&file.path, &name, limits, &mut of_file, progress)?,
+                read_summary: scan(&file.path, &name, limits, &mut of_file, progress)?,
                 sides: file.sides,
                 streams: of_file,
             });
@@ -77,8 +77,8 @@ impl SessionLogs {
         let mut read = ReadFiles::default();
         for part in &mut parts {
             count(part, &mut read.counts);
-            remember_all(&mut read.metadata, &mut part.account, part.role);
-            read.rejects.append(&mut part.account.rejects);
+            remember_all(&mut read.metadata, &mut part.read_summary, part.role);
+            read.rejects.append(&mut part.read_summary.rejects);
         }
         Ok(read)
     }
@@ -145,7 +145,7 @@ impl LogFile {
 struct Part<'m, 's> {
     role: &'static str,
     sides: BTreeSet<Side>,
-    account: Account,
+    read_summary: ReadSummary,
     streams: Streams<'m, 's>,
 }
 
@@ -173,8 +173,8 @@ pub fn read_metadata(
     let mut metadata = BTreeMap::new();
     for file in logs.files() {
         let name = file.path.display().to_string();
-        let mut account = scan(&file.path, &name, limits, &mut Nothing, &Quiet)?;
-        remember_all(&mut metadata, &mut account, file.role());
+        let mut read_summary = scan(&file.path, &name, limits, &mut Nothing, &Quiet)?;
+        remember_all(&mut metadata, &mut read_summary, file.role());
     }
     Ok(metadata)
 }
@@ -218,19 +218,19 @@ fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), 
     match wanted.iter().find(missing) {
         None => Ok(()),
         Some(missing) => Err(unknown_topic(
-            of_side().map(|part| &part.account),
+            of_side().map(|part| &part.read_summary),
             &missing.topic,
         )),
     }
 }
 
-fn unknown_topic<'a>(accounts: impl Iterator<Item = &'a Account>, topic: &str) -> LogError {
+fn unknown_topic<'a>(summaries: impl Iterator<Item = &'a ReadSummary>, topic: &str) -> LogError {
     let (mut seen, mut topics) = (BTreeSet::new(), Vec::new());
     let (mut files, mut places) = (Vec::new(), 0);
-    for account in accounts {
-        files.push(account.file.clone());
-        places += account.rejects.len();
-        for channel in &account.channels {
+    for read_summary in summaries {
+        files.push(read_summary.file.clone());
+        places += read_summary.rejects.len();
+        for channel in &read_summary.channels {
             if seen.insert(&channel.topic) && seen.len() <= MOST_TOPICS {
                 let name: String = channel.topic.chars().take(LONGEST_TOPIC).collect();
                 topics.push(format!("{name:?}"));
@@ -259,8 +259,12 @@ fn unknown_topic<'a>(accounts: impl Iterator<Item = &'a Account>, topic: &str) -
 }
 
 /// Moves the metadata records of a file to those of the session.
-fn remember_all(metadata: &mut BTreeMap<String, String>, account: &mut Account, role: &str) {
-    for (name, key, value) in std::mem::take(&mut account.metadata) {
+fn remember_all(
+    metadata: &mut BTreeMap<String, String>,
+    read_summary: &mut ReadSummary,
+    role: &str,
+) {
+    for (name, key, value) in std::mem::take(&mut read_summary.metadata) {
         remember(metadata, &format!("{name}.{key}"), value, role);
     }
 }
@@ -285,7 +289,7 @@ fn remember(metadata: &mut BTreeMap<String, String>, key: &str, value: String, r
 fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
     let Part {
         role,
-        account,
+        read_summary,
         streams,
         ..
     } = part;
@@ -293,20 +297,23 @@ fn count(part: &Part<'_, '_>, counts: &mut BTreeMap<String, u64>) {
         *counts.entry(name).or_default() += count;
     };
     count(format!("{role}.files"), 1);
-    count(format!("{role}.bytes"), account.bytes);
-    count(format!("{role}.bytes_lost"), account.bytes_lost());
-    let cut = account.ending == Ending::Cut;
+    count(format!("{role}.bytes"), read_summary.bytes);
+    count(format!("{role}.bytes_lost"), read_summary.bytes_lost());
+    let cut = read_summary.ending == Ending::Cut;
     count(format!("{role}.files_cut"), u64::from(cut));
-    count(format!("{role}.chunks"), account.chunks.values().sum());
-    count(format!("{role}.chunks_unchecked"), account.chunks_unchecked);
-    count(format!("{role}.messages"), account.messages);
+    count(format!("{role}.chunks"), read_summary.chunks.values().sum());
+    count(
+        format!("{role}.chunks_unchecked"),
+        read_summary.chunks_unchecked,
+    );
+    count(format!("{role}.messages"), read_summary.messages);
     count(
         format!("{role}.messages_outside_chunks"),
-        account.messages_outside_chunks,
+        read_summary.messages_outside_chunks,
     );
-    count(format!("{role}.messages_lost"), account.messages_lost);
+    count(format!("{role}.messages_lost"), read_summary.messages_lost);
     for wanted in &streams.wanted {
-        if let Some(lost) = account.lost_of.get(&wanted.topic) {
+        if let Some(lost) = read_summary.lost_of.get(&wanted.topic) {
             count(format!("{}.messages_lost", wanted.stream.name()), *lost);
         }
     }

@@ -7,7 +7,7 @@
 //! 1. [`JsonPlan::new`]: paths → tree.
 //! 2. [`JsonPlan::read`]: payload → the wanted values in a row.
 //!
-//! Of a message worded as the one before, only the numbers are read ([`wording`](super::wording)).
+//! Of a message worded as the one before, only the numbers are read ([`template`](super::template)).
 
 mod bytes;
 mod number;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use super::FieldPath;
 use super::path::{Segment, Want};
 
-pub(super) use read::Gap;
+pub(super) use read::NumberSlot;
 pub use schema::JsonSchema;
 
 /// How to read the wanted values of messages.

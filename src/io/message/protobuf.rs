@@ -10,7 +10,7 @@
 //! 2. [`ProtobufPlan::resolve`]: types + paths → for each message type on the way, what to do with which field number.
 //! 3. [`ProtobufPlan::read`]: payload → the wanted values in a row.
 //!
-//! Of a message worded as the one before, only the numbers are read ([`wording`](super::wording)).
+//! Of a message worded as the one before, only the numbers are read ([`template`](super::template)).
 
 mod descriptor;
 mod plan;
@@ -19,4 +19,4 @@ mod wire;
 
 pub use descriptor::Descriptors;
 pub use plan::ProtobufPlan;
-pub(super) use read::Gap;
+pub(super) use read::NumberSlot;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use super::cdr::Layout;
 use super::cell::{Cell, List, bytes};
+use super::template::Template;
 use super::value::Gathered;
-use super::wording::Wording;
 use super::{MessageFault, Numbers, Primitive, Texts, Value};
 
 /// One message's wanted values.
@@ -23,7 +23,7 @@ pub struct Row {
     /// How the message was laid out, where it was in CDR.
     layout: Layout,
     /// How the message was worded, where it was in protobuf or JSON.
-    pub(super) wording: Wording,
+    pub(super) template: Template,
 }
 
 /// Where a single value stands in a row.
@@ -56,7 +56,7 @@ impl Row {
     #[inline]
     pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
         self.layout.forget();
-        self.wording.forget();
+        self.template.forget();
         self.filled += 1;
         if u32::try_from(message.len()).is_err() {
             return Err(MessageFault::Long);
@@ -83,7 +83,7 @@ impl Row {
     #[inline]
     pub(super) fn fill_as_worded_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
         let (cells, lists) = (&mut self.cells, &mut self.lists);
-        self.wording.read(plan, message, CellsMut { cells, lists })
+        self.template.read(plan, message, CellsMut { cells, lists })
     }
 
     /// Changes whenever it is filled with anything but numbers: while it stays, texts and the lengths of arrays do.
@@ -107,10 +107,10 @@ impl Row {
         self.layout = layout;
     }
 
-    /// Notes for the wording what the slot, or the list in it, got last; it was read up to `end`.
+    /// Notes for the template what the slot, or the list in it, got last; it was read up to `end`.
     #[inline]
     pub(super) fn taken(&mut self, slot: usize, end: usize) {
-        if !self.wording.is_taken_down() {
+        if !self.template.is_recorded() {
             return;
         }
         let (mut cell, mut element) = (self.cells[slot], None);
@@ -118,7 +118,7 @@ impl Row {
             let last = self.lists[slot].len().saturating_sub(1);
             (cell, element) = (self.lists[slot].element(last), Some(last));
         }
-        self.wording.taken(cell, end, Place { slot, element });
+        self.template.taken(cell, end, Place { slot, element });
     }
 
     /// Whether some list was begun.

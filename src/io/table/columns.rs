@@ -249,7 +249,7 @@ mod tests {
             .same("identified", 1e-4)
             .same("standard_error", Some(1e-5))
             .absent(["prior_sd", "most_correlated_with", "correlation"])
-            .same("identifiability", "told_apart")
+            .same("identifiability", "identifiable")
     }
 
     fn refusal(columns: Columns) -> String {
@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn columns_go_where_the_schema_has_them_and_rows_into_its_order() {
         let table = parameters()
-            .column("confused_with", [vec!["base_rz".to_owned()], vec![]])
+            .column("confounded_with", [vec!["base_rz".to_owned()], vec![]])
             .column("offset", [1e-4, 2e-4])
             .finish()
             .unwrap();
@@ -267,7 +267,7 @@ mod tests {
         assert_eq!(table.text("model").value(0), "base_target");
         assert_eq!(table.f64("offset").values(), &[2e-4, 1e-4]);
         assert!(table.i64("joint").is_null(0) && table.i64("joint").value(1) == 1);
-        assert_eq!(table.list("confused_with").value_length(1), 1);
+        assert_eq!(table.list("confounded_with").value_length(1), 1);
         assert_eq!(
             table.batch().column(0).as_ref(),
             table.text("robot") as &dyn Array
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn what_breaks_the_contract_is_refused_by_column_and_row() {
         let none: Vec<Vec<String>> = vec![vec![]; 2];
-        let whole = || parameters().column("confused_with", &none);
+        let whole = || parameters().column("confounded_with", &none);
         assert_eq!(
             refusal(whole()),
             "table parameters: missing columns offset; a column without values still has to be there, all null"
@@ -323,7 +323,7 @@ mod tests {
     fn a_table_like_another_has_its_other_columns_and_checks_those_given() {
         let whole = |offsets: [f64; 2]| {
             let columns =
-                parameters().column("confused_with", [vec!["base_rz".to_owned()], vec![]]);
+                parameters().column("confounded_with", [vec!["base_rz".to_owned()], vec![]]);
             columns.column("offset", offsets).finish().unwrap()
         };
         let first = whole([1e-4, 2e-4]);

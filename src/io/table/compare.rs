@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn of_each_column_the_largest_difference_is_told() {
+    fn of_each_column_the_largest_difference_is_reported() {
         let published = curve([-1.0, 0.0, 1.0], [1e-4, 2e-4, 4e-4], "00ff");
         // Off by 1e-5 of 2e-4, 5 % of the larger of both, and by 1.5e-5 of 4e-4, which is less of it.
         let computed = curve([-1.0, 0.0, 1.0], [1e-4, 1.9e-4, 3.85e-4], "00ff");

@@ -192,7 +192,7 @@ words! {
     LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 
-/// A calibration of geometry or frames, the full model, or one made on top of these.
+/// A calibration of geometry or frames, the full error model, or one made on top of these.
 struct Identified<'a> {
     model: Model,
     of: Of<'a>,
@@ -268,7 +268,7 @@ impl<'a> Identified<'a> {
         let target = frames.map(|(frames, _)| placement(frames.flange_from_target.isometry()));
         let is_turned = frames.is_some_and(|(_, turned)| turned);
         let command_from_base = placement(context.command_from_base.isometry());
-        let flange_from_tool = placement(outcome.gauge.flange_from_tool());
+        let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
         let some = |value: f64| (value > 0.0).then_some(value);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
@@ -371,13 +371,13 @@ impl<'a> Identified<'a> {
 
     fn angles(&self) -> Angles {
         match self.of {
-            Of::Full(_) if self.blends() => Angles::Blended,
+            Of::Full(_) if self.has_command_weight() => Angles::Weighted,
             Of::Full(_) | Of::Calibration(_) | Of::OnTop(_) => Angles::Reported,
         }
     }
 
-    fn blends(&self) -> bool {
-        self.parts(true).contains(&"command_blend")
+    fn has_command_weight(&self) -> bool {
+        self.parts(true).contains(&"command_weight")
     }
 
     fn weights(&self) -> &'a [f64] {
@@ -441,7 +441,7 @@ fn is_turned(unknowns: &[Unknown]) -> bool {
 
 fn part_name(name: &'static str) -> &'static str {
     match name {
-        "blend" => "command_blend",
+        "command_weight" => "command_weight",
         "drift" => "base_drift",
         "session_changes" => "session_change",
         other => other,

@@ -148,7 +148,7 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
         joint_ranges(outcome, joints.len()).into_iter().unzip();
     let command_from_base = context.command_from_base.isometry();
     let (origin, turn) = placement(command_from_base);
-    let target = outcome.gauge.frames().flange_from_target.origin();
+    let target = outcome.error_frame.frames().flange_from_target.origin();
     let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
     let text = |text: &Option<String>| text.as_deref().map(Arc::from);
     let configuration = chosen.configuration.as_ref().map(Configuration::to_string);
@@ -247,7 +247,7 @@ impl<'a> Support<'a> {
     fn new(outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
         let stations: Vec<&Station> = learnt_from(outcome).collect();
         let tool = |station: &&Station| {
-            let tool = outcome.gauge.nominal_tool(&station.joints);
+            let tool = outcome.error_frame.nominal_tool(&station.joints);
             Point3::from(tool.translation.vector)
         };
         Self {

@@ -1,13 +1,13 @@
-//! `drift`: what moved between sessions, suspect by suspect, and how far.
+//! `drift`: what moved between sessions, hypothesis by hypothesis, and how far.
 
 use super::past::PastSession;
 use super::words::Unit;
 use crate::history::compare::Shift;
-use crate::history::suspects::{Asked, Suspect, SuspectVerdict};
+use crate::history::hypotheses::{Asked, Hypothesis, HypothesisVerdict};
 use crate::io::table::{row, words};
 
 row! {
-    /// What a session says of one suspect: a test, or how far a component moved.
+    /// What a session says of one hypothesis: a test, or how far a component moved.
     pub struct DriftRow of "drift" {
         /// The robot.
         robot: String,
@@ -24,12 +24,12 @@ row! {
         /// Sessions that it is held against.
         against: usize,
         /// The part that may have moved.
-        suspect: SuspectKind,
+        hypothesis: HypothesisKind,
         /// Its joint, from 1.
         joint: Option<usize>,
         /// The component whose shift this is.
         component: Option<String>,
-        /// Chi-square of the suspect's change against none.
+        /// Chi-square of the hypothesis's change against none.
         chi_square: Option<f64>,
         /// Its degrees of freedom.
         degrees_of_freedom: Option<usize>,
@@ -47,8 +47,8 @@ row! {
         standard_error: Option<f64>,
         /// The shift's unit.
         unit: Option<Unit>,
-        /// The verdict on the suspect.
-        verdict: SuspectVerdict,
+        /// The verdict on the hypothesis.
+        verdict: HypothesisVerdict,
         /// Whether the next session has the change too; `None` where there is none.
         lasting: Option<bool>,
     }
@@ -56,7 +56,7 @@ row! {
 
 /// Parts that may have moved, without their joints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SuspectKind {
+pub enum HypothesisKind {
     /// Anything at all.
     Anything,
     /// The base, or the tracker.
@@ -72,7 +72,7 @@ pub enum SuspectKind {
 }
 
 words! {
-    SuspectKind {
+    HypothesisKind {
         Anything: "anything",
         Base: "base",
         Target: "target",
@@ -80,7 +80,7 @@ words! {
         JointCurve: "joint_curve",
         Link: "link",
     }
-    SuspectVerdict {
+    HypothesisVerdict {
         NoChange: "no_change",
         Moved: "moved",
         OneOfSeveral: "one_of_several",
@@ -89,15 +89,15 @@ words! {
     }
 }
 
-impl From<Suspect> for SuspectKind {
-    fn from(suspect: Suspect) -> Self {
-        match suspect {
-            Suspect::Anything => Self::Anything,
-            Suspect::Base => Self::Base,
-            Suspect::Target => Self::Target,
-            Suspect::JointOffset(_) => Self::JointOffset,
-            Suspect::JointCurve(_) => Self::JointCurve,
-            Suspect::Link(_) => Self::Link,
+impl From<Hypothesis> for HypothesisKind {
+    fn from(hypothesis: Hypothesis) -> Self {
+        match hypothesis {
+            Hypothesis::Anything => Self::Anything,
+            Hypothesis::Base => Self::Base,
+            Hypothesis::Target => Self::Target,
+            Hypothesis::JointOffset(_) => Self::JointOffset,
+            Hypothesis::JointCurve(_) => Self::JointCurve,
+            Hypothesis::Link(_) => Self::Link,
         }
     }
 }
@@ -111,46 +111,52 @@ pub fn rows(sessions: &[PastSession]) -> Vec<DriftRow> {
 
 fn of_session(session: &PastSession, lasting: Option<bool>) -> Vec<DriftRow> {
     let judged = &session.judged;
-    let row = |suspect, verdict| row(session, lasting, suspect, verdict);
+    let row = |hypothesis, verdict| row(session, lasting, hypothesis, verdict);
     if judged.asked.is_empty() {
-        let suspect = Suspect::Anything;
-        let is_anew = judged.set_up_anew.contains(&suspect);
+        let hypothesis = Hypothesis::Anything;
+        let is_anew = judged.set_up_anew.contains(&hypothesis);
         let verdict = if is_anew {
-            SuspectVerdict::SetUpAnew
+            HypothesisVerdict::SetUpAnew
         } else {
-            SuspectVerdict::NotShown
+            HypothesisVerdict::NotShown
         };
-        return vec![row(suspect, verdict)];
+        return vec![row(hypothesis, verdict)];
     }
-    let verdict = |suspect: Suspect| {
-        if judged.set_up_anew.contains(&suspect) {
-            SuspectVerdict::SetUpAnew
+    let verdict = |hypothesis: Hypothesis| {
+        if judged.set_up_anew.contains(&hypothesis) {
+            HypothesisVerdict::SetUpAnew
         } else {
-            judged.finding.verdict_of(suspect)
+            judged.finding.verdict_of(hypothesis)
         }
     };
     let tests = judged
         .asked
         .iter()
-        .map(|asked| with_test(row(asked.suspect, verdict(asked.suspect)), asked));
+        .map(|asked| with_test(row(asked.hypothesis, verdict(asked.hypothesis)), asked));
     let named = judged.finding.named();
     let shifts = judged.moved.iter().filter_map(|shift| {
-        let suspect = *named.iter().find(|suspect| suspect.has(&shift.column))?;
-        Some(with_shift(row(suspect, verdict(suspect)), shift))
+        let hypothesis = *named
+            .iter()
+            .find(|hypothesis| hypothesis.has(&shift.column))?;
+        Some(with_shift(row(hypothesis, verdict(hypothesis)), shift))
     });
-    let is_asked =
-        |suspect: &&Suspect| !judged.asked.iter().any(|asked| asked.suspect == **suspect);
+    let is_asked = |hypothesis: &&Hypothesis| {
+        !judged
+            .asked
+            .iter()
+            .any(|asked| asked.hypothesis == **hypothesis)
+    };
     let anew = judged.set_up_anew.iter().filter(is_asked);
-    let anew = anew.map(|suspect| row(*suspect, SuspectVerdict::SetUpAnew));
+    let anew = anew.map(|hypothesis| row(*hypothesis, HypothesisVerdict::SetUpAnew));
     tests.chain(shifts).chain(anew).collect()
 }
 
-/// The row of a verdict on a suspect, without a test or a shift.
+/// The row of a verdict on a hypothesis, without a test or a shift.
 fn row(
     session: &PastSession,
     lasting: Option<bool>,
-    suspect: Suspect,
-    verdict: SuspectVerdict,
+    hypothesis: Hypothesis,
+    verdict: HypothesisVerdict,
 ) -> DriftRow {
     let (key, judged) = (&session.key, &session.judged);
     DriftRow {
@@ -161,8 +167,8 @@ fn row(
         segment: judged.segment,
         began: Some(judged.began.join("; ")).filter(|words| !words.is_empty()),
         against: judged.against,
-        suspect: suspect.into(),
-        joint: suspect.joint(),
+        hypothesis: hypothesis.into(),
+        joint: hypothesis.joint(),
         component: None,
         chi_square: None,
         degrees_of_freedom: None,

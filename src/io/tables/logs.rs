@@ -74,7 +74,7 @@ impl<'r> LogTable<'r> {
 }
 
 impl JointSink for LogTable<'_> {
-    fn begin_again(&mut self) {
+    fn restart(&mut self) {
         *self = Self::new(self.run, &self.key.session);
     }
 

@@ -3,7 +3,7 @@
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, Gauge, PoseModel};
+use crate::fit::{Calibration, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::io::targets::driving::DrivingFile;
@@ -75,7 +75,7 @@ pub struct Outcome<'a> {
     pub test: Vec<JoinedSession>,
     /// The base + target and the geometric calibration.
     pub calibrations: Vec<(Model, Calibration)>,
-    /// The whole error model, unless it is switched off.
+    /// The full error model, unless it is switched off.
     pub full: Option<FullModel>,
     /// Models made on top of these.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
@@ -83,8 +83,8 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
-    /// The gauge of the last training session, which table and grids are for.
-    pub gauge: Gauge<'a>,
+    /// The error reference frame of the last training session, which table and grids are for.
+    pub error_frame: ErrorFrame<'a>,
     /// Residuals by model, split, angles and base.
     pub residuals: Vec<ResidualSet>,
     /// Semivariograms of raw errors and residuals.

@@ -4,7 +4,7 @@ use super::PublishContext;
 use super::words::Unit;
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
-use crate::fit::identifiability::{confounded, is_told_apart, most_correlated};
+use crate::fit::identifiability::{confounded, is_identifiable, most_correlated};
 use crate::fit::{Calibration, Identifiability, Unknown};
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
@@ -40,10 +40,10 @@ row! {
         standard_error: Option<f64>,
         /// Standard deviation of its prior; `None` without one.
         prior_sd: Option<f64>,
-        /// Whether it was told apart, and if not, why.
+        /// Whether it is identifiable, and if not, why.
         identifiability: Identifiability,
-        /// What it could not be told apart from.
-        confused_with: Vec<String>,
+        /// What it is confounded with.
+        confounded_with: Vec<String>,
         /// The parameter that it correlates with most.
         most_correlated_with: Option<String>,
         /// Their correlation.
@@ -90,7 +90,7 @@ pub enum ParameterQuantity {
     /// A turn about z.
     Rz,
     /// The share of the way from reported to commanded angle.
-    Blend,
+    CommandWeight,
 }
 
 words! {
@@ -107,7 +107,7 @@ words! {
         Rx: "rx",
         Ry: "ry",
         Rz: "rz",
-        Blend: "blend",
+        CommandWeight: "command_weight",
     }
 }
 
@@ -117,7 +117,7 @@ enum Subject {
     /// A parameter of the measurement chain.
     Chain(Unknown),
     /// The share of the way from reported to commanded angle of one joint (from 0), in one session or in all.
-    Blend {
+    CommandWeight {
         joint: usize,
         session: Option<usize>,
     },
@@ -129,7 +129,7 @@ struct Found {
     standard_error: f64,
     prior_sd: Option<f64>,
     identifiability: Identifiability,
-    confused_with: Vec<usize>,
+    confounded_with: Vec<usize>,
     most_correlated: Option<(usize, f64)>,
 }
 
@@ -200,7 +200,7 @@ impl Parameters<'_> {
             standard_error: Some(found.standard_error),
             prior_sd: found.prior_sd,
             identifiability: found.identifiability,
-            confused_with: found.confused_with.into_iter().map(label).collect(),
+            confounded_with: found.confounded_with.into_iter().map(label).collect(),
             most_correlated_with: found.most_correlated.map(|(other, _)| label(other)),
             correlation: found.most_correlated.map(|(_, correlation)| correlation),
         }
@@ -213,12 +213,12 @@ fn of_calibration(calibration: &Calibration, place: usize) -> Found {
         standard_error: calibration.standard_error(place),
         prior_sd: calibration.prior_sd[place],
         identifiability: calibration.identifiability(place),
-        confused_with: calibration.confounded_with(place),
+        confounded_with: calibration.confounded_with(place),
         most_correlated: most_correlated(&calibration.covariance, place),
     }
 }
 
-/// Unknowns and blends of the full model; what has a prior of its own is that of the geometric fit.
+/// Unknowns and weights of the full error model; what has a prior of its own is that of the geometric fit.
 fn of_full(
     full: &FullModel,
     calibrations: &[(Model, Calibration)],
@@ -229,18 +229,18 @@ fn of_full(
     move |index| {
         let standard_error = covariance[(index, index)].max(0.0).sqrt();
         let prior_sd = prior_sd(full, calibrations, subjects[index], places[index]);
-        // A base or a target has no prior but the poses: it is told apart wherever it stands.
-        let told_apart = is_told_apart(standard_error, prior_sd);
+        // A base or a target has no prior but the poses: it is identifiable wherever it stands.
+        let identifiable = is_identifiable(standard_error, prior_sd);
         Found {
             offset: full.column_mean(places[index]),
             standard_error,
             prior_sd,
-            identifiability: if told_apart {
-                Identifiability::ToldApart
+            identifiability: if identifiable {
+                Identifiability::Identifiable
             } else {
                 Identifiability::Weak
             },
-            confused_with: if told_apart {
+            confounded_with: if identifiable {
                 Vec::new()
             } else {
                 confounded(&covariance, index)
@@ -260,23 +260,23 @@ fn columns(full: &FullModel) -> Vec<(usize, Subject)> {
                 let unknowns = full.unknowns().iter().copied().map(Subject::Chain);
                 columns.extend(own.zip(unknowns));
             }
-            Block::Blend => {
+            Block::CommandWeight => {
                 columns.extend(own.map(|place| {
                     (
                         place,
-                        Subject::Blend {
+                        Subject::CommandWeight {
                             joint: place - first,
                             session: None,
                         },
                     )
                 }));
             }
-            Block::SessionBlend(session) | Block::OwnBlend(session) => {
+            Block::SessionCommandWeight(session) | Block::OwnCommandWeight(session) => {
                 let session = Some(session);
                 columns.extend(own.map(|place| {
                     (
                         place,
-                        Subject::Blend {
+                        Subject::CommandWeight {
                             joint: place - first,
                             session,
                         },
@@ -296,7 +296,7 @@ fn prior_sd(
     place: usize,
 ) -> Option<f64> {
     match subject {
-        Subject::Blend { .. } => Some(full.prior_sd()[place]),
+        Subject::CommandWeight { .. } => Some(full.prior_sd()[place]),
         Subject::Chain(unknown) => {
             let (_, geometric) = calibrations
                 .iter()
@@ -328,7 +328,7 @@ impl Subject {
     fn name(self) -> String {
         match self {
             Self::Chain(unknown) => unknown.parameter.to_string(),
-            Self::Blend { joint, .. } => format!("blend_{}", joint + 1),
+            Self::CommandWeight { joint, .. } => format!("command_weight_{}", joint + 1),
         }
     }
 
@@ -343,14 +343,14 @@ impl Subject {
     fn nominal(self, arm: &Arm) -> f64 {
         match self {
             Self::Chain(unknown) => nominal(arm, unknown.parameter),
-            Self::Blend { .. } => 0.0,
+            Self::CommandWeight { .. } => 0.0,
         }
     }
 
     const fn session(self) -> Option<usize> {
         match self {
             Self::Chain(unknown) => unknown.session,
-            Self::Blend { session, .. } => session,
+            Self::CommandWeight { session, .. } => session,
         }
     }
 
@@ -361,14 +361,14 @@ impl Subject {
                 ..
             }) => Some(joint),
             Self::Chain(_) => None,
-            Self::Blend { joint, .. } => Some(joint + 1),
+            Self::CommandWeight { joint, .. } => Some(joint + 1),
         }
     }
 
     fn unit(self) -> Unit {
         match self {
             Self::Chain(unknown) => Unit::named(unknown.parameter.unit()),
-            Self::Blend { .. } => Unit::One,
+            Self::CommandWeight { .. } => Unit::One,
         }
     }
 
@@ -379,14 +379,14 @@ impl Subject {
                 Parameter::Link { .. } => BelongsTo::Link,
                 Parameter::Target(_) => BelongsTo::Target,
             },
-            Self::Blend { session: None, .. } => BelongsTo::Link,
-            Self::Blend { .. } => BelongsTo::Session,
+            Self::CommandWeight { session: None, .. } => BelongsTo::Link,
+            Self::CommandWeight { .. } => BelongsTo::Session,
         }
     }
 
     const fn quantity(self) -> ParameterQuantity {
         match self {
-            Self::Blend { .. } => ParameterQuantity::Blend,
+            Self::CommandWeight { .. } => ParameterQuantity::CommandWeight,
             Self::Chain(unknown) => match unknown.parameter {
                 Parameter::Base(motion) | Parameter::Target(motion) => direction(motion),
                 Parameter::Link { quantity, .. } => match quantity {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use super::words::xyzw;
-use crate::fit::commanded::Shortfall;
+use crate::fit::commanded::SettlingError;
 use crate::fit::saved::axes_from_joints;
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::JoinedSession;
@@ -190,13 +190,13 @@ fn measured(station: &Station) -> StationRow {
     }
 }
 
-/// Reported angles plus the shortfall, carried from axis variables to joint angles.
+/// Reported angles plus the settling error, carried from axis variables to joint angles.
 fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>> {
     let joints_from_axes = axes_from_joints(arm)
         .try_inverse()
         .expect("a robot file's joint map was checked to be invertible");
-    let commanded = |(station, shortfall): (&Station, &Option<Shortfall>)| {
-        let away = &joints_from_axes * DVector::from_column_slice(shortfall.as_ref()?.sent()?);
+    let commanded = |(station, settling_error): (&Station, &Option<SettlingError>)| {
+        let away = &joints_from_axes * DVector::from_column_slice(settling_error.as_ref()?.sent()?);
         Some(
             station
                 .joints
@@ -208,7 +208,7 @@ fn commanded_joints(session: &JoinedSession, arm: &Arm) -> Vec<Option<Vec<f64>>>
     };
     let stations = session.joined.stations.iter();
     stations
-        .zip(&session.commanded.shortfalls)
+        .zip(&session.commanded.settling_errors)
         .map(commanded)
         .collect()
 }

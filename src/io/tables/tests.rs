@@ -18,7 +18,7 @@ use crate::io::lake::Lake;
 use crate::io::schema;
 use crate::io::table::Word as _;
 use crate::manifest::{Work, canonical};
-use crate::page::Said;
+use crate::page::Statements;
 use crate::pipeline::publish::publish;
 use crate::report;
 use example::{ARM, OUTCOME, SESSION, context};
@@ -129,8 +129,8 @@ fn a_run_is_published_once_and_reads_back_as_it_was() {
     let lake = Lake::new(folder.path());
     // Two processes that begin the same run.
     let started = [(); 2].map(|()| lake.start(&key()).unwrap().expect("a new run"));
-    let ends =
-        started.map(|run| publish(&OUTCOME, &context(), run, &work(), &Said::default()).unwrap());
+    let ends = started
+        .map(|run| publish(&OUTCOME, &context(), run, &work(), &Statements::default()).unwrap());
     assert_eq!(ends, [Commit::Done, Commit::AlreadyThere]);
     assert!(lake.start(&key()).unwrap().is_none());
     let session = SessionRows::of(&OUTCOME.training[0], &ARM, &key()).unwrap();
@@ -177,9 +177,13 @@ fn the_identified_arm_comes_back_and_predicts_as_it_did() {
     let expected = example::command_from_base().to_homogeneous();
     assert!((command_from_base - expected).abs().max() < 1e-9);
     let (model, session) = (OUTCOME.full.as_ref().unwrap(), OUTCOME.training.len() - 1);
-    let own = ToolErrors::new(model, session, &OUTCOME.gauge);
-    let gauge = back.arm.gauge();
-    let read = ToolErrors::new(&*back.arm.model.predicts, back.arm.model.session, &gauge);
+    let own = ToolErrors::new(model, session, &OUTCOME.error_frame);
+    let error_frame = back.arm.error_frame();
+    let read = ToolErrors::new(
+        &*back.arm.model.predicts,
+        back.arm.model.session,
+        &error_frame,
+    );
     let station = learnt_from(&OUTCOME).next().unwrap();
     let (error, covariance) = own.error_with_covariance(&station.joints).unwrap();
     let (read_error, read_covariance) = read.error_with_covariance(&station.joints).unwrap();
@@ -249,7 +253,7 @@ fn stations_carry_their_verdict_and_their_command() {
 }
 
 #[test]
-fn parameters_say_what_was_told_apart() {
+fn parameters_say_what_is_identifiable() {
     let table = table(parameters::rows(&OUTCOME, &context()));
     let d_4 = rows(&table, "parameter", "d_4");
     assert_eq!(d_4.len(), 2, "geometric and full");
@@ -269,16 +273,16 @@ fn parameters_say_what_was_told_apart() {
     let geometric = rows(&table, "model", "geometric");
     let weak = geometric
         .iter()
-        .filter(|&&row| table.text("identifiability").value(row) != "told_apart");
+        .filter(|&&row| table.text("identifiability").value(row) != "identifiable");
     assert!(weak.count() > 0);
     let full = rows(&table, "model", "full");
     let (_, geometric) = &OUTCOME.calibrations[1];
-    let blends = full
+    let weights = full
         .iter()
-        .filter(|&&row| table.text("quantity").value(row) == "blend")
+        .filter(|&&row| table.text("quantity").value(row) == "command_weight")
         .count();
-    assert_eq!(full.len(), geometric.unknowns.len() + blends);
-    // Parameters of the full model have the spread that its own covariance says.
+    assert_eq!(full.len(), geometric.unknowns.len() + weights);
+    // Parameters of the full error model have the spread that its own covariance says.
     let full_model = OUTCOME.full.as_ref().unwrap();
     let variance = full_model.covariance_of(&[3])[(0, 0)];
     assert!((table.f64("standard_error").value(full[3]) - variance.sqrt()).abs() < 1e-15);
@@ -438,7 +442,7 @@ fn compensation_is_stated_in_the_frame_of_commands() {
         ],
         node,
     );
-    let frames = OUTCOME.gauge.frames();
+    let frames = OUTCOME.error_frame.frames();
     assert_eq!(target, frames.flange_from_target.origin().coords());
     // The base frame stated in the table brings the node back to its lattice.
     let origin = ["x", "y", "z"].map(|axis| {

@@ -52,7 +52,7 @@ impl Word for Model {
 }
 
 words! {
-    Angles { Reported: "reported", Blended: "blended", Commanded: "commanded" }
+    Angles { Reported: "reported", Weighted: "weighted", Commanded: "commanded" }
     Split { None: "none", Blocks: "blocks", Session: "session" }
     BaseRefit { None: "none", First: "first", All: "all" }
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
@@ -62,7 +62,7 @@ words! {
     TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {
-        ToldApart: "told_apart",
+        Identifiable: "identifiable",
         Fixed: "fixed",
         MovesNothing: "moves_nothing",
         StructurallyDependent: "structurally_dependent",

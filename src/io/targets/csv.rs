@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_by_line_and_column() {
+    fn what_is_wrong_is_reported_by_line_and_column() {
         let head = "target,x_mm,y_mm,z_mm,qx,qy,qz,qw,table_id\n";
         let good = "A,1,2,3,,,,,\n";
         let cases = [
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_none_of_targets_is_told_so() {
+    fn a_file_that_is_none_of_targets_is_reported_so() {
         let cases = [
             (
                 "target;x_mm;y_mm;z_mm\nA;1;2;3\n",
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mark_is_known_in_any_letters_and_other_names_are_told() {
+    fn a_mark_is_known_in_any_letters_and_other_names_are_reported() {
         for head in ["Table_ID", "TABLE_ID ", "corrected_by", "Corrected_By"] {
             let text = format!("target,x_mm,y_mm,z_mm,{head}\nA,1,2,3,t-1\n");
             let error = targets(&text).unwrap_err();

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_none_is_told_by_row_and_target() {
+    fn a_number_that_is_none_is_reported_by_row_and_target() {
         let wrong = from(&format!(
             "{HEAD}kr,mon,00ff,A,compensation,1.5,2,3,1,2,3,4,0,0,5,0,6,x\nkr,mon,00ff,B,compensation,nan,2,3,1,2,3,4,0,0,5,0,6,x\n"
         ))
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_larger_than_its_limit_is_told_and_not_read() {
+    fn a_file_larger_than_its_limit_is_reported_and_not_read() {
         let folder = tempfile::tempdir().expect("a folder");
         for name in ["corrected.csv", "corrected.json", "corrected.parquet"] {
             let path = folder.path().join(name);

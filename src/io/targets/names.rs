@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn two_for_one_and_one_in_other_letters_are_told_by_name() {
+    fn two_for_one_and_one_in_other_letters_are_reported_by_name() {
         assert!(told(&["x_mm", "x_mm"]).contains("\"x_mm\" stands twice"));
         assert!(told(&["x_mm", "X_mm"]).contains("\"X_mm\" is no name that is known here"));
         assert!(told(&["note", "Note"]).contains("\"note\" and \"Note\" differ"));

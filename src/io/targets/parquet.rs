@@ -55,7 +55,7 @@ fn joints(table: &Table, row: usize) -> Result<Option<TargetJoints>, RowProblem>
     let Some(angles) = list("joints_rad") else {
         return Ok(None);
     };
-    // The check of the table has refused numbers that are not finite; nulls inside a list are told apart here.
+    // The check of the table has refused numbers that are not finite; nulls inside a list are found here.
     let angles: Option<Vec<f64>> = angles.as_primitive::<Float64Type>().iter().collect();
     let angles = angles.ok_or_else(|| RowProblem::PartOfJoints {
         missing: "an angle of joints_rad".to_owned(),

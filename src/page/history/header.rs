@@ -7,7 +7,7 @@ use crate::page::verdict::fact;
 use crate::page::words::whole;
 
 pub(super) fn header(content: &Content) -> Markup {
-    let (class, sign, headline) = standing(content);
+    let (class, sign, headline) = status(content);
     html! {
         header {
             p.which { "History · " (content.robot) }
@@ -42,7 +42,7 @@ fn counts(content: &Content) -> [(&'static str, usize); 6] {
 }
 
 /// Class, sign and headline; the sign tells them apart without colour too.
-fn standing(content: &Content) -> (&'static str, &'static str, &'static str) {
+fn status(content: &Content) -> (&'static str, &'static str, &'static str) {
     match content.sessions.last() {
         None => ("not-shown", "?", "There is no session to tell of"),
         Some(last) if last.moved.is_some() => ("not-met", "✗", "Something moved"),

@@ -11,7 +11,7 @@ pub(super) fn section(content: &Content) -> Markup {
         ul {
             li { "Sessions are in the order of the first stamps of their controller logs; of each only the current run counts. Another robot file, pipeline file, setting, version or model begins a segment, and nothing is compared across." }
             li { "A session is held against all before it, pooled, since each part last moved. The covariances of both decide; a direction that one of them does not determine takes no part. Parts of a model that sessions share but that are not compared (fast curves, gear lines, drift within a session) make the test wider, never sharper." }
-            li { "The smallest p-value of all suspects times their number has to be below 1 in " (length) ": a session without a change has a false alarm once in " (length) " at most, " (format!("{expected:.1}")) " in these " (content.sessions.len()) "." }
+            li { "The smallest p-value of all hypotheses times their number has to be below 1 in " (length) ": a session without a change has a false alarm once in " (length) " at most, " (format!("{expected:.1}")) " in these " (content.sessions.len()) "." }
             li { "Significant is not large: how far a part moved stands beside it. The control charts ask the other question, whether it is more than the sessions' ordinary spread." }
             li { "Base stands for the tracker too: each moves against the other. The target is the tool or adapter that carries it." }
         }

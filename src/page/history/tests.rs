@@ -74,7 +74,7 @@ fn the_verdict_stands_first_and_everything_is_escaped() {
 }
 
 #[test]
-fn an_empty_history_is_said() {
+fn an_empty_history_is_stated() {
     let empty = Content {
         sessions: Vec::new(),
         series: Vec::new(),

@@ -23,7 +23,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let first = rows.first()?;
     Some(html! {
         p {
-            "Here no grid stands between: the whole model is identified from the measured poses, and its predictions from commands "
+            "Here no grid stands between: the full error model is identified from the measured poses, and its predictions from commands "
             "alone correct fresh poses. " em { "Greedy variance" } " chooses each next pose where it lowers the model's own predicted variance over the box "
             "most; what the model expects beside it was known before any robot was drawn. Figures are of " (first.robots) " simulated robots."
         }
@@ -89,7 +89,7 @@ fn bounds(content: &Content, rows: &[&Figure]) -> Markup {
 fn chart(title: &str, y: Axis, series: Vec<Series>, limits: Vec<Limit>) -> Markup {
     Chart {
         title: title.to_owned(),
-        description: "One line for each way to choose poses, on simulated robots identified by the whole model.".to_owned(),
+        description: "One line for each way to choose poses, on simulated robots identified by the full error model.".to_owned(),
         x: Axis::new("poses measured", "").logarithmic(),
         y,
         series,

@@ -9,13 +9,13 @@ use crate::page::words::{fixed, percent, whole};
 
 /// What becomes of the tolerance, as the tables show it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Standing {
+enum Status {
     Met,
     NotMet,
     NotShown,
 }
 
-impl Standing {
+impl Status {
     /// As the row of `runs` has it: with too few robots for a bound nothing is shown.
     fn of(content: &Content) -> Self {
         let bound = content.promise.as_ref().and_then(|own| own.bound_mm);
@@ -46,15 +46,15 @@ fn found(content: &Content) -> Option<&Figure> {
 }
 
 pub(super) fn header(content: &Content) -> Markup {
-    let standing = Standing::of(content);
-    let (class, sign, headline) = standing.words();
+    let status = Status::of(content);
+    let (class, sign, headline) = status.words();
     html! {
         header {
             p.which { "Plan · " (content.robot) }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
             @if let Some(promise) = &content.promise {
                 p.lead { (sentence(promise)) }
-                p.lead { (shown(content, promise, standing)) }
+                p.lead { (shown(content, promise, status)) }
                 (facts(content, promise))
             }
             p.note {
@@ -81,7 +81,7 @@ fn sentence(promise: &Promise) -> Markup {
 }
 
 /// What the simulated robots show of the tolerance.
-fn shown(content: &Content, promise: &Promise, standing: Standing) -> Markup {
+fn shown(content: &Content, promise: &Promise, status: Status) -> Markup {
     let at_least = found(content).map(|row| row.share_at_least);
     html! {
         (promise.meet) " of " (promise.robots) " simulated robots that took no part in choosing poses meet the tolerance of "
@@ -89,9 +89,9 @@ fn shown(content: &Content, promise: &Promise, standing: Standing) -> Markup {
         @if let Some(share) = at_least {
             ": with " (percent(promise.confidence)) " % confidence at least "
             data value=(share) { (fixed(100.0 * share, 1)) } " % of all such robots do, "
-            @match standing {
-                Standing::Met => "and ",
-                Standing::NotMet | Standing::NotShown => "but ",
+            @match status {
+                Status::Met => "and ",
+                Status::NotMet | Status::NotShown => "but ",
             }
             (percent(promise.share)) " % are asked for"
         }

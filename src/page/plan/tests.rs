@@ -223,7 +223,7 @@ fn figures_carry_the_values_of_the_tables() {
 }
 
 #[test]
-fn what_could_not_be_judged_is_said() {
+fn what_could_not_be_judged_is_stated() {
     let page = html(&content("kr210"));
     assert!(page.contains("No pose could be judged at 1000 mm."));
     assert!(page.contains("<small>1 not fitted</small>"));

@@ -77,11 +77,12 @@ impl TableRun {
             return Err("the arm was identified from several sessions".to_owned());
         }
         let full = outcome.full.as_ref();
-        let full = full.ok_or("there is no whole model of the session")?;
-        let own = Estimate::of_full(full).ok_or("the covariance of the whole model is none")?;
+        let full = full.ok_or("there is no full error model of the session")?;
+        let own =
+            Estimate::of_full(full).ok_or("the covariance of the full error model is none")?;
         match history::session::estimate(&self.calibrations)? {
             (Model::Full, earlier) => Ok(between(&earlier, &own)),
-            _ => Err("the table's run has no whole model".to_owned()),
+            _ => Err("the table's run has no full error model".to_owned()),
         }
     }
 

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::order::CurrentRow;
 use super::rows::Fact;
-use crate::history::{Course, Judged};
+use crate::history::{Judged, SessionHistory};
 use crate::io::input::{self, Bound};
 use crate::io::lake::Lake;
 use crate::io::whole_file::replace_whole;
@@ -33,7 +33,7 @@ pub(super) struct Summary {
     /// The sessions judged, in order.
     pub(super) entries: Vec<Entry>,
     /// The state after the last of them.
-    pub(super) course: Course,
+    pub(super) session_history: SessionHistory,
     /// Whether sessions behind the last row were cut off, so that the state is not that after the last.
     pub(super) is_cut: bool,
 }
@@ -59,7 +59,7 @@ struct Head {
 enum Line {
     Fact(String, Fact),
     Entry(Entry),
-    Course(Box<Course>),
+    SessionHistory(Box<SessionHistory>),
 }
 
 impl Summary {
@@ -87,7 +87,7 @@ impl Summary {
                     summary.facts.insert(digest, fact);
                 }
                 Line::Entry(entry) => summary.entries.push(entry),
-                Line::Course(course) => summary.course = *course,
+                Line::SessionHistory(session_history) => summary.session_history = *session_history,
             }
         }
         Some(summary)
@@ -121,8 +121,8 @@ impl Summary {
         let facts = self.facts.iter();
         let facts = facts.map(|(digest, fact)| Line::Fact(digest.clone(), fact.clone()));
         let entries = self.entries.iter().map(|entry| Line::Entry(entry.clone()));
-        let course = Line::Course(Box::new(self.course.clone()));
-        for line in facts.chain(entries).chain([course]) {
+        let session_history = Line::SessionHistory(Box::new(self.session_history.clone()));
+        for line in facts.chain(entries).chain([session_history]) {
             serde_json::to_writer(&mut rest, &line)?;
             rest.push(b'\n');
         }

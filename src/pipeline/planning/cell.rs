@@ -8,8 +8,8 @@ use crate::fit::TrackerUncertainty;
 use crate::kinematics::{Arm, SingularityFactors};
 use crate::pipeline::file::PipelineFile;
 use crate::pipeline::plan::{PlanError, placed, upwards};
+use crate::plan::line_of_sight::{Constraints, KeepOut, LineOfSight};
 use crate::plan::section::{ConstraintsSection, PlanSection};
-use crate::plan::sight::{Constraints, KeepOut, Sight};
 use crate::plan::{PlanSettings, Region};
 use crate::simulate::settings::{Cell, TrackerErrors};
 
@@ -150,20 +150,20 @@ impl<'p> Placed<'p> {
     ) -> Result<Constraints, PlanError> {
         let nominal = vec![0.0; arm.chain().parameters().len()];
         let factors = SingularityFactors::of(arm, &nominal, home);
-        let sight = section.sight.map(|sight| {
-            let facing = Unit::try_new(Vector3::from(sight.facing), 1e-6);
+        let line_of_sight = section.line_of_sight.map(|line_of_sight| {
+            let facing = Unit::try_new(Vector3::from(line_of_sight.facing), 1e-6);
             let facing = facing.ok_or_else(|| PlanError::Setting {
                 path: self.path.to_owned(),
-                key: "[plan.constraints] sight.facing".to_owned(),
-                found: format!("{:?}", sight.facing),
+                key: "[plan.constraints] line_of_sight.facing".to_owned(),
+                found: format!("{:?}", line_of_sight.facing),
                 wanted: "a direction, for example [0, 0, 1]".to_owned(),
             })?;
-            Ok::<Sight, PlanError>(Sight {
+            Ok::<LineOfSight, PlanError>(LineOfSight {
                 tracker: Point3::from(self.tracker_from_base.inverse().translation.vector),
                 facing,
-                acceptance_rad: sight.acceptance_deg.to_radians(),
-                range_mm: sight.range_mm,
-                link_radius_mm: sight.link_radius_mm,
+                acceptance_rad: line_of_sight.acceptance_deg.to_radians(),
+                range_mm: line_of_sight.range_mm,
+                link_radius_mm: line_of_sight.link_radius_mm,
             })
         });
         let boxes = section.keep_out.iter().map(|keep_out| KeepOut {
@@ -178,7 +178,7 @@ impl<'p> Placed<'p> {
             flange_from_target: self.flange_from_target,
             keep_out: boxes.collect(),
             keep_out_margin_mm: section.keep_out_margin_mm,
-            tracker: sight.transpose()?,
+            tracker: line_of_sight.transpose()?,
         })
     }
 }

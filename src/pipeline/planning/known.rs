@@ -107,9 +107,9 @@ pub enum KnownError {
         /// What differs.
         what: &'static str,
     },
-    /// A run without the whole error model.
+    /// A run without the full error model.
     #[error(
-        "[plan.known]: {} has no whole error model, only geometry: run that session with [fit.full] enabled = true",
+        "[plan.known]: {} has no full error model, only geometry: run that session with [fit.full] enabled = true",
         path.display()
     )]
     GeometryAlone {

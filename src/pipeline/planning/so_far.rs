@@ -4,7 +4,7 @@
 //! is published, as the session is not whole.
 //! 1. The logs are read and joined by the code of `run`.
 //! 2. Stations are matched with planned poses; those that verify take no part.
-//! 3. The whole model of the others, from what is known of the arm where the plan has that, promises ([`enough`]).
+//! 3. The full error model of the others, from what is known of the arm where the plan has that, promises ([`enough`]).
 
 use std::path::Path;
 
@@ -68,9 +68,9 @@ pub enum SoFarError {
         /// Why.
         source: FitError,
     },
-    /// The whole error model is switched off, or could not be factored.
+    /// The full error model is switched off, or could not be factored.
     #[error(
-        "session {session}: there is no whole error model of it, which alone knows what it does not know: [fit.full] enabled = true"
+        "session {session}: there is no full error model of it, which alone knows what it does not know: [fit.full] enabled = true"
     )]
     NoModel {
         /// The session.
@@ -164,7 +164,7 @@ impl Planning {
             .map_err(Box::new)?)
     }
 
-    /// The whole model of the stations that take part.
+    /// The full error model of the stations that take part.
     fn model_of(
         &self,
         joined: &JoinedSession,

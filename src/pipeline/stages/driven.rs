@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::StageSettings;
 use super::turns::commanded_turns;
-use crate::fit::Gauge;
+use crate::fit::ErrorFrame;
 use crate::fit::commanded::CommandedPose;
 use crate::io::tables::outcome::{Driven, DrivenBy, JoinedSession};
 use crate::join::Station;
@@ -13,11 +13,11 @@ use crate::report::driven::{self, DrivenStation};
 /// What the session says of the table that drove it; `None` where none did.
 pub(super) fn judged(
     session: &JoinedSession,
-    gauge: &Gauge<'_>,
+    error_frame: &ErrorFrame<'_>,
     settings: &StageSettings,
 ) -> Option<Driven> {
     let by = session.driven_by.as_ref()?;
-    let stations = stations(session, by, gauge, settings);
+    let stations = stations(session, by, error_frame, settings);
     Some(Driven {
         key: by.file.key.clone(),
         table: by.file.table.clone(),
@@ -31,12 +31,12 @@ pub(super) fn judged(
 fn stations(
     session: &JoinedSession,
     by: &DrivenBy,
-    gauge: &Gauge<'_>,
+    error_frame: &ErrorFrame<'_>,
     settings: &StageSettings,
 ) -> Vec<DrivenStation> {
     let base_from_command = &settings.base_from_command;
     let command = base_from_command.rotation.to_rotation_matrix();
-    let turns = commanded_turns(session, gauge);
+    let turns = commanded_turns(session, error_frame);
     let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let target = &by.file.targets[by.matched.of_command[place]?];
         let attained = station.measured()?;
@@ -46,7 +46,7 @@ fn stations(
             pose: session.joined.stations[session.commanded.visits[place]].number,
             target: base_from_command * target.target,
             command: pose.as_ref()?.position,
-            attained: gauge.attained_tool(&station.joints, attained),
+            attained: error_frame.attained_tool(&station.joints, attained),
             stated: base_from_command.rotation * stated,
             covariance: command * target.covariance * command.inverse(),
             turn: turns[place],

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
-use crate::fit::{Gauge, Models};
+use crate::fit::{ErrorFrame, Models};
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
@@ -22,7 +22,7 @@ pub(super) struct FigureMaker<'f> {
     pub(super) models: &'f Models,
     pub(super) training: &'f [JoinedSession],
     /// Of the last session.
-    pub(super) gauge: &'f Gauge<'f>,
+    pub(super) error_frame: &'f ErrorFrame<'f>,
     pub(super) stations: &'f [GridStation],
     pub(super) grids: &'f Grids,
 }
@@ -60,7 +60,7 @@ impl FigureMaker<'_> {
         };
         let of_target = |set| self.carried(set, tip - self.target(set));
         let mut figures: Vec<Accuracy> = residuals.iter().map(of_target).collect();
-        let lever = tip - self.gauge.flange_from_tool().translation.vector;
+        let lever = tip - self.error_frame.flange_from_tool().translation.vector;
         figures.push(self.of_table_at_tip(lever));
         for (driven, set) in sets(driven) {
             figures.push(Accuracy {
@@ -89,7 +89,7 @@ impl FigureMaker<'_> {
         if foretells && subject.of_session == self.session().name {
             let moved = self.moved();
             let moved = |station| moved.get(&station).copied().unwrap_or_default();
-            accuracy::of_another_day(own, set, moved, tolerance)
+            accuracy::with_between_session_variation(own, set, moved, tolerance)
         } else {
             own
         }
@@ -153,7 +153,7 @@ impl FigureMaker<'_> {
         let turns = self.turns_by_station();
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
         let mut norms = Vec::new();
-        let (mut by_pose, mut another_day) = (PoseErrors::default(), PoseErrors::default());
+        let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
         for left in &self.chosen().held_out.left {
             let Some(turn) = turns.get(&left.station) else {
                 continue;
@@ -164,12 +164,13 @@ impl FigureMaker<'_> {
             let days = moved.get(&left.station).copied().unwrap_or_default();
             for (day, moved) in days.iter().enumerate() {
                 let sample = left.sample * days.len() + day;
-                another_day.add(left.pose, left.station, sample, (error + moved).norm());
+                between_sessions.add(left.pose, left.station, sample, (error + moved).norm());
             }
         }
         let of = |errors: &PoseErrors| errors.bound(tolerance.coverage());
         // Never less than what was seen.
-        let bound = of(&by_pose).map(|own| of(&another_day).map_or(own, |other| own.max(other)));
+        let bound =
+            of(&by_pose).map(|own| of(&between_sessions).map_or(own, |other| own.max(other)));
         let counted = by_pose.counted();
         let guard_mm = self.guard_mm(&lever);
         Accuracy {
@@ -190,18 +191,18 @@ impl FigureMaker<'_> {
     /// How the flange stood against its command at each station of the last session, by station number.
     fn turns_by_station(&self) -> BTreeMap<usize, Turn> {
         let session = self.session();
-        let turns = without_constant(&commanded_turns(session, self.gauge), |_| true);
+        let turns = without_constant(&commanded_turns(session, self.error_frame), |_| true);
         let stations = session.joined.stations.iter().zip(turns);
         stations
             .filter_map(|(station, turn)| Some((station.number, turn?)))
             .collect()
     }
 
-    /// By how much each station's error may have been another on another day.
+    /// Changes of each station's error that another session may bring.
     fn moved(&self) -> BTreeMap<usize, &[Vector3<f64>]> {
         let stations = self.stations.iter();
         stations
-            .map(|station| (station.number, &*station.another_day))
+            .map(|station| (station.number, &*station.between_sessions))
             .collect()
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{Gauge, Models, ToolErrors};
+use crate::fit::{ErrorFrame, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
@@ -13,10 +13,10 @@ use crate::progress::Progress;
 /// The session's paired stations as grids see them: commanded tool poses, and what was attained against them.
 pub(super) fn grid_stations(
     session: &JoinedSession,
-    gauge: &Gauge<'_>,
+    error_frame: &ErrorFrame<'_>,
     folds: &[usize],
 ) -> Vec<GridStation> {
-    let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
+    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
     let paired = all.iter().zip(commands);
@@ -25,7 +25,7 @@ pub(super) fn grid_stations(
         let position = pose.map(|pose| pose.position);
         Some(GridStation {
             pose: all[visited].number,
-            ..GridStation::of(station, position, gauge, &reach, fold)?
+            ..GridStation::of(station, position, error_frame, &reach, fold)?
         })
     };
     paired.zip(folds).filter_map(station).collect()
@@ -36,25 +36,25 @@ type Paired<'s> = (&'s Station, (&'s Option<CommandedPose>, &'s usize));
 
 pub(super) fn grids<'m>(
     stations: &[GridStation],
-    gauge: &'m Gauge<'_>,
+    error_frame: &'m ErrorFrame<'_>,
     models: &'m Models,
     folds: &'m [Option<Models>],
     session: usize,
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<grid::Grids, GridError> {
-    let errors = |models: &'m Models| ToolErrors::new(models.best().1, session, gauge);
+    let errors = |models: &'m Models| ToolErrors::new(models.best().1, session, error_frame);
     // A fold that holds nothing out is never asked.
     let folds = folds.iter().map(|fold| fold.as_ref().unwrap_or(models));
     let folds: Vec<ToolErrors<'_>> = folds.map(errors).collect();
-    let guard_mm = guard_mm(stations, gauge, settings);
+    let guard_mm = guard_mm(stations, error_frame, settings);
     let input = GridInput {
         stations,
         folds: &folds,
         model: errors(models),
         guard_mm,
     };
-    let reach = Reach::new(gauge.arm(), *gauge.flange_from_tool());
+    let reach = Reach::new(error_frame.arm(), *error_frame.flange_from_tool());
     grid::grids(
         &input,
         &reach,
@@ -67,12 +67,16 @@ pub(super) fn grids<'m>(
 /// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the
 /// scale of the session at the station furthest from there. The base is found from the same stations, so in their middle a scale does
 /// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it.
-fn guard_mm(stations: &[GridStation], gauge: &Gauge<'_>, settings: &StageSettings) -> f64 {
+fn guard_mm(
+    stations: &[GridStation],
+    error_frame: &ErrorFrame<'_>,
+    settings: &StageSettings,
+) -> f64 {
     let sum = stations.iter().fold(Vector3::zeros(), |sum, station| {
         sum + station.position.coords
     });
     let middle = Point3::from(sum / stations.len().max(1) as f64);
-    let in_tracker = gauge.frames().tracker_from_base.isometry() * middle;
+    let in_tracker = error_frame.frames().tracker_from_base.isometry() * middle;
     let from_middle = |station: &GridStation| (station.position - middle).norm();
     let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
     let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;

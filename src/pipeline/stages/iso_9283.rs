@@ -4,7 +4,7 @@
 //! - base + target of a training session: its own fit, on all its stations; of another session: found from its first stations,
 //!   which take no part, as for every verdict;
 //! - raw command, and a session that a table drove: as their residuals have it;
-//! - the whole model from commands alone, on stations that took no part: what it would leave, which is predicted. Reported
+//! - the full error model from commands alone, on stations that took no part: what it would leave, which is predicted. Reported
 //!   angles hold errors against where the controller thinks it is, which is no command.
 
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use nalgebra::Point3;
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{Corrects, Frames, Gauge, Models};
+use crate::fit::{Corrects, ErrorFrame, Frames, Models};
 use crate::geometry::Transform;
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::join::{Attained, Station};
@@ -43,8 +43,8 @@ impl Sources<'_> {
         let test: Vec<Visits<'_>> = self.test.iter().map(Visits::of).collect();
         let mut figures = Vec::new();
         for (place, visits) in training.iter().enumerate() {
-            let gauge = self.gauge(self.models.base_target.frames[place]);
-            figures.push(self.base_target(visits, &gauge, None));
+            let error_frame = self.error_frame(self.models.base_target.frames[place]);
+            figures.push(self.base_target(visits, &error_frame, None));
         }
         figures.extend(test.iter().filter_map(|visits| self.unseen(visits)));
         for visits in training.iter().chain(&test) {
@@ -60,9 +60,9 @@ impl Sources<'_> {
         figures
     }
 
-    fn gauge(&self, frames: Frames) -> Gauge<'_> {
+    fn error_frame(&self, frames: Frames) -> ErrorFrame<'_> {
         let settings = self.settings;
-        Gauge::new(
+        ErrorFrame::new(
             self.arm,
             frames,
             settings.flange_from_tool,
@@ -71,19 +71,26 @@ impl Sources<'_> {
     }
 
     /// The commands against the tool point, of all stations or of those after the `first`.
-    fn base_target(&self, visits: &Visits<'_>, gauge: &Gauge<'_>, first: Option<usize>) -> Iso9283 {
+    fn base_target(
+        &self,
+        visits: &Visits<'_>,
+        error_frame: &ErrorFrame<'_>,
+        first: Option<usize>,
+    ) -> Iso9283 {
         let session = visits.session;
         let skipped = first.unwrap_or(0);
         let judged = paired(session).skip(skipped);
         let attained = judged.filter_map(|(station, command, attained)| {
             let command = command?;
-            let position = gauge.attained_tool(&station.joints, attained);
-            let orientation = gauge.measured_flange(attained).map(|flange| Orientation {
-                commanded: command
-                    .orientation
-                    .filter(|_| session.commanded.trust.agrees()),
-                attained: flange * gauge.flange_from_tool().rotation,
-            });
+            let position = error_frame.attained_tool(&station.joints, attained);
+            let orientation = error_frame
+                .measured_flange(attained)
+                .map(|flange| Orientation {
+                    commanded: command
+                        .orientation
+                        .filter(|_| session.commanded.trust.agrees()),
+                    attained: flange * error_frame.flange_from_tool().rotation,
+                });
             Some((station.number, (command.position, position, orientation)))
         });
         let attained: BTreeMap<usize, At> = attained.collect();
@@ -122,14 +129,14 @@ impl Sources<'_> {
     fn unseen(&self, visits: &Visits<'_>) -> Option<Iso9283> {
         let refit = self.settings.refit;
         let trained = self.models.base_target.frames[0];
-        let gauge = self.gauge(trained);
+        let error_frame = self.error_frame(trained);
         let first: Vec<(&Station, &Attained)> = paired(visits.session)
             .take(refit.first)
             .map(|(station, _, attained)| (station, attained))
             .collect();
         let measured: Vec<Point3<f64>> = first.iter().map(|(_, a)| a.position).collect();
         let placed = first.iter().map(|(station, _)| Placed {
-            position: gauge.nominal_target(&station.joints),
+            position: error_frame.nominal_target(&station.joints),
             flange: self.arm.flange(&station.joints).isometry().rotation,
         });
         let placed: Vec<Placed> = placed.collect();
@@ -142,8 +149,9 @@ impl Sources<'_> {
         };
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
         let oriented = self.settings.noise.orientations && !refit.with_target;
-        let gauge = Gauge::new(self.arm, frames, self.settings.flange_from_tool, oriented);
-        Some(self.base_target(visits, &gauge, Some(first.len())))
+        let error_frame =
+            ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
+        Some(self.base_target(visits, &error_frame, Some(first.len())))
     }
 
     /// The figures of residuals that are held against a command, where they are evidence and poses were repeated.

@@ -6,7 +6,7 @@ use super::observed::{Observed, observations};
 use super::turns::commanded_turns;
 use super::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
+use crate::fit::{self, ErrorFrame, FitError, Models, TrainingSettings, holdout};
 use crate::io::tables::outcome::JoinedSession;
 use crate::join::Station;
 use crate::kinematics::Arm;
@@ -181,20 +181,20 @@ pub(super) fn merge(sets: &mut Vec<ResidualSet>, set: ResidualSet) {
 /// Errors against the raw command, where command and target are one point and the base is known or said to be fitted.
 pub(super) fn raw_command(
     session: &JoinedSession,
-    gauge: &Gauge<'_>,
+    error_frame: &ErrorFrame<'_>,
     base: Option<RawCommandBase>,
 ) -> Option<ResidualSet> {
     let tracker_from_base = match base? {
         RawCommandBase::Surveyed(tracker_from_base) => tracker_from_base,
-        RawCommandBase::Fitted => *gauge.frames().tracker_from_base.isometry(),
+        RawCommandBase::Fitted => *error_frame.frames().tracker_from_base.isometry(),
     };
-    let base =
-        tracker_from_base.rotation.inverse() * gauge.frames().tracker_from_base.isometry().rotation;
+    let base = tracker_from_base.rotation.inverse()
+        * error_frame.frames().tracker_from_base.isometry().rotation;
     let seen = |turn: &Turn| Turn {
         attained: base * turn.attained,
         ..*turn
     };
-    let turns = commanded_turns(session, gauge);
+    let turns = commanded_turns(session, error_frame);
     let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
     let turns = without_constant(&turns, |_| true);
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);

@@ -1,6 +1,6 @@
 //! How the flange stood at stations against how it was commanded to, where both are known; and why they are not.
 
-use crate::fit::Gauge;
+use crate::fit::ErrorFrame;
 use crate::fit::commanded::{CommandedPose, Trust};
 use crate::grid::Verdict;
 use crate::io::tables::outcome::JoinedSession;
@@ -10,15 +10,18 @@ use crate::report::tip::Turn;
 
 use super::StageSettings;
 
-/// For each station of a session how the flange stood in the base of `gauge`, and was commanded to stand. Commanded orientations
+/// For each station of a session how the flange stood in the base of `error_frame`, and was commanded to stand. Commanded orientations
 /// that were not sent say nothing.
-pub(super) fn commanded_turns(session: &JoinedSession, gauge: &Gauge<'_>) -> Vec<Option<Turn>> {
+pub(super) fn commanded_turns(
+    session: &JoinedSession,
+    error_frame: &ErrorFrame<'_>,
+) -> Vec<Option<Turn>> {
     let sent = session.commanded.trust.agrees();
-    let tool_from_flange = gauge.flange_from_tool().rotation.inverse();
+    let tool_from_flange = error_frame.flange_from_tool().rotation.inverse();
     let turn = |(station, pose): (&Station, &Option<CommandedPose>)| {
         let attained = station.measured().filter(|_| sent)?;
         Some(Turn {
-            attained: gauge.measured_flange(attained)?,
+            attained: error_frame.measured_flange(attained)?,
             wanted: pose.as_ref()?.orientation? * tool_from_flange,
         })
     };

@@ -1,4 +1,4 @@
-//! Sessions that only judge: what each says of the whole model and of the published table, and whether it is of this arm.
+//! Sessions that only judge: what each says of the full error model and of the published table, and whether it is of this arm.
 //!
 //! The table is stated in the frame of the session that it was made from. A test session is carried there by its first stations, as
 //! its base is found for every verdict: where the model has them, in that frame, they are aligned with where the tracker saw
@@ -13,7 +13,7 @@ use super::gridded::grid_stations;
 use super::observed::observations;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{Frames, Gauge, Models, ToolErrors};
+use crate::fit::{ErrorFrame, Frames, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
@@ -30,16 +30,16 @@ pub(super) struct Judges<'j> {
     pub(super) models: &'j Models,
     /// Sessions that only judge.
     pub(super) test: &'j [JoinedSession],
-    /// The session that the table is for, in its place among those that trained, and its gauge.
+    /// The session that the table is for, in its place among those that trained, and its error reference frame.
     pub(super) own: (&'j JoinedSession, usize),
-    pub(super) gauge: &'j Gauge<'j>,
+    pub(super) error_frame: &'j ErrorFrame<'j>,
     pub(super) settings: &'j StageSettings,
 }
 
 impl Judges<'_> {
     /// Judges the chosen table by every test session, as rows of `grids`.
     pub(super) fn judge_table(&self, grids: &mut Grids) {
-        let errors = ToolErrors::new(self.models.best().1, self.own.1, self.gauge);
+        let errors = ToolErrors::new(self.models.best().1, self.own.1, self.error_frame);
         for session in self.test {
             let stations = self.stations(session, &errors);
             let tolerance = &self.settings.tolerance;
@@ -51,39 +51,39 @@ impl Judges<'_> {
     fn stations(&self, session: &JoinedSession, errors: &ToolErrors<'_>) -> Vec<GridStation> {
         // Blocks are of training sessions: a test session is one whole.
         let folds = vec![0; session.joined.stations.len()];
-        let commanded = grid_stations(session, self.gauge, &folds);
+        let commanded = grid_stations(session, self.error_frame, &folds);
         let first = &commanded[..self.settings.refit.first.min(commanded.len())];
-        let Some(gauge) = self.carried(session, first, errors) else {
+        let Some(error_frame) = self.carried(session, first, errors) else {
             return Vec::new();
         };
         let taken: BTreeSet<usize> = first.iter().map(|station| station.pose).collect();
-        let mut stations = grid_stations(session, &gauge, &folds);
+        let mut stations = grid_stations(session, &error_frame, &folds);
         stations.retain(|station| !taken.contains(&station.pose));
         stations
     }
 
-    /// The table's gauge as the first stations of a session see it from where their tracker stands.
+    /// The table's error reference frame as the first stations of a session see it from where their tracker stands.
     fn carried(
         &self,
         session: &JoinedSession,
         first: &[GridStation],
         errors: &ToolErrors<'_>,
-    ) -> Option<Gauge<'_>> {
+    ) -> Option<ErrorFrame<'_>> {
         let paired = session.joined.stations.iter().filter_map(|s| s.measured());
         let measured: Vec<Point3<f64>> = paired.take(first.len()).map(|a| a.position).collect();
-        let flange_from_tool = *self.gauge.flange_from_tool();
+        let flange_from_tool = *self.error_frame.flange_from_tool();
         let placed = first.iter().map(|station| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
             let tool = station.position + errors.error(&station.joints).ok()?;
             Some(Placed {
-                position: tool - flange * self.gauge.lever(),
+                position: tool - flange * self.error_frame.lever(),
                 flange,
             })
         });
         let placed: Vec<Placed> = placed.collect::<Option<_>>()?;
         let with_target = self.settings.refit.with_target;
         let found = refit::refit(&measured, &placed, with_target)?;
-        let mut target = *self.gauge.frames().flange_from_target.isometry();
+        let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
         let frames = Frames {
             tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
@@ -91,7 +91,7 @@ impl Judges<'_> {
         };
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
         let oriented = self.settings.noise.orientations && !with_target;
-        Some(Gauge::new(
+        Some(ErrorFrame::new(
             self.arm,
             frames,
             Some(flange_from_tool),
@@ -130,13 +130,13 @@ impl Judges<'_> {
 
     /// What has to be known of a test session that the identified arm does not fit.
     fn remark(&self, session: &JoinedSession, residuals: &[ResidualSet]) -> Option<String> {
-        // Without the whole model all that can be asked is whether it improves anything.
+        // Without the full error model all that can be asked is whether it improves anything.
         let full = self.models.full.is_some();
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
         let target = self
-            .gauge
+            .error_frame
             .frames()
             .flange_from_target
             .isometry()

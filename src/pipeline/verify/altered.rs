@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_lost_as_a_whole_is_told_by_its_inputs() {
+    fn what_is_lost_as_a_whole_is_reported_by_its_inputs() {
         let names = ["robot", "mon/controller", "mon2/controller", KNOWN_ARM];
         let of = |lost: &Lost| -> Vec<&str> {
             let lost_ones = names.iter().filter(|name| lost.has(name));
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn inputs_that_changed_came_or_went_are_told_by_name() {
+    fn inputs_that_changed_came_or_went_are_reported_by_name() {
         let claimed = [input("robot", "aa"), input("mon/controller", "bb")];
         assert!(inputs(&claimed, &claimed).is_empty());
         let found = [input("robot", "ab"), input("mon/tracker", "cc")];

@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_was_removed_or_changed_is_told_and_a_newer_one_is_not() {
+    fn a_row_that_was_removed_or_changed_is_reported_and_a_newer_one_is_not() {
         let kept = RowList {
             rows: vec![row("0a", "1"), row("0b", "2")],
         };

@@ -90,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn settings_that_differ_are_told_by_key_with_both_values() {
+    fn settings_that_differ_are_reported_by_key_with_both_values() {
         let claimed = r#"{"fit":{"prior_mm":3.0},"grid":{"steps_mm":[60.0,90.0]},"up":null}"#;
         let found = r#"{"fit":{"prior_mm":3.0,"new":1},"grid":{"steps_mm":[60.0]},"up":null}"#;
         let setting = |key: &str, claimed: Option<&str>, found: Option<&str>| ChangedSetting {

@@ -44,7 +44,7 @@ impl Source {
         lake: &Path,
     ) -> Result<Self, NoSource> {
         if claim.key.session == planning::SESSION && claim.sessions.is_empty() {
-            let planning = Planning::load_again(pipeline, Some(lake), known_arm);
+            let planning = Planning::reload(pipeline, Some(lake), known_arm);
             let planning = planning.map_err(|error| match error {
                 PlanningError::Known(error) => NoSource::Missing(Lost::KnownArm, error.to_string()),
                 error => other(error),

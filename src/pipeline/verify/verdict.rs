@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_that_is_missing_is_told_of_the_run_that_took_its_place() {
+    fn a_row_that_is_missing_is_reported_of_the_run_that_took_its_place() {
         let lost = citing(Role::Replaced, Left::Nothing);
         assert_eq!(of_citing(&[], &lost), Verdict::CitedMissing);
         let there = citing(Role::Replaced, Left::Whole(Some("c".to_owned())));

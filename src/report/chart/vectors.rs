@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn many_arrows_are_thinned_out_and_that_is_said() {
+    fn many_arrows_are_thinned_out_and_that_is_stated() {
         let many = set("Before", 0.5, 900);
         let drawn = vectors(std::slice::from_ref(&many))
             .expect("arrows")

@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn the_pair_visited_in_turn_most_often_and_then_furthest_apart_is_told() {
+    fn the_pair_visited_in_turn_most_often_and_then_furthest_apart_is_reported() {
         let exact = [0.0; 3];
         let at = |pose: usize, x: f64, stations: &[usize]| {
             let visits: Vec<_> = stations.iter().map(|station| (*station, exact)).collect();

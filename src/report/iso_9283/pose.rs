@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn orientations_that_were_not_commanded_are_told() {
+    fn orientations_that_were_not_commanded_are_reported() {
         let mut own = visited(&[[0.0; 3]; 2], Some(&[[0.0; 3]; 2]));
         assert_eq!(missing(std::slice::from_ref(&own)), None);
         for visit in &mut own.visits {

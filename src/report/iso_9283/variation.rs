@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_pose_allows_is_said() {
+    fn what_no_pose_allows_is_stated() {
         let missing = missing(&[]);
         assert_eq!(missing.len(), 2);
         assert!(

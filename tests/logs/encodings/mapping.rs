@@ -193,7 +193,7 @@ fn only_messages_in_the_frame_asked_for_are_read() {
 }
 
 #[test]
-fn what_is_not_there_is_told_with_what_is() {
+fn what_is_not_there_is_reported_with_what_is() {
     let said = |tracker: &str| {
         read(&log(joint_state), CONTROLLER, tracker)
             .expect_err("refused")

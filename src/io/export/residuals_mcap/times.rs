@@ -10,7 +10,7 @@ use crate::io::schema;
 use crate::io::table::Table;
 use crate::manifest::RunKey;
 
-/// The first moment at rest of each station, ns, by session and number.
+/// The first stationary moment of each station, ns, by session and number.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Times(BTreeMap<(String, i64), i64>);
 

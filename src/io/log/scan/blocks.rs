@@ -1,15 +1,15 @@
 //! Runs of records outside chunks, and what becomes of a block once it was worked on.
 
-use super::super::account::Account;
 use super::super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::super::frames::{Loss, Lost};
+use super::super::read_summary::ReadSummary;
 use super::{LogReject, LossKind, SpanClock, Visitor, ns};
 
 /// Merges a block that was walked, accounts for one that was not.
 pub(super) fn settle<V: Visitor>(
     block: &mut Block<V::Part>,
     visitor: &mut V,
-    account: &mut Account,
+    read_summary: &mut ReadSummary,
 ) {
     let Extent {
         start,
@@ -17,7 +17,7 @@ pub(super) fn settle<V: Visitor>(
         ref chunk,
     } = block.extent;
     let reject = |fault: &BlockFault, tally: &Tally| LogReject {
-        file: account.file.clone(),
+        file: read_summary.file.clone(),
         topic: None,
         byte_start: start,
         byte_end: end,
@@ -41,14 +41,14 @@ pub(super) fn settle<V: Visitor>(
         };
         rejects.push(reject(fault, &tally));
     } else {
-        account.count(chunk.as_ref(), block.messages);
+        read_summary.count(chunk.as_ref(), block.messages);
         for (opcode, count) in &block.private_records {
-            account.private(*opcode, *count);
+            read_summary.private(*opcode, *count);
         }
         visitor.merge(&block.extent, &mut block.part, &mut rejects);
     }
     for reject in rejects {
-        account.reject(reject);
+        read_summary.reject(reject);
     }
 }
 

@@ -23,7 +23,7 @@ where
         let ending = summary::ending(self.frames.source(), log.clone());
         let (ending, range) = ending.map_err(|source| self.io(source))?;
         self.check_records()?;
-        if end < self.account.bytes {
+        if end < self.read_summary.bytes {
             // What the summary defines was looked for at the end of the file.
             self.summary = None;
         }
@@ -36,10 +36,10 @@ where
             }
         }
         // One that was cut is told, whatever stands behind it.
-        if self.account.logs == 1 || self.account.ending != Ending::Cut {
-            self.account.ending = ending;
+        if self.read_summary.logs == 1 || self.read_summary.ending != Ending::Cut {
+            self.read_summary.ending = ending;
         }
-        self.account.channels.extend(self.registry.end_log());
+        self.read_summary.channels.extend(self.registry.end_log());
         Ok(())
     }
 
@@ -50,9 +50,9 @@ where
             return Ok(());
         };
         // Where bytes are lost the checksum is wrong anyway. A message that cannot be used is no reason for that.
-        let rejects = self.account.rejects.get(self.rejects..);
+        let rejects = self.read_summary.rejects.get(self.rejects..);
         let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));
-        let outside = self.account.messages_outside_chunks > self.outside_chunks;
+        let outside = self.read_summary.messages_outside_chunks > self.outside_chunks;
         let unchecked = outside || !self.private.is_empty();
         if damaged || !unchecked {
             return Ok(());
@@ -74,7 +74,7 @@ where
         };
         for (byte_start, byte_end) in places {
             let reject = LogReject {
-                file: self.account.file.clone(),
+                file: self.read_summary.file.clone(),
                 topic: None,
                 byte_start,
                 byte_end,
@@ -87,14 +87,14 @@ where
                      {what} it cannot be told which; they were kept"
                 ),
             };
-            self.account.reject(reject);
+            self.read_summary.reject(reject);
         }
         Ok(())
     }
 
     /// Bytes behind the closing mark of the last log that are no records.
     pub(super) fn tell_what_follows(&mut self, log_end: Option<u64>) {
-        let bytes = self.account.bytes;
+        let bytes = self.read_summary.bytes;
         if let Some(end) = log_end.filter(|&end| end < bytes) {
             self.note((end, bytes), NO_RECORDS.to_owned());
         }
@@ -107,11 +107,14 @@ where
             packed @ Packed {
                 fault: Some(fault), ..
             },
-        ) = &self.account.packed
+        ) = &self.read_summary.packed
         else {
             return;
         };
-        let (bytes, lost) = (self.account.bytes, packed.bytes.saturating_sub(fault.at));
+        let (bytes, lost) = (
+            self.read_summary.bytes,
+            packed.bytes.saturating_sub(fault.at),
+        );
         let (start, reach) = if fault.anywhere {
             (
                 0,
@@ -121,7 +124,7 @@ where
             (bytes, "what follows cannot be decompressed")
         };
         let reject = LogReject {
-            file: self.account.file.clone(),
+            file: self.read_summary.file.clone(),
             topic: None,
             byte_start: start,
             byte_end: bytes.saturating_add(lost),
@@ -134,7 +137,7 @@ where
                 fault.at, packed.bytes, fault.why
             ),
         };
-        self.account.bytes = bytes.saturating_add(lost);
-        self.account.reject(reject);
+        self.read_summary.bytes = bytes.saturating_add(lost);
+        self.read_summary.reject(reject);
     }
 }

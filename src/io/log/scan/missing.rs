@@ -83,7 +83,8 @@ where
             &self.lost.by_channel(),
         );
         self.note_undercount(stated.as_ref());
-        self.account.messages_lost = self.account.messages_lost.saturating_add(missing.all);
+        self.read_summary.messages_lost =
+            self.read_summary.messages_lost.saturating_add(missing.all);
         if missing.all == 0 {
             return Ok(());
         }
@@ -93,7 +94,7 @@ where
         }
         for (id, &messages) in &missing.lost {
             if let Some(topic) = &topics[id] {
-                self.account.lose(topic, messages);
+                self.read_summary.lose(topic, messages);
             }
         }
         let mut rest = missing.elsewhere;
@@ -126,7 +127,7 @@ where
 
     fn miss(&mut self, topic: Option<&str>, messages: u64, end: u64, reason: String) {
         let reject = LogReject {
-            file: self.account.file.clone(),
+            file: self.read_summary.file.clone(),
             topic: topic.map(str::to_owned),
             byte_start: self.frames.log_start(),
             byte_end: end,
@@ -136,7 +137,7 @@ where
             loss: LossKind::Missing,
             reason,
         };
-        self.account.reject(reject);
+        self.read_summary.reject(reject);
     }
 
     /// Fewer counted than there are: nothing is lost, but the summary is wrong.
@@ -144,9 +145,9 @@ where
         let Some(stated) = stated else { return };
         let read = self.read.all();
         if stated.messages < read {
-            let (of_logs, read_of_logs) = self.account.undercounted.unwrap_or_default();
+            let (of_logs, read_of_logs) = self.read_summary.undercounted.unwrap_or_default();
             let of_logs = of_logs.saturating_add(stated.messages);
-            self.account.undercounted = Some((of_logs, read_of_logs.saturating_add(read)));
+            self.read_summary.undercounted = Some((of_logs, read_of_logs.saturating_add(read)));
         }
     }
 

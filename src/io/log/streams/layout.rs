@@ -165,7 +165,7 @@ pub(super) struct Recipe {
 }
 
 /// What the pipeline file says of a stream's messages.
-struct Said<'m> {
+struct Statements<'m> {
     stamp: Option<&'m StampField>,
     frame: Option<&'m str>,
     frame_field: Option<&'m str>,
@@ -271,7 +271,7 @@ impl Recipe {
         name: &str,
         schema: &MessageSchema,
     ) -> Result<Option<Self>, SchemaError> {
-        let said = Said::of(stream, mapping);
+        let said = Statements::of(stream, mapping);
         let common = common(name).filter(|common| common.layout.suits(stream));
         let (meaning, fields) = match (&said.named, common) {
             (Some((meaning, fields)), _) => (*meaning, fields.clone()),
@@ -312,7 +312,7 @@ impl Recipe {
     }
 }
 
-impl<'m> Said<'m> {
+impl<'m> Statements<'m> {
     fn of(stream: Stream, mapping: &'m Mapping) -> Self {
         let tracker = &mapping.tracker;
         match (stream, &mapping.commanded) {

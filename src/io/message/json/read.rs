@@ -3,7 +3,7 @@
 use super::scan::{MOST_LEVELS, Scan};
 use super::{JsonPlan, Node, number, unescaped};
 use crate::io::message::cell::{Cell, Span};
-use crate::io::message::{MessageFault, Row, wording};
+use crate::io::message::{MessageFault, Row, template};
 
 /// Some writers put it before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
@@ -27,7 +27,7 @@ impl JsonPlan {
         };
         self.value(&self.nodes[0], &mut scan, row, MOST_LEVELS)?;
         scan.finish()?;
-        row.wording.keep(&self.identity, message);
+        row.template.keep(&self.identity, message);
         Ok(())
     }
 
@@ -94,7 +94,7 @@ impl JsonPlan {
             let is_single = !matches!(scan.peek()?, b'{' | b'[');
             let start = scan.at;
             for &(slot, _) in whole() {
-                again_from(start, scan, row);
+                depends_on_more_from(start, scan, row);
                 row.list(slot).begin_element()?;
                 if is_single {
                     let cell = single(scan, row)?;
@@ -103,14 +103,14 @@ impl JsonPlan {
                 }
             }
             if let Some((child, lists)) = &node.each {
-                again_from(start, scan, row);
+                depends_on_more_from(start, scan, row);
                 for &slot in lists {
                     row.list(slot).begin_element()?;
                 }
                 self.value(&self.nodes[*child], scan, row, levels)?;
             }
             if let Some((_, child)) = node.elements.iter().find(|(known, _)| *known == index) {
-                again_from(start, scan, row);
+                depends_on_more_from(start, scan, row);
                 self.value(&self.nodes[*child], scan, row, levels)?;
             }
             if scan.at == start {
@@ -127,8 +127,8 @@ fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
     let (start, is_number) = (scan.at, scan.is_number());
     let cell = scan.scalar()?;
     if is_number {
-        let gap = wording::Gap::Json(Gap::Number);
-        row.wording.gap(scan.bytes, start, scan.at, gap);
+        let slot = template::NumberSlot::Json(NumberSlot::Number);
+        row.template.slot(scan.bytes, start, scan.at, slot);
     }
     Ok(cell)
 }
@@ -138,30 +138,30 @@ fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
 fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), MessageFault> {
     let start = scan.at;
     scan.skip(levels)?;
-    let gap = wording::Gap::Json(Gap::Unwanted { levels });
-    row.wording.gap(scan.bytes, start, scan.at, gap);
+    let slot = template::NumberSlot::Json(NumberSlot::Unwanted { levels });
+    row.template.slot(scan.bytes, start, scan.at, slot);
     Ok(())
 }
 
 /// Goes back to where a value begins of which more than one thing is wanted.
-const fn again_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) {
+const fn depends_on_more_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) {
     if scan.at != start {
-        row.wording.depends_on_more();
+        row.template.depends_on_more();
         scan.at = start;
     }
 }
 
 /// What differs in messages that are worded alike.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io::message) enum Gap {
+pub(in crate::io::message) enum NumberSlot {
     /// A number that is wanted.
     Number,
     /// Any value, nothing of which is; so deep may objects and arrays stand in it.
     Unwanted { levels: usize },
 }
 
-impl Gap {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+impl NumberSlot {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
     #[inline]
     pub(in crate::io::message) fn take(
         self,
@@ -186,10 +186,10 @@ impl Node {
         for &(slot, each) in &self.below {
             if each && !row.list(slot).last_is_absent() {
                 row.list(slot).set_last(Cell::Absent);
-                row.wording.depends_on_more();
+                row.template.depends_on_more();
             } else if !each && row.cell(slot) != Cell::Absent {
                 row.forget(slot);
-                row.wording.depends_on_more();
+                row.template.depends_on_more();
             }
         }
     }

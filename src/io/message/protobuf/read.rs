@@ -4,7 +4,7 @@ use super::descriptor::Kind;
 use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
 use super::wire::{Wire, wire_type};
 use crate::io::message::cell::{Cell, Span};
-use crate::io::message::{MessageFault, Row, wording};
+use crate::io::message::{MessageFault, Row, template};
 
 impl ProtobufPlan {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
@@ -14,7 +14,7 @@ impl ProtobufPlan {
         if !row.fill_as_worded_before(&self.identity, message) {
             row.begin(message, self.slots)?;
             self.message(0, &mut Wire::new(message), row)?;
-            row.wording.keep(&self.identity, message);
+            row.template.keep(&self.identity, message);
         }
         for &(list, index, slot) in &self.picks {
             let picked = row.list(list).element(index);
@@ -142,17 +142,17 @@ fn skip(
     Ok(())
 }
 
-/// Notes for the wording what was read from `start` on.
+/// Notes for the template what was read from `start` on.
 #[inline]
 fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
     let size = wire.at - start;
-    let gap = wording::Gap::Protobuf(Gap { stored, size });
-    row.wording.gap(wire.bytes, start, wire.at, gap);
+    let slot = template::NumberSlot::Protobuf(NumberSlot { stored, size });
+    row.template.slot(wire.bytes, start, wire.at, slot);
 }
 
 /// What differs in messages that are worded alike. Its size does not: lengths of messages that it stands in count it.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::io::message) struct Gap {
+pub(in crate::io::message) struct NumberSlot {
     stored: Stored,
     size: usize,
 }
@@ -165,8 +165,8 @@ enum Stored {
     Unwanted { number: u32, wire_type: u8 },
 }
 
-impl Gap {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+impl NumberSlot {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
     #[inline]
     pub(in crate::io::message) fn take(
         self,
@@ -190,7 +190,7 @@ impl Gap {
 fn oust(targets: &[Target], row: &mut Row) {
     for &target in targets {
         if !target.is_absent(row) {
-            row.wording.depends_on_more();
+            row.template.depends_on_more();
         }
         match target {
             Target::Slot(slot) => row.forget(slot),

@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn an_answer_that_quotes_the_request_is_told_without_it() {
+    fn an_answer_that_quotes_the_request_is_reported_without_it() {
         // As Amazon answers a wrong signature: the canonical request holds the session token.
         let text = refused(
             "<Error><Code>SignatureDoesNotMatch</Code><Message>The signature of\nhush-hush</Message>\

@@ -43,8 +43,8 @@ fn parameters(rows: usize, change: impl Fn(usize, &str) -> bool) -> Table {
             (0..rows).map(|row| (row % 4 > 0).then(|| number(row, "standard_error"))),
         )
         .absent(["prior_sd", "most_correlated_with", "correlation"])
-        .same("identifiability", "told_apart")
-        .column("confused_with", confounded)
+        .same("identifiability", "identifiable")
+        .column("confounded_with", confounded)
         .finish()
         .unwrap()
 }
@@ -108,7 +108,7 @@ fn every_value_length_null_and_entry_counts() {
 }
 
 #[test]
-fn neighbours_that_look_alike_in_a_row_are_told_apart() {
+fn neighbours_that_look_alike_in_a_row_are_distinguished() {
     let runs = |values: &[&str]| {
         let mut runs = Runs::default();
         for value in values {

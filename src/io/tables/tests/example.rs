@@ -13,7 +13,7 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, At, Blocks, Calibration, FitSettings, Frames, Freedom, Gap, Gauge, Models, Noise,
+    self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
     Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
@@ -130,7 +130,7 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 start: Stamp::from_ns(5),
                 end: Stamp::from_ns(9),
                 readings: 4,
-                reason: "moving: the target was not at rest".to_owned(),
+                reason: "moving: the target was not stationary".to_owned(),
             }],
             counts: ReadingCounts {
                 kept: 20,
@@ -138,8 +138,8 @@ fn session(stations: Vec<Station>) -> JoinedSession {
                 ..ReadingCounts::default()
             },
             found: Found {
-                still_rad: 1e-4,
-                still_mm: 0.1,
+                stationary_rad: 1e-4,
+                stationary_mm: 0.1,
                 settle_s: 0.2,
             },
         },
@@ -217,8 +217,8 @@ fn observations(session: &JoinedSession) -> Vec<Observation> {
     let mut observations = fit::observations(0, &session.joined.stations, &ARM, &noise);
     for observation in &mut observations {
         observation
-            .shortfall
-            .clone_from(&session.commanded.shortfalls[observation.station]);
+            .settling_error
+            .clone_from(&session.commanded.settling_errors[observation.station]);
     }
     observations
 }
@@ -250,11 +250,11 @@ fn outcome() -> Outcome<'static> {
         &FULL,
         Some(Vector3::z_axis()),
     );
-    let gauge = Gauge::new(&ARM, base_target.frames[0], None, false);
-    let grids = grids(&session.joined.stations, &gauge, &geometric);
-    let samples = samples(&session.joined.stations, &gauge);
+    let error_frame = ErrorFrame::new(&ARM, base_target.frames[0], None, false);
+    let grids = grids(&session.joined.stations, &error_frame, &geometric);
+    let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
-        residuals: vec![residuals(&session.joined.stations, &gauge)],
+        residuals: vec![residuals(&session.joined.stations, &error_frame)],
         driven: None,
         verdict: RunVerdict::of(vec![Judge::blocks(
             SESSION,
@@ -279,35 +279,35 @@ fn outcome() -> Outcome<'static> {
         best: Model::Full,
         training: vec![session],
         test: Vec::new(),
-        gauge,
+        error_frame,
         grids,
     }
 }
 
-fn samples(stations: &[Station], gauge: &Gauge<'_>) -> Vec<ErrorSample> {
+fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSample> {
     let sample = |station: &Station| {
         Some(ErrorSample {
             joints: station.joints.clone(),
-            position: gauge.nominal_target(&station.joints),
-            error: gauge.target_error(&station.joints, station.attained.as_ref()?),
+            position: error_frame.nominal_target(&station.joints),
+            error: error_frame.target_error(&station.joints, station.attained.as_ref()?),
         })
     };
     stations.iter().filter_map(sample).collect()
 }
 
-fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> Grids {
-    let reach = Reach::new(&ARM, *gauge.flange_from_tool());
+fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calibration) -> Grids {
+    let reach = Reach::new(&ARM, *error_frame.flange_from_tool());
     let attained: Vec<_> = stations.iter().filter(|s| s.attained.is_some()).collect();
     let tools: Vec<_> = attained
         .iter()
-        .map(|s| gauge.nominal_tool(&s.joints))
+        .map(|s| error_frame.nominal_tool(&s.joints))
         .collect();
     let positions: Vec<_> = tools
         .iter()
         .map(|tool| tool.translation.vector.into())
         .collect();
     let folds = Blocks::default().folds(&positions);
-    let errors = samples(stations, gauge);
+    let errors = samples(stations, error_frame);
     let station = |place: usize| GridStation {
         number: attained[place].number,
         pose: attained[place].number,
@@ -317,11 +317,11 @@ fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> 
         configuration: reach.configuration(&attained[place].joints),
         error: errors[place].error,
         fold: folds[place],
-        another_day: Vec::new(),
+        between_sessions: Vec::new(),
     };
     let stations: Vec<GridStation> = (0..attained.len()).map(station).collect();
     let model = Identified(calibration.clone());
-    let errors = ToolErrors::new(&model, 0, gauge);
+    let errors = ToolErrors::new(&model, 0, error_frame);
     let input = GridInput {
         stations: &stations,
         folds: &[errors; 8],
@@ -342,15 +342,15 @@ fn subject(split: Split, model: Model) -> Subject {
     }
 }
 
-fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
+fn residuals(stations: &[Station], error_frame: &ErrorFrame<'_>) -> ResidualSet {
     let residual = |station: &Station| {
         Some(Residual {
             station: station.number,
             pose: station.number,
             fold: Some(0),
             used_for_refit: false,
-            predicted: gauge.nominal_target(&station.joints),
-            residual: gauge.target_error(&station.joints, station.attained.as_ref()?),
+            predicted: error_frame.nominal_target(&station.joints),
+            residual: error_frame.target_error(&station.joints, station.attained.as_ref()?),
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
             turn: None,

@@ -40,7 +40,7 @@ fn targets_may_stand_under_their_key() {
 }
 
 #[test]
-fn what_is_wrong_is_told_by_its_row_or_place() {
+fn what_is_wrong_is_reported_by_its_row_or_place() {
     let good = r#"{"target": "A", "x_mm": 1, "y_mm": 2, "z_mm": 3}"#;
     let cases = [
         (
@@ -98,7 +98,7 @@ fn what_is_wrong_is_told_by_its_row_or_place() {
 }
 
 #[test]
-fn texts_that_hold_no_targets_are_told_so() {
+fn texts_that_hold_no_targets_are_reported_so() {
     let deep = "[".repeat(100_000);
     let cases = [
         ("[]", "holds no target"),
@@ -159,7 +159,7 @@ fn a_mark_is_known_in_any_letters_and_anywhere() {
 }
 
 #[test]
-fn keys_in_letters_of_another_size_are_told_by_name() {
+fn keys_in_letters_of_another_size_are_reported_by_name() {
     let cases = [
         (
             r#"[{"target": "A", "X_mm": 1}]"#,

@@ -291,7 +291,7 @@ const FORBIDDEN: [(&str, &str); 32] = [
 ];
 
 #[test]
-fn what_is_wrong_is_told_by_its_line() {
+fn what_is_wrong_is_reported_by_its_line() {
     let cases = [
         (
             "DECL E6POS P={X 1,Y 2}",

@@ -9,7 +9,7 @@ use std::time::{Duration, SystemTime};
 use crate::io::log::{Limits, has_no_end};
 use crate::units::span;
 
-/// Why to wait for the log at `path`, in words; nothing where it is whole, has been still for `settle`, or cannot be read:
+/// Why to wait for the log at `path`, in words; nothing where it is whole, has not changed for `settle`, or cannot be read:
 /// then its run has more to say.
 pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<String> {
     let changed = fs::metadata(path).and_then(|metadata| metadata.modified());
@@ -19,7 +19,7 @@ pub(super) fn growing(path: &Path, settle: Duration, limits: Limits) -> Option<S
     }
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Some(format!(
-        "{name} has no end and changed {} ago; once it has been still for {}, it is read as it is",
+        "{name} has no end and changed {} ago; once it has not changed for {}, it is read as it is",
         span(age),
         span(settle)
     ))

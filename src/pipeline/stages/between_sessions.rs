@@ -1,10 +1,10 @@
-//! What a station's error may have been on another day: how the joints came to it, and where the base stood.
+//! Between-session variation of a station's error: how the joints came to it, and where the base stood.
 //!
 //! Held-out stations of one session were measured on the way that the session took: along a line of a grid two joints may
-//! always come from opposite sides, and the base drifts as it did that day. A target of another day is come to from
-//! elsewhere. The whole model says what both did to each station (its blend, its drift), so that:
-//! 1. what the station's own shortfalls and its own drift moved it by is taken out;
-//! 2. shortfalls are put in that each joint had at some station of its own, joint by joint, and a drift as large as the
+//! always come from opposite sides, and the base drifts as it did that day. A target of another session is approached from
+//! elsewhere. The full error model says what both did to each station (its command–feedback weight, its drift), so that:
+//! 1. what the station's own settling errors and its own drift moved it by is taken out;
+//! 2. settling errors are put in that each joint had at some station of its own, joint by joint, and a drift as large as the
 //!    model finds it at a random time.
 //!
 //! Nothing is drawn: places and sizes are those of a sequence that fills the unit cube evenly (Richtmyer 1951), so that the
@@ -13,9 +13,9 @@
 use nalgebra::Vector3;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use crate::fit::commanded::Shortfall;
+use crate::fit::commanded::SettlingError;
 use crate::fit::full::{FullModel, Known, Query};
-use crate::fit::{Gauge, Models};
+use crate::fit::{ErrorFrame, Models};
 use crate::grid::GridStation;
 use crate::io::tables::outcome::JoinedSession;
 
@@ -23,27 +23,27 @@ use crate::io::tables::outcome::JoinedSession;
 const DAYS: usize = 8;
 
 /// Gives the stations of `session` (`place` in the models) what they may have been on other days; as they are where
-/// there is no whole model.
-pub(super) fn add_other_days(
+/// there is no full error model.
+pub(super) fn add_between_session_variation(
     stations: &mut [GridStation],
     session: &JoinedSession,
     place: usize,
     models: &Models,
-    gauge: &Gauge<'_>,
+    error_frame: &ErrorFrame<'_>,
 ) {
     let Some(model) = &models.full else { return };
     let other = OtherDays {
         model,
         place,
-        gauge,
-        shortfalls: sent(session),
+        error_frame,
+        settling_errors: sent(session),
         day_mm: model.any_time_variance().sqrt(),
     };
-    if other.day_mm <= 0.0 && other.shortfalls.is_empty() {
+    if other.day_mm <= 0.0 && other.settling_errors.is_empty() {
         return;
     }
     for (number, station) in stations.iter_mut().enumerate() {
-        station.another_day = other.of(number, station);
+        station.between_sessions = other.of(number, station);
     }
 }
 
@@ -51,28 +51,30 @@ pub(super) fn add_other_days(
 fn sent(session: &JoinedSession) -> Vec<(usize, &[f64])> {
     let stations = session.joined.stations.iter();
     stations
-        .zip(&session.commanded.shortfalls)
-        .filter_map(|(station, shortfall)| Some((station.number, shortfall.as_ref()?.sent()?)))
+        .zip(&session.commanded.settling_errors)
+        .filter_map(|(station, settling_error)| {
+            Some((station.number, settling_error.as_ref()?.sent()?))
+        })
         .collect()
 }
 
 struct OtherDays<'o> {
     model: &'o FullModel,
     place: usize,
-    gauge: &'o Gauge<'o>,
-    shortfalls: Vec<(usize, &'o [f64])>,
+    error_frame: &'o ErrorFrame<'o>,
+    settling_errors: Vec<(usize, &'o [f64])>,
     /// Standard deviation per axis of where the base stands some day.
     day_mm: f64,
 }
 
 impl OtherDays<'_> {
     fn of(&self, place: usize, station: &GridStation) -> Vec<Vector3<f64>> {
-        let reported = self.gauge.arm().axes(&station.joints);
+        let reported = self.error_frame.arm().axes(&station.joints);
         let own = self
-            .shortfalls
+            .settling_errors
             .iter()
             .find(|(number, _)| *number == station.number);
-        let own = own.map(|(_, shortfall)| *shortfall);
+        let own = own.map(|(_, settling_error)| *settling_error);
         let measured = self.stands(&reported, own, Some(station.number));
         (0..DAYS)
             .map(|day| {
@@ -105,28 +107,28 @@ impl OtherDays<'_> {
         reason = "a place among the stations"
     )]
     fn some(&self, joint: usize, share: f64) -> f64 {
-        let place = (share * self.shortfalls.len() as f64) as usize;
-        self.shortfalls[place.min(self.shortfalls.len() - 1)].1[joint]
+        let place = (share * self.settling_errors.len() as f64) as usize;
+        self.settling_errors[place.min(self.settling_errors.len() - 1)].1[joint]
     }
 
     /// Where the model has the tool point, in the base frame, mm.
     fn stands(
         &self,
         reported: &[f64],
-        shortfall: Option<&[f64]>,
+        settling_error: Option<&[f64]>,
         station: Option<usize>,
     ) -> Vector3<f64> {
-        let shortfall = shortfall.map(|axes| Shortfall::Sent(axes.to_vec()));
-        let known = shortfall.as_ref().map_or(Known::Reported, Known::Both);
+        let settling_error = settling_error.map(|axes| SettlingError::Sent(axes.to_vec()));
+        let known = settling_error.as_ref().map_or(Known::Reported, Known::Both);
         let point = self.model.position(&Query {
             axes: reported,
             known,
-            lever: self.gauge.lever(),
+            lever: self.error_frame.lever(),
             session: self.place,
             own: true,
             station,
         });
-        let base = self.gauge.frames().tracker_from_base.isometry();
+        let base = self.error_frame.frames().tracker_from_base.isometry();
         base.inverse_transform_point(&point).coords
     }
 }

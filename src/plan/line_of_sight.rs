@@ -35,7 +35,7 @@ pub struct Constraints {
     /// beyond.
     pub keep_out_margin_mm: f64,
     /// The tracker, where the target has to be seen.
-    pub tracker: Option<Sight>,
+    pub tracker: Option<LineOfSight>,
 }
 
 /// A box along the base frame's axes.
@@ -51,7 +51,7 @@ pub struct KeepOut {
 
 /// What a tracker needs to see the target.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sight {
+pub struct LineOfSight {
     /// Where the tracker stands in the base frame, mm.
     pub tracker: Point3<f64>,
     /// Which way the target looks, in its own frame.
@@ -188,10 +188,10 @@ pub fn verdict(arm: &Arm, joints: &[f64], constraints: &Constraints) -> Result<(
     in_configuration(arm, joints, constraints)?;
     let parts = parts(arm, joints, constraints);
     outside_boxes(&parts, constraints)?;
-    if let Some(sight) = &constraints.tracker {
+    if let Some(line_of_sight) = &constraints.tracker {
         let base_from_target = *arm.flange(joints).isometry() * constraints.flange_from_target;
-        seen(&base_from_target, sight)?;
-        beam_is_free(&parts, &base_from_target, sight)?;
+        seen(&base_from_target, line_of_sight)?;
+        beam_is_free(&parts, &base_from_target, line_of_sight)?;
     }
     Ok(())
 }
@@ -270,9 +270,9 @@ fn outside_boxes(parts: &[(Part, Segment)], asked: &Constraints) -> Result<(), U
     Ok(())
 }
 
-fn seen(base_from_target: &Isometry3<f64>, sight: &Sight) -> Result<(), Unsuitable> {
-    let way = sight.tracker.coords - base_from_target.translation.vector;
-    let (range_mm, [least_mm, most_mm]) = (way.norm(), sight.range_mm);
+fn seen(base_from_target: &Isometry3<f64>, line_of_sight: &LineOfSight) -> Result<(), Unsuitable> {
+    let way = line_of_sight.tracker.coords - base_from_target.translation.vector;
+    let (range_mm, [least_mm, most_mm]) = (way.norm(), line_of_sight.range_mm);
     if !(least_mm..=most_mm).contains(&range_mm) {
         return Err(Unsuitable::OutOfRange {
             range_mm,
@@ -280,12 +280,12 @@ fn seen(base_from_target: &Isometry3<f64>, sight: &Sight) -> Result<(), Unsuitab
             most_mm,
         });
     }
-    let facing = base_from_target.rotation * sight.facing.into_inner();
+    let facing = base_from_target.rotation * line_of_sight.facing.into_inner();
     let angle = facing.angle(&way);
-    if angle > sight.acceptance_rad {
+    if angle > line_of_sight.acceptance_rad {
         return Err(Unsuitable::TurnedAway {
             angle_deg: angle.to_degrees(),
-            acceptance_deg: sight.acceptance_rad.to_degrees(),
+            acceptance_deg: line_of_sight.acceptance_rad.to_degrees(),
         });
     }
     Ok(())
@@ -295,11 +295,11 @@ fn seen(base_from_target: &Isometry3<f64>, sight: &Sight) -> Result<(), Unsuitab
 fn beam_is_free(
     parts: &[(Part, Segment)],
     base_from_target: &Isometry3<f64>,
-    sight: &Sight,
+    line_of_sight: &LineOfSight,
 ) -> Result<(), Unsuitable> {
     let target = Point3::from(base_from_target.translation.vector);
-    let beam = Segment::new(sight.tracker, target);
-    let clearance_mm = sight.link_radius_mm;
+    let beam = Segment::new(line_of_sight.tracker, target);
+    let clearance_mm = line_of_sight.link_radius_mm;
     for (part, segment) in parts {
         let carries = *part == Part::Target || segment.distance_to(&target) < clearance_mm;
         let distance_mm = segment.distance(&beam);

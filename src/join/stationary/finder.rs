@@ -1,4 +1,4 @@
-//! Samples in order of time, piece by piece → the stretches at rest.
+//! Samples in order of time, piece by piece → the stationary stretches.
 //!
 //! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one, and says how many samples make
 //!    a window.
@@ -11,20 +11,20 @@ use super::plateau::Ladder;
 use super::quantum::Quanta;
 use super::ranges::Ranges;
 use super::sums::Sums;
-use super::{Rest, RestRule};
+use super::{Stationary, StationaryRule};
 use crate::units::{NS_PER_S, round_ns};
 
 /// Samples that tell the usual interval. A window is no longer than that: it would mean a broken clock, not a fast one.
 const OPENING: usize = 1 << 16;
 /// Samples that are looked at together, few enough to stay in the processor's cache.
 const PIECE: usize = 2048;
-/// The least samples in which rest can be told from motion.
+/// The least samples in which stationary can be told from motion.
 const MIN_WINDOW_SAMPLES: usize = 3;
 
-/// Finds the stretches at rest of samples that come in order of time.
+/// Finds the stationary stretches of samples that come in order of time.
 #[derive(Debug, Clone)]
 pub struct Finder {
-    rule: RestRule,
+    rule: StationaryRule,
     ladder: Ladder,
     /// The values of the samples that are still needed, one sample's behind the other's.
     values: Vec<f64>,
@@ -57,7 +57,7 @@ pub struct Forgotten {
 
 impl Finder {
     /// For samples of so many columns.
-    pub fn new(columns: usize, rule: &RestRule) -> Self {
+    pub fn new(columns: usize, rule: &StationaryRule) -> Self {
         Self {
             rule: *rule,
             ladder: Ladder::from(rule.floor),
@@ -75,7 +75,7 @@ impl Finder {
     }
 
     /// Forgets all samples so far: they come again.
-    pub fn begin_again(&mut self) {
+    pub fn restart(&mut self) {
         *self = Self::new(self.samples.columns, &self.rule);
     }
 
@@ -108,8 +108,8 @@ impl Finder {
         }
     }
 
-    /// The stretches at rest of all samples.
-    pub fn finish(mut self) -> Result<Rest, Forgotten> {
+    /// The stationary stretches of all samples.
+    pub fn finish(mut self) -> Result<Stationary, Forgotten> {
         let held = self.samples.stamps_ns.len();
         let samples = self.samples.first + held;
         if self.pace.is_none() {
@@ -121,7 +121,7 @@ impl Finder {
         let threshold = self.threshold();
         let pace = self.pace.as_mut().expect("set above");
         let last_ns = self.samples.stamps_ns.last().copied().unwrap_or(0);
-        Ok(Rest {
+        Ok(Stationary {
             stretches: pace.levels.take(threshold).ok_or(Forgotten { threshold })?,
             threshold,
             interval_ns: pace.interval_ns,
@@ -205,7 +205,7 @@ impl Finder {
 }
 
 impl Pace {
-    /// No rest reaches across a break between two samples.
+    /// No stationary reaches across a break between two samples.
     fn mark_breaks(&self, samples: &Samples, ranges: &mut Ranges) {
         let gap_ns = self.gap_ns.unsigned_abs();
         for (place, pair) in samples.stamps_ns.windows(2).enumerate() {

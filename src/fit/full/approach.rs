@@ -1,6 +1,6 @@
 //! Where a joint comes to stand against its command, for predictions that do not know how far it fell short.
 //!
-//! The model puts the arm at `reported + β d + c clip(d)`, d the shortfall `commanded − reported`. Of a command alone, or of
+//! The model puts the arm at `reported + β d + c clip(d)`, d the settling error `commanded − reported`. Of a command alone, or of
 //! reported angles alone, d is not known, but its distribution is: the training stations show it. So a command predicts
 //! with the mean of `(β − 1) d + c clip(d)` per joint, reported angles with that of `β d + c clip(d)`, and each with its
 //! variance.
@@ -14,7 +14,7 @@ use crate::fit::observation::Observation;
 /// True minus known axis variables over the training stations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Standing {
+pub struct ApproachOffsets {
     /// Against the command.
     pub commanded: Against,
     /// Against the reported angles.
@@ -31,25 +31,29 @@ pub struct Against {
     pub variance: Vec<f64>,
 }
 
-impl Standing {
-    /// From the stations' shortfalls and the model's coefficients; `None` where no shortfall is known.
+impl ApproachOffsets {
+    /// From the stations' settling errors and the model's coefficients; `None` where no settling error is known.
     pub fn of(
         observations: &[Observation],
-        blend: &DVector<f64>,
-        stop_short: &DVector<f64>,
+        command_weight: &DVector<f64>,
+        approach_offset: &DVector<f64>,
     ) -> Option<Self> {
-        let shortfalls: Vec<&[f64]> = observations
+        let settling_errors: Vec<&[f64]> = observations
             .iter()
-            .filter_map(|o| o.shortfall.as_ref()?.sent())
+            .filter_map(|o| o.settling_error.as_ref()?.sent())
             .collect();
-        let joints = shortfalls.first()?.len();
+        let joints = settling_errors.first()?.len();
         let against = |share: f64| {
-            let away = |joint: usize, shortfall: f64| {
-                (blend[joint] - share) * shortfall
-                    + stop_short[joint] * (shortfall / SATURATION_RAD).clamp(-1.0, 1.0)
+            let away = |joint: usize, settling_error: f64| {
+                (command_weight[joint] - share) * settling_error
+                    + approach_offset[joint] * (settling_error / SATURATION_RAD).clamp(-1.0, 1.0)
             };
             let of_joint = |joint: usize| {
-                mean_and_variance(shortfalls.iter().map(|short| away(joint, short[joint])))
+                mean_and_variance(
+                    settling_errors
+                        .iter()
+                        .map(|short| away(joint, short[joint])),
+                )
             };
             let (mean, variance) = (0..joints).map(of_joint).unzip();
             Against { mean, variance }

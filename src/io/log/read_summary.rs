@@ -1,4 +1,4 @@
-//! The account of one log: what was found in it besides its messages, and what was left out.
+//! The read summary of one log: what was found in it besides its messages, and what was left out.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ const MOST_REJECTS: usize = 10_000;
 
 /// What was found in a log besides its messages.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Account {
+pub struct ReadSummary {
     /// The file, as it was named.
     pub file: String,
     /// Its size, decompressed if it was stored in zstd as a whole: all places in it are places in that.
@@ -52,7 +52,7 @@ pub struct Account {
     pub rejects: Vec<LogReject>,
 }
 
-impl Account {
+impl ReadSummary {
     /// Counts a sound block.
     pub(super) fn count(&mut self, chunk: Option<&ChunkRecord>, messages: u64) {
         self.messages += messages;
@@ -149,7 +149,7 @@ mod tests {
             messages,
             reason: String::new(),
         };
-        let account = Account {
+        let read_summary = ReadSummary {
             rejects: vec![
                 reject(100..300, LossKind::Bytes, None),
                 // Twice the same chunk, and one that reaches into it: 50 bytes more.
@@ -160,8 +160,8 @@ mod tests {
                 reject(400..900, LossKind::Unusable, Some(3)),
                 reject(0..900, LossKind::Missing, Some(3)),
             ],
-            ..Account::default()
+            ..ReadSummary::default()
         };
-        assert_eq!(account.bytes_lost(), 250);
+        assert_eq!(read_summary.bytes_lost(), 250);
     }
 }

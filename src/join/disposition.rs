@@ -1,14 +1,14 @@
-//! Fates: what became of each reading → counts, and the runs of readings that no mean took.
+//! Dispositions: what became of each reading → counts, and the runs of readings that no mean took.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::sighting::Sightings;
+use super::readings::Readings;
 use super::{JoinError, JoinReject, ReadingCounts};
 
 /// What became of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Fate {
+pub enum Disposition {
     /// Part of a station's mean.
     Kept,
     /// Before the settling time was over.
@@ -17,13 +17,13 @@ pub enum Fate {
     Outlier,
     /// Taken while the target moved.
     Moving,
-    /// At rest, but no station took it.
+    /// Stationary, but no station took it.
     Unpaired(Why),
     /// No measurement: zeros, or not a number.
     Missing,
 }
 
-/// Why no station took a reading at rest.
+/// Why no station took a stationary reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Why {
     /// The arm moved, or the controller's log does not reach there.
@@ -36,16 +36,16 @@ pub enum Why {
     TooFew,
 }
 
-impl Fate {
+impl Disposition {
     const fn reason(self) -> &'static str {
         match self {
             Self::Kept => "kept",
-            Self::Settling => "settling: before settle_s after the arm came to rest",
+            Self::Settling => "settling: before settle_s after the arm became stationary",
             Self::Outlier => "outlier: beyond mad_factor from the median of its dwell",
-            Self::Moving => "moving: the target was not at rest",
+            Self::Moving => "moving: the target was not stationary",
             Self::Missing => "missing: zeros or not a number, no measurement",
             Self::Unpaired(Why::NoArmDwell) => {
-                "unpaired: the target was at rest, but the arm was not, or the controller's log does not reach there"
+                "unpaired: the target was stationary, but the arm was not, or the controller's log does not reach there"
             }
             Self::Unpaired(Why::WrongTarget) => {
                 "unpaired: too far from where the arm was: another reflector or a lost beam"
@@ -60,61 +60,61 @@ impl Fate {
     }
 }
 
-/// The fate of each reading: runs of rows that share one.
+/// The disposition of each reading: runs of rows that share one.
 #[derive(Debug, Clone, Default)]
-pub struct Fates {
+pub struct Dispositions {
     /// Each from its first row to the next one's.
-    runs: BTreeMap<usize, Fate>,
+    runs: BTreeMap<usize, Disposition>,
     end: usize,
 }
 
-impl Fates {
+impl Dispositions {
     /// All of so many readings moving.
     pub fn new(readings: usize) -> Self {
         Self {
-            runs: BTreeMap::from([(0, Fate::Moving)]),
+            runs: BTreeMap::from([(0, Disposition::Moving)]),
             end: readings,
         }
     }
 
-    /// Gives some rows a fate, whatever they had.
-    pub fn set(&mut self, rows: Range<usize>, fate: Fate) {
+    /// Gives some rows a disposition, whatever they had.
+    pub fn set(&mut self, rows: Range<usize>, disposition: Disposition) {
         if rows.is_empty() {
             return;
         }
         let behind = self.runs.range(..=rows.end).next_back();
-        let behind = behind.map(|(_, &fate)| fate);
+        let behind = behind.map(|(_, &disposition)| disposition);
         while let Some((&covered, _)) = self.runs.range(rows.clone()).next() {
             self.runs.remove(&covered);
         }
-        self.runs.insert(rows.start, fate);
+        self.runs.insert(rows.start, disposition);
         if let Some(behind) = behind.filter(|_| rows.end < self.end) {
             self.runs.entry(rows.end).or_insert(behind);
         }
     }
 
-    /// Gives single rows, in order, each a fate of its own.
-    pub(super) fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Fate)>) {
-        let mut run = (0..0, Fate::Moving);
-        for (row, fate) in each {
-            if run.0.end == row && run.1 == fate {
+    /// Gives single rows, in order, each a disposition of its own.
+    pub(super) fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Disposition)>) {
+        let mut run = (0..0, Disposition::Moving);
+        for (row, disposition) in each {
+            if run.0.end == row && run.1 == disposition {
                 run.0.end += 1;
             } else {
                 self.set(run.0, run.1);
-                run = (row..row + 1, fate);
+                run = (row..row + 1, disposition);
             }
         }
         self.set(run.0, run.1);
     }
 
-    /// Runs of rows with the same fate, in order.
-    fn runs(&self) -> Vec<(Range<usize>, Fate)> {
+    /// Runs of rows with the same disposition, in order.
+    fn runs(&self) -> Vec<(Range<usize>, Disposition)> {
         let ends = self.runs.keys().skip(1).copied().chain([self.end]);
-        let mut runs: Vec<(Range<usize>, Fate)> = Vec::new();
-        for ((&start, &fate), end) in self.runs.iter().zip(ends) {
+        let mut runs: Vec<(Range<usize>, Disposition)> = Vec::new();
+        for ((&start, &disposition), end) in self.runs.iter().zip(ends) {
             match runs.last_mut() {
-                Some((rows, before)) if *before == fate => rows.end = end,
-                _ => runs.push((start..end, fate)),
+                Some((rows, before)) if *before == disposition => rows.end = end,
+                _ => runs.push((start..end, disposition)),
             }
         }
         runs.retain(|(rows, _)| !rows.is_empty());
@@ -124,29 +124,29 @@ impl Fates {
     /// Readings by verdict; the sum is the number of readings.
     pub fn counts(&self) -> ReadingCounts {
         let mut counts = ReadingCounts::default();
-        for (rows, fate) in self.runs() {
-            *match fate {
-                Fate::Kept => &mut counts.kept,
-                Fate::Settling => &mut counts.settling,
-                Fate::Outlier => &mut counts.outlier,
-                Fate::Moving => &mut counts.moving,
-                Fate::Unpaired(_) => &mut counts.unpaired,
-                Fate::Missing => &mut counts.missing,
+        for (rows, disposition) in self.runs() {
+            *match disposition {
+                Disposition::Kept => &mut counts.kept,
+                Disposition::Settling => &mut counts.settling,
+                Disposition::Outlier => &mut counts.outlier,
+                Disposition::Moving => &mut counts.moving,
+                Disposition::Unpaired(_) => &mut counts.unpaired,
+                Disposition::Missing => &mut counts.missing,
             } += rows.len() as u64;
         }
         counts
     }
 
-    /// One reject for each run of readings with the same fate that were not kept.
-    pub fn rejects(&self, sightings: &Sightings<'_>) -> Result<Vec<JoinReject>, JoinError> {
+    /// One reject for each run of readings with the same disposition that were not kept.
+    pub fn rejects(&self, readings: &Readings<'_>) -> Result<Vec<JoinReject>, JoinError> {
         let runs = self.runs().into_iter();
-        let rejected = runs.filter(|(_, fate)| *fate != Fate::Kept);
-        let reject = |(rows, fate): (Range<usize>, Fate)| {
+        let rejected = runs.filter(|(_, disposition)| *disposition != Disposition::Kept);
+        let reject = |(rows, disposition): (Range<usize>, Disposition)| {
             Ok(JoinReject {
-                start: sightings.stamp(rows.start)?,
-                end: sightings.stamp(rows.end - 1)?,
+                start: readings.stamp(rows.start)?,
+                end: readings.stamp(rows.end - 1)?,
                 readings: rows.len() as u64,
-                reason: fate.reason().to_owned(),
+                reason: disposition.reason().to_owned(),
             })
         };
         rejected.map(reject).collect()
@@ -157,10 +157,15 @@ impl Fates {
 mod tests {
     use super::*;
 
-    /// Set at random places, as a fate for each reading would be.
+    /// Set at random places, as a disposition for each reading would be.
     #[test]
     fn runs_are_what_a_fate_for_each_reading_would_be() {
-        const FATES: [Fate; 4] = [Fate::Kept, Fate::Outlier, Fate::Missing, Fate::Settling];
+        const DISPOSITIONS: [Disposition; 4] = [
+            Disposition::Kept,
+            Disposition::Outlier,
+            Disposition::Missing,
+            Disposition::Settling,
+        ];
         let mut state = 1_u64;
         let mut next = |below: usize| {
             state = state
@@ -169,19 +174,23 @@ mod tests {
             usize::try_from(state >> 33).expect("31 bits") % below
         };
         for readings in [0, 1, 2, 50] {
-            let (mut fates, mut each) = (Fates::new(readings), vec![Fate::Moving; readings]);
+            let (mut dispositions, mut each) = (
+                Dispositions::new(readings),
+                vec![Disposition::Moving; readings],
+            );
             for _ in 0..300 {
                 let (a, b) = (next(readings + 1), next(readings + 1));
-                let (rows, fate) = (a.min(b)..a.max(b), FATES[next(FATES.len())]);
-                fates.set(rows.clone(), fate);
-                each[rows].fill(fate);
+                let (rows, disposition) =
+                    (a.min(b)..a.max(b), DISPOSITIONS[next(DISPOSITIONS.len())]);
+                dispositions.set(rows.clone(), disposition);
+                each[rows].fill(disposition);
                 let mut expected = Vec::new();
                 let mut start = 0;
                 for run in each.chunk_by(|a, b| a == b) {
                     expected.push((start..start + run.len(), run[0]));
                     start += run.len();
                 }
-                assert_eq!(fates.runs(), expected);
+                assert_eq!(dispositions.runs(), expected);
             }
         }
     }

@@ -446,7 +446,7 @@ fn a_ringing_target_is_left_to_settle() {
 }
 
 #[test]
-fn a_target_that_moves_while_the_arm_rests_is_told() {
+fn a_target_that_moves_while_the_arm_rests_is_reported() {
     let scene = Scene {
         dwell_s: vec![2.0; 40],
         ..Scene::random(40, 26)

@@ -1,16 +1,16 @@
-//! Which part moved: each suspect is asked what its change alone explains.
+//! Which part moved: each hypothesis is asked what its change alone explains.
 //!
-//! 1. Suspects are the base, the target, each joint's offset, each joint's offset and curve together, each link, and everything.
+//! 1. Hypotheses are the base, the target, each joint's offset, each joint's offset and curve together, each link, and everything.
 //!    The last link moves the target and the first link's offset the base, whatever the poses, so these are not asked again.
 //!    The alarm is the smallest p-value times their number (Bonferroni) against `FALSE_ALARM`.
-//! 2. A suspect suffices if no other (nor everything) explains significantly more together with it than it does alone. Of
+//! 2. A hypothesis suffices if no other (nor everything) explains significantly more together with it than it does alone. Of
 //!    those that suffice the likeliest is a candidate, and each that is less likely by a factor of twenty at most, the chi-square
 //!    that noise would add by degrees of freedom taken off. Of candidates within each other the smallest stays. Several
-//!    that stay cannot be told apart.
+//!    that stay cannot be distinguished.
 //! 3. Where there is no candidate several parts moved: the one that explains most is taken for sure, and the
 //!    question is asked again beside it, up to four parts.
 
-mod inquiry;
+mod test_of_all;
 
 use serde::{Deserialize, Serialize};
 
@@ -18,11 +18,11 @@ use super::FALSE_ALARM;
 use super::compare::{ChiSquare, Comparison};
 use super::estimate::Column;
 use crate::kinematics::{LinkQuantity, Parameter};
-use inquiry::Inquiry;
+use test_of_all::TestOfAll;
 
 /// A part that may have moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Suspect {
+pub enum Hypothesis {
     /// The base, or the tracker.
     Base,
     /// The target at the flange, or the tool that carries it.
@@ -37,14 +37,14 @@ pub enum Suspect {
     Anything,
 }
 
-/// The verdict on a suspect.
+/// The verdict on a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SuspectVerdict {
+pub enum HypothesisVerdict {
     /// It did not change, as far as the covariances show.
     NoChange,
     /// It moved.
     Moved,
-    /// One of several moved, which cannot be told apart.
+    /// One of several moved, which cannot be distinguished.
     OneOfSeveral,
     /// It was set up anew and was not asked.
     SetUpAnew,
@@ -52,11 +52,11 @@ pub enum SuspectVerdict {
     NotShown,
 }
 
-/// What a suspect explains.
+/// What a hypothesis explains.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
-    /// The suspect.
-    pub suspect: Suspect,
+    /// The hypothesis.
+    pub hypothesis: Hypothesis,
     /// That it alone changed, against no change.
     pub alone: ChiSquare,
     /// What remains beside it.
@@ -72,13 +72,13 @@ pub enum Finding {
     /// These parts.
     Moved {
         /// Each of these.
-        surely: Vec<Suspect>,
-        /// And one of these, which cannot be told apart.
-        one_of: Vec<Suspect>,
+        surely: Vec<Hypothesis>,
+        /// And one of these, which cannot be distinguished.
+        one_of: Vec<Hypothesis>,
     },
 }
 
-impl Suspect {
+impl Hypothesis {
     /// Whether a column is of the part.
     pub const fn has(self, column: &Column) -> bool {
         match (self, column) {
@@ -119,7 +119,7 @@ impl Suspect {
     }
 }
 
-impl std::fmt::Display for Suspect {
+impl std::fmt::Display for Hypothesis {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Base => f.write_str("base"),
@@ -127,14 +127,14 @@ impl std::fmt::Display for Suspect {
             Self::JointOffset(joint) => write!(f, "offset of joint {joint}"),
             Self::JointCurve(joint) => write!(f, "error curve of joint {joint}"),
             Self::Link(joint) => write!(f, "link {joint}"),
-            Self::Anything => f.write_str("more than can be told apart"),
+            Self::Anything => f.write_str("more than can be distinguished"),
         }
     }
 }
 
 impl Finding {
     /// Every part that may have moved.
-    pub fn parts(&self) -> Vec<Suspect> {
+    pub fn parts(&self) -> Vec<Hypothesis> {
         match self {
             Self::Nothing => Vec::new(),
             Self::Moved { surely, one_of } => surely.iter().chain(one_of).copied().collect(),
@@ -142,24 +142,24 @@ impl Finding {
     }
 
     /// What it says of one part, in the word of the table.
-    pub fn verdict_of(&self, part: Suspect) -> SuspectVerdict {
+    pub fn verdict_of(&self, part: Hypothesis) -> HypothesisVerdict {
         match self {
-            Self::Moved { .. } if part == Suspect::Anything => SuspectVerdict::Moved,
-            // More than can be told apart: each part may have.
-            Self::Moved { one_of, .. } if one_of.contains(&Suspect::Anything) => {
-                SuspectVerdict::OneOfSeveral
+            Self::Moved { .. } if part == Hypothesis::Anything => HypothesisVerdict::Moved,
+            // More than can be distinguished: each part may have.
+            Self::Moved { one_of, .. } if one_of.contains(&Hypothesis::Anything) => {
+                HypothesisVerdict::OneOfSeveral
             }
-            Self::Moved { surely, .. } if surely.contains(&part) => SuspectVerdict::Moved,
+            Self::Moved { surely, .. } if surely.contains(&part) => HypothesisVerdict::Moved,
             Self::Moved { one_of, .. } if one_of.contains(&part) && one_of.len() == 1 => {
-                SuspectVerdict::Moved
+                HypothesisVerdict::Moved
             }
-            Self::Moved { one_of, .. } if one_of.contains(&part) => SuspectVerdict::OneOfSeveral,
-            _ => SuspectVerdict::NoChange,
+            Self::Moved { one_of, .. } if one_of.contains(&part) => HypothesisVerdict::OneOfSeveral,
+            _ => HypothesisVerdict::NoChange,
         }
     }
 
-    /// The parts that moved, the first of those that cannot be told apart among them.
-    pub fn named(&self) -> Vec<Suspect> {
+    /// The parts that moved, the first of those that cannot be distinguished among them.
+    pub fn named(&self) -> Vec<Hypothesis> {
         match self {
             Self::Nothing => Vec::new(),
             Self::Moved { surely, one_of } => {
@@ -169,45 +169,45 @@ impl Finding {
     }
 }
 
-/// The suspects that have a column among `columns`, in the order in which they are named.
-pub fn suspects(columns: &[Column]) -> Vec<Suspect> {
+/// The hypotheses that have a column among `columns`, in the order in which they are named.
+pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
     let joints = columns.iter().filter_map(Column::joint).max().unwrap_or(0);
-    let of_joints = |suspect: fn(usize) -> Suspect| (1..=joints).map(suspect);
-    [Suspect::Base, Suspect::Target]
+    let of_joints = |hypothesis: fn(usize) -> Hypothesis| (1..=joints).map(hypothesis);
+    [Hypothesis::Base, Hypothesis::Target]
         .into_iter()
-        .chain(of_joints(Suspect::JointOffset))
-        .chain(of_joints(Suspect::JointCurve))
-        .chain((1..joints).map(Suspect::Link))
-        .filter(|suspect| columns.iter().any(|column| suspect.has(column)))
-        .filter(|suspect| match suspect {
+        .chain(of_joints(Hypothesis::JointOffset))
+        .chain(of_joints(Hypothesis::JointCurve))
+        .chain((1..joints).map(Hypothesis::Link))
+        .filter(|hypothesis| columns.iter().any(|column| hypothesis.has(column)))
+        .filter(|hypothesis| match hypothesis {
             // Without a curve it is the offset again.
-            Suspect::JointCurve(_) => columns
+            Hypothesis::JointCurve(_) => columns
                 .iter()
-                .any(|column| matches!(column, Column::Curve { .. }) && suspect.has(column)),
+                .any(|column| matches!(column, Column::Curve { .. }) && hypothesis.has(column)),
             _ => true,
         })
-        .chain([Suspect::Anything])
+        .chain([Hypothesis::Anything])
         .collect()
 }
 
-/// What each suspect explains, and what moved.
-pub fn find(comparison: &Comparison, suspects: &[Suspect]) -> (Vec<Asked>, Finding) {
-    let inquiry = Inquiry::new(comparison, suspects);
-    let all = inquiry.explains(&[Suspect::Anything]);
-    let asked = |&suspect: &Suspect| {
-        let alone = inquiry.explains(&[suspect]);
+/// What each hypothesis explains, and what moved.
+pub fn find(comparison: &Comparison, hypotheses: &[Hypothesis]) -> (Vec<Asked>, Finding) {
+    let test_of_all = TestOfAll::new(comparison, hypotheses);
+    let all = test_of_all.explains(&[Hypothesis::Anything]);
+    let asked = |&hypothesis: &Hypothesis| {
+        let alone = test_of_all.explains(&[hypothesis]);
         Asked {
-            suspect,
+            hypothesis,
             alone,
             remainder: alone.remainder(all),
         }
     };
-    let asked: Vec<Asked> = suspects.iter().map(asked).collect();
+    let asked: Vec<Asked> = hypotheses.iter().map(asked).collect();
     let least = asked.iter().map(|asked| asked.alone.p_value());
     let least = least.fold(1.0, f64::min);
-    if least * suspects.len() as f64 >= FALSE_ALARM {
+    if least * hypotheses.len() as f64 >= FALSE_ALARM {
         return (asked, Finding::Nothing);
     }
-    let finding = inquiry.moved();
+    let finding = test_of_all.moved();
     (asked, finding)
 }

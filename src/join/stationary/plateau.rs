@@ -10,12 +10,12 @@ const RUNGS: usize = 80;
 const PLATEAU_TOLERANCE: f64 = 0.02;
 /// A plateau this many rungs wide (a factor of 3.4) is no accident.
 const PLATEAU_RUNGS: usize = 4;
-/// The ladder ends this far above the largest motion: where samples were taken only at rest, breaks in time alone end
+/// The ladder ends this far above the largest motion: where samples were taken only while stationary, breaks in time alone end
 /// the stretches, and that is a plateau too.
 const ABOVE_ALL: f64 = 10.0;
 /// How far above its start the threshold stands in a wide plateau.
 const ABOVE_PLATEAU_START: f64 = 6.0;
-/// A quantised value at rest flickers between neighbours, and noise may reach one further.
+/// A quantised value of a stationary joint flickers between neighbours, and noise may reach one further.
 const FLICKER: f64 = 2.5;
 
 /// The rungs, lowest first.

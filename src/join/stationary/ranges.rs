@@ -66,7 +66,7 @@ impl Ranges {
         }
     }
 
-    /// Windows that reach across a break in time hold no rest.
+    /// Windows that reach across a break in time hold no stationary.
     pub(super) fn break_at(&mut self, sample_before: usize, samples: usize) {
         let end = (sample_before + 1).min(self.of_windows.len());
         let first = (sample_before + 2).saturating_sub(samples).min(end);

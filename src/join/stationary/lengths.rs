@@ -28,7 +28,7 @@ impl Lengths {
     }
 
     /// How many stretches count: those not shorter than half of the long ones (their 90 % quantile). Turning points of
-    /// moves look like rest for a moment.
+    /// moves look like stationary for a moment.
     pub fn count(&self) -> usize {
         let all: usize = self.occurring().map(|(_, times)| times).sum();
         let mut before = 0;

@@ -1,10 +1,10 @@
-//! Stretches at rest: columns sampled over time → runs of samples in which no column moves.
+//! Stationary stretches: columns sampled over time → runs of samples in which no column moves.
 //!
 //! The same rule serves joint angles and target positions, at any rate and any noise:
-//! 1. a median of three takes single spikes out (for finding rest only, never for a mean);
+//! 1. a median of three takes single spikes out (for finding stationary stretches only, never for a mean);
 //! 2. the range (largest − smallest) of each column over a short window; the largest over the columns says how much
 //!    moves in that window (`ranges`);
-//! 3. a window is still when that is within the threshold; overlapping still windows are one stretch (`levels`);
+//! 3. a window is stationary when that is within the threshold; overlapping stationary windows are one stretch (`levels`);
 //! 4. the threshold, where none is given, is read from the samples: over a ladder of thresholds the number of
 //!    stretches is erratic inside the noise, then stays put over a wide plateau, then falls as moves are swallowed.
 //!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it, `quantum`.)
@@ -26,9 +26,9 @@ use std::convert::Infallible;
 
 pub use finder::{Finder, Forgotten};
 
-/// What counts as rest.
+/// What counts as stationary.
 #[derive(Debug, Clone, Copy)]
-pub struct RestRule {
+pub struct StationaryRule {
     /// Length of the window in which nothing may move, s (never fewer than three samples).
     pub window_s: f64,
     /// A longer break between samples ends a stretch, s (never less than five usual sample intervals).
@@ -41,7 +41,7 @@ pub struct RestRule {
     pub floor: f64,
 }
 
-/// A run of samples at rest.
+/// A run of stationary samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stretch {
     /// Index of the first sample.
@@ -52,7 +52,7 @@ pub struct Stretch {
 
 /// A stretch and what is known of its samples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Still {
+pub struct StationaryStretch {
     /// Which samples.
     pub stretch: Stretch,
     /// The first one's stamp, ns.
@@ -67,11 +67,11 @@ pub struct Still {
     pub means: Vec<f64>,
 }
 
-/// Where the samples rest, and by which threshold.
+/// Where the samples stationary, and by which threshold.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Rest {
+pub struct Stationary {
     /// In time order; they do not overlap.
-    pub stretches: Vec<Still>,
+    pub stretches: Vec<StationaryStretch>,
     /// In the columns' unit.
     pub threshold: f64,
     /// The usual interval between samples, ns.
@@ -84,35 +84,40 @@ pub struct Rest {
     pub span_ns: (i64, i64),
 }
 
-/// The stretches at rest of so many columns: `values` are the first sample's, then the second's; stamps do not decrease.
-pub fn at_rest(stamps_ns: &[i64], values: &[f64], columns: usize, rule: &RestRule) -> Rest {
-    let found = rest_of(columns, rule, |finder| {
+/// The stationary stretches of so many columns: `values` are the first sample's, then the second's; stamps do not decrease.
+pub fn find_stationary(
+    stamps_ns: &[i64],
+    values: &[f64],
+    columns: usize,
+    rule: &StationaryRule,
+) -> Stationary {
+    let found = stationary_of(columns, rule, |finder| {
         finder.push(stamps_ns, values);
         Ok::<_, Infallible>(())
     });
-    let (rest, ()) = found.unwrap_or_else(|never| match never {});
-    rest
+    let (stationary, ()) = found.unwrap_or_else(|never| match never {});
+    stationary
 }
 
-/// The stretches at rest of the samples, of so many columns, that `replay` gives a finder: a second time where the threshold
+/// The stationary stretches of the samples, of so many columns, that `replay` gives a finder: a second time where the threshold
 /// shows too late. With them comes what the last replay returned.
-pub fn rest_of<T, E>(
+pub fn stationary_of<T, E>(
     columns: usize,
-    rule: &RestRule,
+    rule: &StationaryRule,
     mut replay: impl FnMut(&mut Finder) -> Result<T, E>,
-) -> Result<(Rest, T), E> {
-    let mut find = |rule: &RestRule| {
+) -> Result<(Stationary, T), E> {
+    let mut find = |rule: &StationaryRule| {
         let mut finder = Finder::new(columns, rule);
         let replayed = replay(&mut finder)?;
         Ok((finder.finish(), replayed))
     };
     let threshold = match find(rule)? {
-        (Ok(rest), replayed) => return Ok((rest, replayed)),
+        (Ok(stationary), replayed) => return Ok((stationary, replayed)),
         (Err(Forgotten { threshold }), _) => Some(threshold),
     };
-    let (rest, replayed) = find(&RestRule { threshold, ..*rule })?;
+    let (stationary, replayed) = find(&StationaryRule { threshold, ..*rule })?;
     Ok((
-        rest.expect("with one threshold no stretch is forgotten"),
+        stationary.expect("with one threshold no stretch is forgotten"),
         replayed,
     ))
 }
@@ -121,7 +126,7 @@ pub fn rest_of<T, E>(
 mod tests {
     use super::*;
 
-    const RULE: RestRule = RestRule {
+    const RULE: StationaryRule = StationaryRule {
         window_s: 0.1,
         gap_s: 1.0,
         min_stretch_s: 0.0,
@@ -132,9 +137,9 @@ mod tests {
     /// Ten rests of 20 samples at 50 ms with noise of a hundredth, ten samples of motion by 1 between them.
     fn steps() -> (Vec<i64>, Vec<f64>) {
         let value = |k: i64| {
-            let (rest, within) = (k / 30, k % 30);
+            let (stationary, within) = (k / 30, k % 30);
             let moved = (within - 20).max(0) as f64 / 10.0;
-            rest as f64 + moved + 0.01 * ((k * 7919) % 11 - 5) as f64 / 5.0
+            stationary as f64 + moved + 0.01 * ((k * 7919) % 11 - 5) as f64 / 5.0
         };
         (
             (0..300).map(|k| k * 50_000_000).collect(),
@@ -145,19 +150,23 @@ mod tests {
     #[test]
     fn the_plateau_separates_noise_from_motion() {
         let (stamps_ns, column) = steps();
-        let rest = at_rest(&stamps_ns, &column, 1, &RULE);
-        assert_eq!(rest.stretches.len(), 10);
-        // Samples 30 to 50 rest: 20 still ones, and the first of the motion is no further than its start.
+        let stationary = find_stationary(&stamps_ns, &column, 1, &RULE);
+        assert_eq!(stationary.stretches.len(), 10);
+        // Samples 30 to 50 stationary: 20 still ones, and the first of the motion is no further than its start.
         assert_eq!(
-            rest.stretches[1].stretch,
+            stationary.stretches[1].stretch,
             Stretch {
                 first: 30,
                 last: 50
             }
         );
-        assert_eq!(rest.interval_ns, 50_000_000);
+        assert_eq!(stationary.interval_ns, 50_000_000);
         // Above the noise's range of 0.02, below three samples of motion, 0.2.
-        assert!((0.02..0.2).contains(&rest.threshold), "{}", rest.threshold);
+        assert!(
+            (0.02..0.2).contains(&stationary.threshold),
+            "{}",
+            stationary.threshold
+        );
     }
 
     #[test]
@@ -167,23 +176,23 @@ mod tests {
         stamps_ns[70..]
             .iter_mut()
             .for_each(|stamp| *stamp += 2_000_000_000);
-        let rest = at_rest(&stamps_ns, &column, 1, &RULE);
+        let stationary = find_stationary(&stamps_ns, &column, 1, &RULE);
         assert_eq!(
-            rest.stretches[1].stretch,
+            stationary.stretches[1].stretch,
             Stretch {
                 first: 30,
                 last: 50
             }
         );
         assert_eq!(
-            rest.stretches[2].stretch,
+            stationary.stretches[2].stretch,
             Stretch {
                 first: 60,
                 last: 69
             }
         );
         assert_eq!(
-            rest.stretches[3].stretch,
+            stationary.stretches[3].stretch,
             Stretch {
                 first: 70,
                 last: 80
@@ -196,35 +205,39 @@ mod tests {
         // 4000 rests of 20 samples with noise of a thousandth, 1 apart; then 9000 with noise of three fifths, 100 000 apart. The
         // first ones alone would have another threshold, and there are too many of them to be kept by every one.
         let value = |k: i64| {
-            let (rest, noise) = (k / 20, ((k * 7919) % 1009) as f64 / 1009.0);
-            let late = (rest - 4000).max(0) as f64;
-            let noise_of = if rest < 4000 { 1e-3 } else { 0.6 };
-            rest.min(4000) as f64 + late * 1e5 + noise * noise_of
+            let (stationary, noise) = (k / 20, ((k * 7919) % 1009) as f64 / 1009.0);
+            let late = (stationary - 4000).max(0) as f64;
+            let noise_of = if stationary < 4000 { 1e-3 } else { 0.6 };
+            stationary.min(4000) as f64 + late * 1e5 + noise * noise_of
         };
         let stamps_ns: Vec<i64> = (0..260_000).map(|k| k * 50_000_000).collect();
         let column: Vec<f64> = (0..260_000).map(value).collect();
         let mut replays = 0;
-        let found = rest_of(1, &RULE, |finder| {
+        let found = stationary_of(1, &RULE, |finder| {
             finder.push(&stamps_ns, &column);
             replays += 1;
             Ok::<_, Infallible>(replays)
         });
-        let (rest, last) = found.unwrap_or_else(|never| match never {});
+        let (stationary, last) = found.unwrap_or_else(|never| match never {});
         assert_eq!(last, 2);
         // The first 4000 are one by a threshold above 1, and go over into the next.
-        assert_eq!(rest.stretches.len(), 9000);
-        assert!((1.0..1e5).contains(&rest.threshold), "{}", rest.threshold);
-        let given = RestRule {
-            threshold: Some(rest.threshold),
+        assert_eq!(stationary.stretches.len(), 9000);
+        assert!(
+            (1.0..1e5).contains(&stationary.threshold),
+            "{}",
+            stationary.threshold
+        );
+        let given = StationaryRule {
+            threshold: Some(stationary.threshold),
             ..RULE
         };
-        assert_eq!(at_rest(&stamps_ns, &column, 1, &given), rest);
+        assert_eq!(find_stationary(&stamps_ns, &column, 1, &given), stationary);
     }
 
     #[test]
     fn nothing_and_one_sample_have_no_plateau() {
-        assert!(at_rest(&[], &[], 2, &RULE).stretches.is_empty());
-        let one = at_rest(&[5], &[1.0], 1, &RULE);
+        assert!(find_stationary(&[], &[], 2, &RULE).stretches.is_empty());
+        let one = find_stationary(&[5], &[1.0], 1, &RULE);
         assert!((one.threshold - RULE.floor).abs() < 1e-12);
     }
 }

@@ -1,8 +1,8 @@
-//! The stretches at rest by each of many thresholds, found side by side.
+//! The stationary stretches by each of many thresholds, found side by side.
 //!
-//! Windows come one by one, each with its *level*: the number of the lowest threshold that it is still by. Only where the
+//! Windows come one by one, each with its *level*: the number of the lowest threshold by which it is stationary. Only where the
 //! level changes from one window to the next does anything begin or end, and only by the thresholds in between. A
-//! stretch that ended goes on when the next still window overlaps it.
+//! stretch that ended goes on when the next stationary window overlaps it.
 //!
 //! Most thresholds will not be the right one. When their stretches grow too many, only those by the thresholds near the
 //! one that would be right so far are kept, each time by fewer; of the others it is known how long they are.
@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use super::lengths::Lengths;
 use super::sums::{Sum, Sums, means};
-use super::{Still, Stretch};
+use super::{StationaryStretch, Stretch};
 
 /// Stretches that are kept before some are forgotten.
 const MOST_STRETCHES: usize = 50_000;
@@ -45,7 +45,7 @@ impl Samples {
     }
 }
 
-/// The thresholds and what is at rest by each.
+/// The thresholds and what is stationary by each.
 #[derive(Debug, Clone)]
 pub struct Levels {
     thresholds: Vec<f64>,
@@ -59,14 +59,14 @@ pub struct Levels {
     most_stretches: usize,
 }
 
-/// What is at rest by one threshold.
+/// What is stationary by one threshold.
 #[derive(Debug, Clone, Default)]
 struct ByThreshold {
     open: Option<Open>,
     sums_before: Vec<Sum>,
     sums_to_end: Vec<Sum>,
     lengths: Lengths,
-    stretches: Vec<Still>,
+    stretches: Vec<StationaryStretch>,
 }
 
 /// A stretch that may go on.
@@ -183,7 +183,7 @@ impl Levels {
     }
 
     /// The stretches by a threshold; `None` where they were forgotten.
-    pub fn take(&mut self, threshold: f64) -> Option<Vec<Still>> {
+    pub fn take(&mut self, threshold: f64) -> Option<Vec<StationaryStretch>> {
         let place = self.place(threshold);
         let kept = self.kept.contains(&place);
         kept.then(|| std::mem::take(&mut self.by[place].stretches))
@@ -230,9 +230,12 @@ impl ByThreshold {
         samples.sums_before(first, &mut self.sums_before);
     }
 
-    /// The window before was the last still one.
+    /// The window before was the last stationary one.
     fn end(&mut self, end: End, min_stretch_ns: i64, samples: &Samples) {
-        let open = self.open.as_mut().expect("by this threshold it was still");
+        let open = self
+            .open
+            .as_mut()
+            .expect("by this threshold it was stationary");
         open.end = Some(end);
         if open.lasts(end, min_stretch_ns) {
             samples.sums_before(end.last + 1, &mut self.sums_to_end);
@@ -260,7 +263,7 @@ impl ByThreshold {
             let sums = self.sums_before.iter().zip(&self.sums_to_end);
             let mut means: Vec<f64> = sums.flat_map(|(from, to)| means(from, to, count)).collect();
             means.truncate(columns);
-            self.stretches.push(Still {
+            self.stretches.push(StationaryStretch {
                 stretch: Stretch {
                     first: open.first,
                     last: end.last,
@@ -345,18 +348,18 @@ mod tests {
         for threshold in (1..=40).map(f64::from) {
             let expected = by_one(&ranges, threshold, 6); // 60 ns
             let stretches = found.take(threshold).expect("none is forgotten");
-            let places: Vec<Stretch> = stretches.iter().map(|still| still.stretch).collect();
+            let places: Vec<Stretch> = stretches.iter().map(|stretch| stretch.stretch).collect();
             assert_eq!(places, expected, "{threshold}");
-            for still in &stretches {
-                let Stretch { first, last } = still.stretch;
+            for stretch in &stretches {
+                let Stretch { first, last } = stretch.stretch;
                 let at = |sample: usize| samples.stamps_ns.get(sample).copied();
                 assert_eq!(
-                    (Some(still.start_ns), Some(still.end_ns)),
+                    (Some(stretch.start_ns), Some(stretch.end_ns)),
                     (at(first), at(last))
                 );
-                assert_eq!(still.before_ns, first.checked_sub(1).and_then(at));
-                assert_eq!(still.after_ns, at(last + 1));
-                assert_eq!(still.means, [(first + last) as f64 / 2.0]);
+                assert_eq!(stretch.before_ns, first.checked_sub(1).and_then(at));
+                assert_eq!(stretch.after_ns, at(last + 1));
+                assert_eq!(stretch.means, [(first + last) as f64 / 2.0]);
             }
         }
     }

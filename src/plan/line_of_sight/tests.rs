@@ -36,7 +36,7 @@ fn seen_from_before(arm: &Arm, away: f64) -> Constraints {
     let target = *arm.flange(&level()).isometry() * free().flange_from_target;
     let tracker = target * Point3::new(0.0, 0.0, away);
     Constraints {
-        tracker: Some(Sight {
+        tracker: Some(LineOfSight {
             tracker,
             facing: Vector3::z_axis(),
             acceptance_rad: 30.0_f64.to_radians(),
@@ -47,7 +47,7 @@ fn seen_from_before(arm: &Arm, away: f64) -> Constraints {
     }
 }
 
-fn sight(constraints: &mut Constraints) -> &mut Sight {
+fn line_of_sight(constraints: &mut Constraints) -> &mut LineOfSight {
     constraints.tracker.as_mut().expect("set above")
 }
 
@@ -82,7 +82,7 @@ fn a_limit_is_named_with_its_margin() {
 }
 
 #[test]
-fn configuration_and_singularity_are_told() {
+fn configuration_and_singularity_are_reported() {
     let arm = kr210();
     let nominal = vec![0.0; arm.chain().parameters().len()];
     let own = Configuration::of(&arm, &nominal, &level()).expect("six axes");
@@ -157,12 +157,12 @@ fn range_and_acceptance_are_held() {
     let mut constraints = seen_from_before(&arm, 5000.0);
     let tilt = 40.0_f64.to_radians();
     let facing = Vector3::new(0.0, tilt.sin(), tilt.cos());
-    sight(&mut constraints).facing = UnitVector3::new_normalize(facing);
+    line_of_sight(&mut constraints).facing = UnitVector3::new_normalize(facing);
     assert!(matches!(
         verdict(&arm, &level(), &constraints),
         Err(Unsuitable::TurnedAway { angle_deg, .. }) if (angle_deg - 40.0).abs() < 1e-9
     ));
-    sight(&mut constraints).acceptance_rad = 41.0_f64.to_radians();
+    line_of_sight(&mut constraints).acceptance_rad = 41.0_f64.to_radians();
     assert_eq!(verdict(&arm, &level(), &constraints), Ok(()));
 }
 
@@ -171,23 +171,23 @@ fn the_upper_arm_stands_in_the_beam_of_a_tracker_behind_it() {
     let arm = kr210();
     // The target looks back over the arm; the tracker stands behind the base, on the other side of the upper arm.
     let mut constraints = seen_from_before(&arm, 5000.0);
-    let sight = sight(&mut constraints);
-    sight.tracker = Point3::new(-4000.0, 0.0, 700.0);
-    sight.acceptance_rad = FRAC_PI_2 * 2.0;
+    let line_of_sight = line_of_sight(&mut constraints);
+    line_of_sight.tracker = Point3::new(-4000.0, 0.0, 700.0);
+    line_of_sight.acceptance_rad = FRAC_PI_2 * 2.0;
     let found = verdict(&arm, &level(), &constraints);
     assert!(
         matches!(found, Err(Unsuitable::BeamBlocked { part: Part::Link(2), distance_mm, .. }) if distance_mm < 1e-9),
         "{found:?}"
     );
     // From far enough to the side the same target is free.
-    if let Some(sight) = constraints.tracker.as_mut() {
-        sight.tracker = Point3::new(1700.0, 6000.0, 1000.0);
+    if let Some(line_of_sight) = constraints.tracker.as_mut() {
+        line_of_sight.tracker = Point3::new(1700.0, 6000.0, 1000.0);
     }
     assert_eq!(verdict(&arm, &level(), &constraints), Ok(()));
 }
 
 #[test]
-fn an_arm_without_six_axes_is_told_so_only_when_it_matters() {
+fn an_arm_without_six_axes_is_reported_so_only_when_it_matters() {
     let text = include_str!("../../../pipelines/robots/kr210-r2700-extra.toml");
     let mut file: RobotFile = toml::from_str(text).expect("a robot file");
     file.joint.truncate(3);

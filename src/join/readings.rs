@@ -1,11 +1,11 @@
-//! Sightings: the tracker's readings, looked at piece by piece → which of them are measurements, and where the target rests.
+//! Readings: the tracker's readings, looked at piece by piece → which of them are measurements, and where the target is stationary.
 //!
-//! Readings may be too many for memory, so they are looked at a few at a time ([`Poses`]): once to find rest, then
+//! Readings may be too many for memory, so they are looked at a few at a time ([`Poses`]): once to find stationary stretches, then
 //! dwell by dwell.
 
 use std::ops::Range;
 
-use super::rest::{Finder, Rest, Stretch, rest_of};
+use super::stationary::{Finder, Stationary, Stretch, stationary_of};
 use super::{JoinError, JoinSettings};
 use crate::ingest::{Poses, TargetReadings};
 use crate::units::{Stamp, Tracker};
@@ -20,12 +20,12 @@ fn is_measurement(position: &[f64; 3]) -> bool {
     position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
 }
 
-/// The tracker's readings and where the target rests.
+/// The tracker's readings and where the target is stationary.
 #[derive(Debug)]
-pub struct Sightings<'a> {
-    readings: &'a dyn Poses<Tracker>,
+pub struct Readings<'a> {
+    poses: &'a dyn Poses<Tracker>,
     /// Stretches in rows of the readings.
-    rest: Rest,
+    stationary: Stationary,
     missing: Missing,
 }
 
@@ -53,23 +53,23 @@ struct Run {
     missing: usize,
 }
 
-impl<'a> Sightings<'a> {
+impl<'a> Readings<'a> {
     /// Looks at all readings, which have to be in order of time.
     pub fn find(
         readings: &'a dyn Poses<Tracker>,
         settings: &JoinSettings,
     ) -> Result<Self, JoinError> {
         let mut seen = Self {
-            readings,
-            rest: Rest::default(),
+            poses: readings,
+            stationary: Stationary::default(),
             missing: Missing::default(),
         };
         let rule = settings.target_rule();
-        (seen.rest, ()) = rest_of(3, &rule, |finder| seen.replay(finder))?;
-        for still in &mut seen.rest.stretches {
-            still.stretch = Stretch {
-                first: seen.missing.row(still.stretch.first),
-                last: seen.missing.row(still.stretch.last),
+        (seen.stationary, ()) = stationary_of(3, &rule, |finder| seen.replay(finder))?;
+        for stretch in &mut seen.stationary.stretches {
+            stretch.stretch = Stretch {
+                first: seen.missing.row(stretch.stretch.first),
+                last: seen.missing.row(stretch.stretch.last),
             };
         }
         Ok(seen)
@@ -78,7 +78,7 @@ impl<'a> Sightings<'a> {
     /// Gives a finder all that are measurements, and notes the others.
     fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         self.missing = Missing::default();
-        let (count, mut latest) = (self.readings.count(), Stamp::from_ns(i64::MIN));
+        let (count, mut latest) = (self.poses.count(), Stamp::from_ns(i64::MIN));
         for first in (0..count).step_by(PIECE) {
             let seen = self.read(first..(first + PIECE).min(count))?;
             latest = seen.check_order(latest)?;
@@ -92,12 +92,12 @@ impl<'a> Sightings<'a> {
 
     /// How many readings there are.
     pub fn count(&self) -> usize {
-        self.readings.count()
+        self.poses.count()
     }
 
-    /// Where the target rests, in rows of the readings.
-    pub const fn rest(&self) -> &Rest {
-        &self.rest
+    /// Where the target is stationary, in rows of the readings.
+    pub const fn stationary(&self) -> &Stationary {
+        &self.stationary
     }
 
     /// Runs of rows that are no measurements.
@@ -107,7 +107,7 @@ impl<'a> Sightings<'a> {
 
     /// Some of the readings.
     pub fn read(&self, rows: Range<usize>) -> Result<Seen, JoinError> {
-        let readings = self.readings.read(rows.clone())?;
+        let readings = self.poses.read(rows.clone())?;
         Ok(Seen { rows, readings })
     }
 
@@ -118,13 +118,13 @@ impl<'a> Sightings<'a> {
 
     /// When a reading was taken.
     pub fn stamp(&self, row: usize) -> Result<Stamp<Tracker>, JoinError> {
-        Ok(self.readings.stamp(row)?)
+        Ok(self.poses.stamp(row)?)
     }
 
     /// The readings from `start` to `end`.
     pub fn between(&self, start: Stamp<Tracker>, end: Stamp<Tracker>) -> Result<Seen, JoinError> {
-        let first = self.readings.count_while(&|stamp| stamp < start)?;
-        let behind = self.readings.count_while(&|stamp| stamp <= end)?;
+        let first = self.poses.count_while(&|stamp| stamp < start)?;
+        let behind = self.poses.count_while(&|stamp| stamp <= end)?;
         self.read(first..behind.max(first))
     }
 }
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn measurements_are_told_from_what_is_missing_between_them() {
+    fn measurements_are_reported_from_what_is_missing_between_them() {
         let missing = [0, 1, 5, 6, 7, 9];
         let position = |row: usize| {
             let x = if missing.contains(&row) { 0.0 } else { 1.0 };

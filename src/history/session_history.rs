@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use super::compare::{Comparison, Shift};
 use super::control::{Chart, Charted};
 use super::estimate::{Column, Estimate};
-use super::suspects::{Finding, Suspect, find, suspects};
+use super::hypotheses::{Finding, Hypothesis, find, hypotheses};
 use super::{Basis, Judged, SET_UP_ANEW, SessionFigures};
 use crate::kinematics::{LinkQuantity, Parameter};
 
 /// The sessions so far, as far as the next one needs them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Course {
+pub struct SessionHistory {
     segment: usize,
     basis: Option<Basis>,
     /// All sessions since each part last moved.
@@ -24,11 +24,11 @@ pub struct Course {
     /// The first session of the segment.
     first: Option<Estimate>,
     /// The session in which base or target was set up anew last.
-    set_up: BTreeMap<Suspect, Estimate>,
+    set_up: BTreeMap<Hypothesis, Estimate>,
     charts: BTreeMap<String, Chart>,
 }
 
-impl Course {
+impl SessionHistory {
     /// Judges the next session.
     pub fn next(&mut self, session: &SessionFigures) -> Judged {
         let began = self.turn_to(&session.basis);
@@ -67,12 +67,12 @@ impl Course {
         let (pool, against, settles) = self.settled(pool, own);
         let (known, anew) = without_what_is_new(&pool, own);
         let comparison = Comparison::new(&known, own);
-        let groups = suspects(comparison.columns());
+        let groups = hypotheses(comparison.columns());
         let (asked, finding) = find(&comparison, &groups);
         let moved = finding.parts();
         let kept = forgetting(&known, &moved);
         self.before = (!moved.is_empty()).then(|| (known.clone(), against));
-        let is_all = moved.contains(&Suspect::Anything);
+        let is_all = moved.contains(&Hypothesis::Anything);
         self.pooled = if is_all { 1 } else { against + 1 };
         self.pool = Some(kept.plus(own));
         self.refer(&anew, own);
@@ -94,7 +94,7 @@ impl Course {
         };
         let (known, _) = without_what_is_new(&before, own);
         let comparison = Comparison::new(&known, own);
-        let (_, finding) = find(&comparison, &suspects(comparison.columns()));
+        let (_, finding) = find(&comparison, &hypotheses(comparison.columns()));
         if finding == Finding::Nothing {
             (before, count, Some(false))
         } else {
@@ -138,7 +138,7 @@ impl Course {
     }
 
     /// Base or target that stand elsewhere are charted anew from here.
-    fn refer(&mut self, anew: &[Suspect], own: &Estimate) {
+    fn refer(&mut self, anew: &[Hypothesis], own: &Estimate) {
         for part in anew {
             self.set_up.insert(*part, own.clone());
             let prefix = format!("{}_", part.word());
@@ -149,21 +149,21 @@ impl Course {
 
 /// What moved between two estimates of one arm.
 pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
-    Course::default().held_against(earlier.clone(), later)
+    SessionHistory::default().held_against(earlier.clone(), later)
 }
 
 /// The pool without base or target where those stand elsewhere in this session, and which.
-fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Suspect>) {
-    let anew: Vec<Suspect> = [Suspect::Base, Suspect::Target]
+fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
+    let anew: Vec<Hypothesis> = [Hypothesis::Base, Hypothesis::Target]
         .into_iter()
-        .filter(|suspect| own.is_far_from(pool, *suspect, SET_UP_ANEW))
+        .filter(|hypothesis| own.is_far_from(pool, *hypothesis, SET_UP_ANEW))
         .collect();
     (forgetting(pool, &anew), anew)
 }
 
 /// The pool without what it knows of these parts.
-fn forgetting(pool: &Estimate, parts: &[Suspect]) -> Estimate {
-    if parts.contains(&Suspect::Anything) {
+fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
+    if parts.contains(&Hypothesis::Anything) {
         return pool.without(|_| true);
     }
     pool.without(|column| parts.iter().any(|part| part.has(column)))
@@ -173,7 +173,7 @@ fn forgetting(pool: &Estimate, parts: &[Suspect]) -> Estimate {
 fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
     let named = finding.named();
     let places = comparison.places(|column| {
-        named.iter().any(|part| part.has(column)) && !named.contains(&Suspect::Anything)
+        named.iter().any(|part| part.has(column)) && !named.contains(&Hypothesis::Anything)
     });
     comparison.explained(&places).shifts(comparison, &places)
 }

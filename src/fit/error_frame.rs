@@ -1,4 +1,4 @@
-//! The gauge in which errors are stated: nominal arm, base and target fitted ([`crate::method::compensation`]).
+//! The error reference frame in which errors are stated: nominal arm, base and target fitted ([`crate::method::compensation`]).
 //!
 //! An error is attained minus commanded position in the controller's base frame. The target is a point of its own; the
 //! controller's tool point follows from it by the lever between the two, turned as the flange really is where the
@@ -10,17 +10,17 @@ use super::problem::Frames;
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
 
-/// The gauge of one session.
+/// The error reference frame of one session.
 #[derive(Debug, Clone)]
-pub struct Gauge<'a> {
+pub struct ErrorFrame<'a> {
     arm: &'a Arm,
     frames: Frames,
     flange_from_tool: Isometry3<f64>,
     oriented: bool,
 }
 
-impl<'a> Gauge<'a> {
-    /// The gauge of the nominal `arm` with the frames of a base + target fit.
+impl<'a> ErrorFrame<'a> {
+    /// The error reference frame of the nominal `arm` with the frames of a base + target fit.
     ///
     /// `flange_from_tool` is the controller's own tool point; without one it is the target itself. `oriented` says that
     /// the frames' target orientation was fitted, so that measured orientations mean something.

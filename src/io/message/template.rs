@@ -1,9 +1,9 @@
 //! How the message read last was worded: a recorder writes the same names, texts and lengths of arrays over and over,
 //! and other numbers.
 //!
-//! Numbers that are wanted and values that are not are gaps in it. A message with the same bytes before, between and
-//! behind its gaps reads alike: each wanted number goes where the one in its gap went, each wanted text lies where it
-//! lay behind the gap before it, and all else of the row stays.
+//! Numbers that are wanted and values that are not are slots in it. A message with the same bytes before, between and
+//! behind its slots reads alike: each wanted number goes where the one in its slot went, each wanted text lies where it
+//! lay behind the slot before it, and all else of the row stays.
 
 use std::sync::Arc;
 
@@ -11,36 +11,36 @@ use super::cell::{Cell, Span};
 use super::row::{CellsMut, Place};
 use super::{MessageFault, json, protobuf};
 
-/// More bytes or gaps than this are not worth taking down for each message.
+/// More bytes or slots than this are not worth taking down for each message.
 const LONGEST: usize = 1 << 16;
 const MOST: usize = 1 << 12;
-/// The most messages that are left out after one that was taken down in vain.
+/// The most messages that are left out after one that was recorded in vain.
 const LONGEST_PAUSE: u32 = 32;
 
-/// What the message read last says besides its gaps.
+/// What the message read last says besides its slots.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Wording {
+pub(super) struct Template {
     /// The plan that read it; `None` where the next message has to be walked.
     plan: Option<Arc<()>>,
-    /// What stands around the gaps, without them.
+    /// What stands around the slots, without them.
     bytes: Vec<u8>,
-    /// What stands before each gap, and the gap.
+    /// What stands before each slot, and the slot.
     parts: Vec<Part>,
     /// Where wanted texts lie in their parts.
     texts: Vec<(Span, Place)>,
     /// Where wanted numbers go.
     places: Vec<Place>,
-    /// Where the last gap ends in its message.
+    /// Where the last slot ends in its message.
     gap_end: usize,
     /// Something in it depends on more, or it is too long, or it is not worth taking down.
     is_other: bool,
-    /// How many messages are left out after one that was taken down in vain: the more of them in a row, the more.
+    /// How many messages are left out after one that was recorded in vain: the more of them in a row, the more.
     pause: u32,
     /// How many of them are still to come.
     pause_left: u32,
 }
 
-/// What stands before a gap, and the gap. Its bytes, its texts and the places of the number in its gap begin where those
+/// What stands before a slot, and the slot. Its bytes, its texts and the places of the number in its slot begin where those
 /// of the part before end.
 #[derive(Debug, Clone, Copy)]
 struct Part {
@@ -49,17 +49,17 @@ struct Part {
     bytes_end: usize,
     texts_end: usize,
     places_end: usize,
-    gap: Gap,
+    slot: NumberSlot,
 }
 
 /// What is read anew in each message.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Gap {
-    Json(json::Gap),
-    Protobuf(protobuf::Gap),
+pub(super) enum NumberSlot {
+    Json(json::NumberSlot),
+    Protobuf(protobuf::NumberSlot),
 }
 
-impl Wording {
+impl Template {
     /// The next message has to be walked.
     pub fn forget(&mut self) {
         self.plan = None;
@@ -73,13 +73,13 @@ impl Wording {
     }
 
     /// Whether what is read now is noted.
-    pub(super) const fn is_taken_down(&self) -> bool {
+    pub(super) const fn is_recorded(&self) -> bool {
         !self.is_other
     }
 
     /// A wanted number, or a value that is not wanted, was read from `start` to `end`.
     #[inline]
-    pub fn gap(&mut self, message: &[u8], start: usize, end: usize, gap: Gap) {
+    pub fn slot(&mut self, message: &[u8], start: usize, end: usize, slot: NumberSlot) {
         if self.is_other || end > LONGEST || self.parts.len() == MOST {
             self.is_other = true;
             return;
@@ -90,7 +90,7 @@ impl Wording {
             bytes_end: self.bytes.len(),
             texts_end: self.texts.len(),
             places_end: self.places.len(),
-            gap,
+            slot,
         });
         self.gap_end = end;
     }
@@ -106,7 +106,7 @@ impl Wording {
                     part.places_end = self.places.len();
                 }
             }
-            // A word such as JSON's `true`: it is part of what stands between gaps.
+            // A word such as JSON's `true`: it is part of what stands between slots.
             _ => {}
         }
     }
@@ -152,8 +152,8 @@ impl Wording {
         let (mut bytes, mut texts, mut places) = (0, 0, 0);
         for part in &mut self.parts {
             let same = &self.bytes[bytes..part.bytes_end];
-            let gap = start + same.len();
-            let found = message.get(start..gap);
+            let slot = start + same.len();
+            let found = message.get(start..slot);
             if !found.is_some_and(|found| alike(same, found)) {
                 return false;
             }
@@ -167,7 +167,7 @@ impl Wording {
                 [] => (&mut unwanted, &[][..]),
                 [first, others @ ..] => (values.at(*first), others),
             };
-            let Ok(end) = part.gap.take(message, gap, cell) else {
+            let Ok(end) = part.slot.take(message, slot, cell) else {
                 return false;
             };
             if !others.is_empty() {
@@ -191,7 +191,7 @@ fn put(texts: &[(Span, Place)], part_start: usize, values: &mut CellsMut<'_>) {
     }
 }
 
-/// Whether the bytes are the same; most stretches between gaps are short.
+/// Whether the bytes are the same; most stretches between slots are short.
 #[inline]
 fn alike(known: &[u8], found: &[u8]) -> bool {
     match (known.first_chunk::<8>(), found.first_chunk::<8>()) {
@@ -202,13 +202,13 @@ fn alike(known: &[u8], found: &[u8]) -> bool {
     }
 }
 
-impl Gap {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the gap ends.
+impl NumberSlot {
+    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
     #[inline]
     fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
         match self {
-            Self::Json(gap) => gap.take(message, at, cell),
-            Self::Protobuf(gap) => gap.take(message, at, cell),
+            Self::Json(slot) => slot.take(message, at, cell),
+            Self::Protobuf(slot) => slot.take(message, at, cell),
         }
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use crate::cli::messages::Printable;
-use crate::pipeline::verify::{Account, Unexpected, WithoutRow};
+use crate::pipeline::verify::{FilesOfLake, Unexpected, WithoutRow};
 
 /// What does not belong, and what is left over, a line each; then how many files are whose.
-pub(super) fn lines(account: &Account, is_whole: bool) -> Vec<String> {
+pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
     let mut lines: Vec<String> = account.without_row.iter().map(without_row).collect();
     lines.extend(account.foreign.iter().map(|own| {
         let place = own.place.display();
@@ -54,7 +54,7 @@ fn without_row(run: &WithoutRow) -> String {
     )
 }
 
-fn counts(account: &Account, is_whole: bool) -> String {
+fn counts(account: &FilesOfLake, is_whole: bool) -> String {
     let without_row: usize = account.without_row.iter().map(|run| run.files.len()).sum();
     let foreign: usize = account.foreign.iter().map(|own| own.files).sum();
     let kinds = [

@@ -18,7 +18,7 @@ use known::{Judged, Known, Scope, rows_now};
 
 /// What stands under a lake.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Account {
+pub struct FilesOfLake {
     /// Files that rows of `runs` name, and those rows.
     pub of_runs: usize,
     /// Files of runs whose rows cannot be read.
@@ -55,7 +55,7 @@ pub struct Foreign {
     pub why: Option<String>,
 }
 
-impl Account {
+impl FilesOfLake {
     /// Whether something stands there that does not belong.
     pub const fn is_mismatch(&self) -> bool {
         !self.without_row.is_empty() || !self.foreign.is_empty()
@@ -72,10 +72,14 @@ impl Account {
 
 /// Accounts for every file of the lake; or, where `names` of runs or sessions are given, for those in the folders of their
 /// sessions and of their names.
-pub fn account(lake: &Lake, selected: &Selected, names: &[String]) -> Result<Account, VerifyError> {
+pub fn account(
+    lake: &Lake,
+    selected: &Selected,
+    names: &[String],
+) -> Result<FilesOfLake, VerifyError> {
     let known = Known::of(lake, selected)?;
     let scope = Scope::of(lake, selected, names)?;
-    let mut account = Account::default();
+    let mut account = FilesOfLake::default();
     let mut doubtful = Vec::new();
     let mut foreign: BTreeMap<String, (usize, Option<String>)> = BTreeMap::new();
     let mut add_foreign = |file: &LakeFile, why: Option<String>| {
