@@ -7,7 +7,7 @@ mod made;
 
 use std::fmt::Write as _;
 
-use super::plan::SessionFiles;
+use super::configuration::SessionFiles;
 use super::run::RunError;
 use crate::compensation::Conditions;
 use crate::history::table_state::Shown;

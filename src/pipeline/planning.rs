@@ -15,7 +15,7 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{PlanError, files, placed, usable};
+use super::configuration::{ConfigurationError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::store::Place;
@@ -67,7 +67,7 @@ pub struct Planned {
 pub enum PlanningError {
     /// The pipeline file.
     #[error(transparent)]
-    File(#[from] PlanError),
+    File(#[from] ConfigurationError),
     /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
@@ -112,7 +112,7 @@ impl Planning {
     ) -> Result<Self, PlanningError> {
         let read = files::read(path)?;
         let file = &read.file;
-        let section = file.plan.as_ref().ok_or_else(|| PlanError::Missing {
+        let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[plan]",
             reason: "it says what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",

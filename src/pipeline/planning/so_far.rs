@@ -19,7 +19,7 @@ use crate::io::tables::outcome::JoinedSession;
 use crate::io::tables::sampling_plan::{PlannedPose, planned};
 use crate::join::{Pairing, Station};
 use crate::manifest::RunKey;
-use crate::pipeline::plan::{Overrides, Plan};
+use crate::pipeline::configuration::{Configuration, Overrides};
 use crate::pipeline::run;
 use crate::plan::enough::{self, Next};
 use crate::plan::{Outcomes, Placer, PlanError, Purpose, compare};
@@ -155,12 +155,16 @@ impl Planning {
             test: Vec::new(),
             lake: Some(self.lake.named()),
         };
-        let plan = Plan::load(path, &overrides)?;
-        let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();
-        let files = files.expect("a plan of one session has its files");
-        let read = run::read(&plan, files, &mut (), progress);
+        let configuration = Configuration::load(path, &overrides)?;
+        let files = configuration
+            .pieces
+            .iter()
+            .flat_map(|piece| &piece.training)
+            .next();
+        let files = files.expect("a configuration of one session has its files");
+        let read = run::read(&configuration, files, &mut (), progress);
         Ok(read
-            .and_then(|read| run::joined(&plan, files, read))
+            .and_then(|read| run::joined(&configuration, files, read))
             .map_err(Box::new)?)
     }
 
