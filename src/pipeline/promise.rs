@@ -6,8 +6,9 @@
 
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Row as _;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::io::tables::sampling_plan::promise;
+use crate::io::tables::sampling_plan::{VisitRow, promise};
 use crate::manifest::RunKey;
 use crate::report::promise::{PromiseKept, Verified, held_against};
 use crate::report::{Model, ResidualSet, Split};
@@ -58,7 +59,7 @@ pub(super) fn held(
     if !lake.exists(&key)? || !lake.has("sampling_plan", &key)? {
         return Ok(Promised::Unknown(plan.clone()));
     }
-    let promise = promise(&lake.read("sampling_plan", &key)?);
+    let promise = promise(&key, VisitRow::read(&lake.read("sampling_plan", &key)?));
     Ok(match errors(outcome, session) {
         Some(set) => Promised::Held(held_against(&promise, &verified(set, session))),
         None => Promised::NoErrors(plan.clone()),

@@ -103,6 +103,8 @@ fn the_rows_of_every_table_say_what_its_schema_says() {
     assert_as_schema::<runs::RunRow>();
     assert_as_schema::<history::HistoryRow>();
     assert_as_schema::<drift::DriftRow>();
+    assert_as_schema::<sampling_plan::VisitRow>();
+    assert_as_schema::<plan_figures::FigureRow>();
 }
 
 /// The rows where a text column has a word.
