@@ -10,7 +10,6 @@
 //! [`FullModel`], which predicts with a covariance.
 
 mod before;
-pub mod bulk;
 mod columns;
 pub mod components;
 pub mod curves;

@@ -250,12 +250,12 @@ fn read_message(bytes: &[u8]) -> String {
         .chain(known.filter(|_| encoding == "json"))
         .filter_map(|path| FieldPath::parse(&path).ok())
         .collect();
-    let plan = match schema.plan(&paths) {
+    let reader = match schema.reader(&paths) {
         Err(error) => return error.to_string(),
-        Ok(plan) => plan,
+        Ok(reader) => reader,
     };
     let mut row = Row::default();
-    let read = plan.read(message, &mut row);
+    let read = reader.read(message, &mut row);
     let values: Vec<_> = match read {
         Ok(()) => (0..paths.len())
             .map(|slot| row.value(message, slot).integer().is_some())
@@ -263,7 +263,7 @@ fn read_message(bytes: &[u8]) -> String {
         Err(_) => Vec::new(),
     };
     let mut noise = Noise(message.iter().map(|&byte| u64::from(byte)).sum());
-    let wanted = (&plan, paths.len());
+    let wanted = (&reader, paths.len());
     compare(wanted, (message, 20), &mut noise, &mut Seen::default());
     format!(
         "{encoding} {language} {read:?} {values:?} {}",

@@ -10,7 +10,7 @@ use crate::kinematics::{Arm, SingularityFactors};
 use crate::manifest::RunKey;
 use crate::plan::session::KIND;
 use crate::plan::{Kind, PlanSettings, PlannedVisit, Purpose, SamplingPlan};
-use crate::report::promise::Promise;
+use crate::report::promise::{PlanPromise, Promise};
 
 row! {
     /// A planned visit, and what the whole plan promises.
@@ -156,14 +156,16 @@ fn configuration(arm: &Arm, joints: &[f64]) -> Option<String> {
 }
 
 /// The promise of a published plan, which every row states; the first is asked.
-pub fn promise(key: &RunKey, visits: Vec<VisitRow>) -> Promise {
+pub fn promise(key: &RunKey, visits: Vec<VisitRow>) -> PlanPromise {
     let first = visits.first();
-    Promise {
+    PlanPromise {
         plan: key.run.clone(),
-        mean_mm: first.and_then(|row| row.promised_mean_mm),
-        bound_mm: first.and_then(|row| row.promised_bound_mm),
-        share: first.map_or(0.0, |row| row.bound_share),
-        confidence: first.map_or(0.0, |row| row.bound_confidence),
+        promise: Promise {
+            mean_mm: first.and_then(|row| row.promised_mean_mm),
+            bound_mm: first.and_then(|row| row.promised_bound_mm),
+            share: first.map_or(0.0, |row| row.bound_share),
+            confidence: first.map_or(0.0, |row| row.bound_confidence),
+        },
         verify: visits
             .into_iter()
             .filter(|row| row.purpose == VisitPurpose::Verify)

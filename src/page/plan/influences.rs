@@ -14,7 +14,7 @@ use crate::report::chart::{Axis, Chart, Series};
 
 /// A study, its heading, the axis of what is varied, and what that means.
 struct Study {
-    study: FigureStudy,
+    varied: FigureStudy,
     heading: &'static str,
     axis: (&'static str, &'static str),
     says: &'static str,
@@ -22,25 +22,25 @@ struct Study {
 
 const STUDIES: [Study; 4] = [
     Study {
-        study: FigureStudy::GridShift,
+        varied: FigureStudy::GridShift,
         heading: "Place of the grid",
         axis: ("grid moved along each axis", "steps"),
         says: "The same step with its nodes elsewhere, judged inside all such grids.",
     },
     Study {
-        study: FigureStudy::OrientationMismatch,
+        varied: FigureStudy::OrientationMismatch,
         heading: "Turned tool",
         axis: ("tool turned away from the table's orientation", "°"),
         says: "Nodes at the table's orientation, fresh poses turned away from it.",
     },
     Study {
-        study: FigureStudy::MixedConfiguration,
+        varied: FigureStudy::MixedConfiguration,
         heading: "Mixed configuration",
         axis: ("share of nodes measured with the wrist flipped", ""),
         says: "Some nodes measured in another configuration than the poses they correct.",
     },
     Study {
-        study: FigureStudy::SingularityDistance,
+        varied: FigureStudy::SingularityDistance,
         heading: "Singularities near by",
         axis: ("least singularity factor, lower edge", ""),
         says: "Fresh poses by their distance to a singularity: 0 is in one.",
@@ -56,7 +56,7 @@ const DRAWN: Interpolation = Interpolation::Trilinear;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let of = |study: &'static Study| {
-        let rows = content.of_study(study.study);
+        let rows = content.of_study(study.varied);
         (!rows.is_empty()).then_some((study, rows))
     };
     let studies: Vec<(&Study, Vec<&FigureRow>)> = STUDIES.iter().filter_map(of).collect();

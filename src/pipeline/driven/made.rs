@@ -17,14 +17,14 @@ use crate::io::tables::calibrations::CalibrationRow;
 use crate::io::tables::compensation::NodeRow;
 use crate::io::tables::outcome::{Driven, JoinedSession, Outcome};
 use crate::kinematics::Arm;
-use crate::report::driven::TablePromise;
+use crate::report::promise::Promise;
 use crate::report::{Angles, Model, Moment, Point, Split};
 
 /// What the lake has of the run that made a table.
 pub(super) struct TableRun {
     valid_for: Validity,
     calibrations: Table,
-    promise: Option<TablePromise>,
+    promise: Option<Promise>,
 }
 
 impl TableRun {
@@ -50,17 +50,14 @@ impl TableRun {
         let calibrations = lake.read("calibrations", &driven.key)?;
         let accuracy = AccuracyRow::read(&lake.read("accuracy", &driven.key)?);
         let path = Path::new(&driven.key.run);
-        let (valid_for, model) = match driven.table.as_str() {
-            "compensation" => {
-                let nodes = NodeRow::read(&lake.read("compensation", &driven.key)?);
-                let rows = &nodes[..];
-                (Common { path, rows }.validity(), Model::Table)
-            }
-            _ => {
-                let models = CalibrationRow::read(&calibrations);
-                let rows = &models[..];
-                (Common { path, rows }.validity(), Model::Full)
-            }
+        let (valid_for, model) = if driven.table == "compensation" {
+            let nodes = NodeRow::read(&lake.read("compensation", &driven.key)?);
+            let rows = &nodes[..];
+            (Common { path, rows }.validity(), Model::Table)
+        } else {
+            let models = CalibrationRow::read(&calibrations);
+            let rows = &models[..];
+            (Common { path, rows }.validity(), Model::Full)
         };
         let promise = promise(model, &accuracy);
         let of = |valid_for| Self {
@@ -74,7 +71,7 @@ impl TableRun {
     }
 
     /// What it promised.
-    pub(super) fn promised(&self) -> Result<&TablePromise, NotShown> {
+    pub(super) fn promised(&self) -> Result<&Promise, NotShown> {
         self.promise.as_ref().ok_or(NotShown::NoPromise)
     }
 
@@ -118,7 +115,7 @@ impl TableRun {
 }
 
 /// What a run predicted of the commands that this model corrects, by stations that took no part.
-fn promise(model: Model, figures: &[AccuracyRow]) -> Option<TablePromise> {
+fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
     let own: Vec<&AccuracyRow> = figures
         .iter()
         .filter(|row| {
@@ -130,9 +127,9 @@ fn promise(model: Model, figures: &[AccuracyRow]) -> Option<TablePromise> {
         .collect();
     let named = |name: FigureName| own.iter().find(|row| row.name == name);
     let bound = named(FigureName::Bound)?;
-    Some(TablePromise {
-        mean_mm: named(FigureName::Mean)?.value?,
-        bound_mm: bound.value?,
+    Some(Promise {
+        mean_mm: Some(named(FigureName::Mean)?.value?),
+        bound_mm: Some(bound.value?),
         share: bound.share?,
         confidence: bound.confidence?,
     })
