@@ -94,23 +94,6 @@ pub enum Exception {
     Term(Term),
 }
 
-impl Exception {
-    /// The word for tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::JointRange => "joint_range",
-            Self::Configuration => "configuration",
-            Self::Term(Term::Tool) => "tool",
-            Self::Term(Term::Payload) => "payload",
-            Self::Term(Term::Mounting) => "mounting",
-            Self::Term(Term::Base) => "base",
-            Self::Term(Term::ControllerModel) => "controller_model",
-            Self::Term(Term::AbsoluteAccuracy) => "absolute_accuracy",
-            Self::Term(Term::Temperature) => "temperature",
-        }
-    }
-}
-
 /// Joint angles in the arm's order, rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointCommand {

@@ -184,20 +184,20 @@ impl Calibration {
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// # let stations = &joined.stations;
 /// use posegrid::fit::{FitSettings, Freedom, identify, observations};
 ///
-/// let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
 /// let settings = FitSettings::default();
-/// let before = identify(&plan.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
-/// let after = identify(&plan.arm, &seen, 1, Freedom::Geometry, &settings)?;
+/// let before = identify(&configuration.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
+/// let after = identify(&configuration.arm, &seen, 1, Freedom::Geometry, &settings)?;
 /// assert!(after.misfit_mm < before.misfit_mm, "training errors: no verdict, see `report`");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

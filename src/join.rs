@@ -229,13 +229,13 @@ pub struct JoinInput {
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// let paired = joined.stations.iter().filter(|station| station.attained.is_some()).count();
 /// assert!(paired > 50);
 /// // The two clocks of this session drift apart by less than a thousandth.

@@ -60,7 +60,7 @@
 //!   `schemas/` (`accuracy`, `residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
 //!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
-//! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
+//! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a

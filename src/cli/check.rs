@@ -9,7 +9,7 @@ use clap::Args;
 use super::messages::Printable;
 use super::run::{near, work};
 use crate::kinematics::Arm;
-use crate::pipeline::plan::{Overrides, Plan, PlanError};
+use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
 use crate::pipeline::stages::RawCommandBase;
 
 /// Check a pipeline file and show what it would do, without opening a log.
@@ -23,21 +23,25 @@ pub struct CheckArgs {
 }
 
 /// The plan of a pipeline file, in words.
-pub fn check(args: &CheckArgs) -> Result<String, PlanError> {
-    Plan::load(&args.pipeline, &Overrides::default()).map(|plan| described(&plan))
+pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
+    Configuration::load(&args.pipeline, &Overrides::default())
+        .map(|configuration| described(&configuration))
 }
 
-fn described(plan: &Plan) -> String {
-    let mut text = arm(&plan.arm);
+fn described(configuration: &Configuration) -> String {
+    let mut text = arm(&configuration.arm);
     let mut line = |name: &str, value: &str| {
         writeln!(text, "{name:<12} {value}").expect("a string");
     };
-    let robot = plan.robot.as_deref().unwrap_or("as the logs name it");
+    let robot = configuration
+        .robot
+        .as_deref()
+        .unwrap_or("as the logs name it");
     line("robot", &Printable(robot).to_string());
-    for (name, value) in conventions(plan) {
+    for (name, value) in conventions(configuration) {
         line(name, &value);
     }
-    let grid = &plan.stages.grid;
+    let grid = &configuration.stages.grid;
     let joined = |steps: Vec<String>| steps.join(", ");
     line(
         "steps",
@@ -59,7 +63,7 @@ fn described(plan: &Plan) -> String {
             |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
         ),
     );
-    let tolerance = &plan.stages.tolerance;
+    let tolerance = &configuration.stages.tolerance;
     line(
         "tolerance",
         &format!(
@@ -73,32 +77,32 @@ fn described(plan: &Plan) -> String {
         "damage",
         &format!(
             "a session has no result when a log lost more than {} % of its bytes",
-            100.0 * plan.max_lost_share
+            100.0 * configuration.max_lost_share
         ),
     );
     line(
         "rejects",
         &format!(
             "exit code 3 when more than {} % of a topic's messages cannot be used",
-            100.0 * plan.max_rejected_share
+            100.0 * configuration.max_rejected_share
         ),
     );
-    line("tables", &near(&plan.lake).display().to_string());
+    line("tables", &near(&configuration.lake).display().to_string());
     text += "\n";
-    text += &work(plan);
-    text += &split(plan);
-    for left in &plan.left_out {
+    text += &work(configuration);
+    text += &split(configuration);
+    for left in &configuration.left_out {
         writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
     }
-    for remark in &plan.remarks {
+    for remark in &configuration.remarks {
         writeln!(text, "note: {remark}").expect("a string");
     }
     text
 }
 
 /// Sessions whose logs are split into several files.
-fn split(plan: &Plan) -> String {
-    let sessions = plan
+fn split(configuration: &Configuration) -> String {
+    let sessions = configuration
         .pieces
         .iter()
         .flat_map(|piece| piece.training.iter().chain(&piece.test));
@@ -153,10 +157,10 @@ fn arm(arm: &Arm) -> String {
 }
 
 /// What no log states.
-fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
+fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
-    let controller = &plan.mapping.controller;
-    let tracker = &plan.mapping.tracker;
+    let controller = &configuration.mapping.controller;
+    let tracker = &configuration.mapping.tracker;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
     let mut told = vec![
@@ -166,13 +170,13 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
         ),
         ("tracker", topic(&tracker.topic, tracker.time, &length)),
     ];
-    if let Some(commanded) = &plan.mapping.commanded {
+    if let Some(commanded) = &configuration.mapping.commanded {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
         told.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
     told.push((
         "raw command",
-        match plan.stages.raw_command {
+        match configuration.stages.raw_command {
             None => "no errors against it",
             Some(RawCommandBase::Fitted) => {
                 "errors against it, with the base as base + target fit it"
@@ -183,7 +187,7 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
     ));
     told.push((
         "up",
-        plan.stages.up.map_or_else(
+        configuration.stages.up.map_or_else(
             || "not given".to_owned(),
             |up| format!("[{}, {}, {}] in the base frame", up.x, up.y, up.z),
         ),

@@ -11,7 +11,6 @@
 
 pub mod approach;
 mod before;
-pub mod bulk;
 mod columns;
 pub mod components;
 pub mod curves;

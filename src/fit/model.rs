@@ -22,19 +22,19 @@ use crate::kinematics::Arm;
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// # let stations = &joined.stations;
 /// use posegrid::fit::model::{At, PoseModel, Query};
 /// # use posegrid::fit::{FitSettings, Freedom, identify, observations};
-/// # let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// # let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
 /// # let (freedom, settings) = (Freedom::Geometry, FitSettings::default());
-/// # let model = identify(&plan.arm, &seen, 1, freedom, &settings)?;
+/// # let model = identify(&configuration.arm, &seen, 1, freedom, &settings)?;
 ///
 /// // Where the geometry has the reflector at the first station, in the tracker's frame, and how far that may be off.
 /// let prediction = model.predict(&At::Joints(Query::of(&seen[0])))?;

@@ -111,7 +111,7 @@ pub enum ExportError {
         /// The session.
         session: String,
         /// The station.
-        station: i64,
+        station: usize,
     },
     /// A time that MCAP cannot say.
     #[error(
@@ -122,7 +122,7 @@ pub enum ExportError {
         /// The session.
         session: String,
         /// The station.
-        station: i64,
+        station: usize,
         /// Its stamp, ns.
         ns: i64,
     },

@@ -21,6 +21,7 @@ pub mod logs;
 pub mod outcome;
 pub mod parameters;
 pub mod past;
+pub mod plan_figures;
 pub mod rejects;
 pub mod residuals;
 pub mod runs;

@@ -32,10 +32,12 @@ use crate::geometry::Position;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
-pub use corrected::{CorrectedBy, corrected};
+pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
 pub use error::{RowProblem, TargetsError};
 pub use krl::DataList;
 pub use names::NamesProblem;
+#[cfg(test)]
+pub(in crate::io) use parquet::TargetRow;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 
@@ -53,16 +55,6 @@ pub enum Form {
 }
 
 impl Form {
-    /// Its name in table `corrections`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Csv => "csv",
-            Self::Parquet => "parquet",
-            Self::Json => "json",
-            Self::Krl => "krl",
-        }
-    }
-
     /// The form that a file's name says.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
         let extension = path

@@ -1,7 +1,7 @@
 //! The pipeline file as it is written: sections, keys and their defaults.
 //!
 //! Unknown keys are refused, and what no log states (units, frames, time sources, the order of angles) has no default.
-//! What the file says is checked in [`super::plan`]; the settings that a run's name follows from are this file without
+//! What the file says is checked in [`super::configuration`]; the settings that a run's name follows from are this file without
 //! its paths and names.
 
 use std::collections::BTreeMap;

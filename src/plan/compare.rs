@@ -50,16 +50,6 @@ impl Kind {
         Self::GreedyVariance,
         Self::DOptimal,
     ];
-
-    /// The name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::UniformGrid => "uniform_grid",
-            Self::Random => "random",
-            Self::GreedyVariance => "greedy_variance",
-            Self::DOptimal => "d_optimal",
-        }
-    }
 }
 
 /// What one design at one number of poses gives.

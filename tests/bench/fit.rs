@@ -77,14 +77,6 @@ fn main() {
         .collect();
     let (_, mean) = timed_ms(|| model.positions(&queries).len());
     per_second("predictions, mean, all cores", queries.len(), mean);
-    let (bulk, tables) = timed_ms(|| model.bulk(Some(0)));
-    row("tables of the posterior", tables, base);
-    let (_, both) = timed_ms(|| bulk.estimates(&queries[..queries.len() / 4]).len());
-    per_second(
-        "predictions, mean and covariance by tables, all cores",
-        queries.len() / 4,
-        both,
-    );
     let (rows, mean) = timed_ms(|| predicted(&model, stations));
     let (_, covariance) = timed_ms(|| {
         rows.iter()

@@ -23,8 +23,9 @@ use posegrid::join::Station;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
-use posegrid::report::driven::{self, Application, DrivenStation, TablePromise};
+use posegrid::report::driven::{self, Application, DrivenStation};
 use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::promise::Promise;
 use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{ArmErrors, Commanded, Poses, SimulateSettings, simulate, visits};
@@ -110,7 +111,7 @@ struct Identified {
     arm: Arm,
     number: u64,
     by: IdentifiedArm,
-    promise: TablePromise,
+    promise: Promise,
 }
 
 impl Identified {
@@ -126,9 +127,9 @@ impl Identified {
                 == (Model::Full, Angles::Commanded, Split::Blocks)
         });
         let judged = judged.expect("a full error model from commands alone");
-        let promise = TablePromise {
-            mean_mm: judged.figures.expect("stations").mean,
-            bound_mm: judged.bound.expect("stations enough"),
+        let promise = Promise {
+            mean_mm: Some(judged.figures.expect("stations").mean),
+            bound_mm: Some(judged.bound.expect("stations enough")),
             share: TOLERANCE.share,
             confidence: TOLERANCE.confidence,
         };
@@ -269,7 +270,7 @@ fn played(identified: &Identified) -> Loop {
     );
     let stations = identified.driven(&corrected, as_meant);
     let measured = driven::measured(&stations, "tuesday", 50).expect("stations span space");
-    let kept = driven::kept(&identified.promise, &measured.after).expect("stations that judge");
+    let kept = driven::kept(identified.promise, &measured.after).expect("stations that judge");
     let before = measured
         .before
         .residuals
@@ -278,7 +279,7 @@ fn played(identified: &Identified) -> Loop {
     let before: Vec<f64> = before.map(|r| r.residual.norm()).collect();
     let played = Loop {
         before: Figures::of(&before).expect("stations"),
-        after: kept.figures,
+        after: kept.figures.expect("stations that judge"),
         application: driven::application(&stations),
         broken: kept.is_broken(),
     };
@@ -288,8 +289,8 @@ fn played(identified: &Identified) -> Loop {
         played.after.mean,
         played.after.max,
         played.after.n,
-        identified.promise.mean_mm,
-        identified.promise.bound_mm,
+        identified.promise.mean_mm.expect("promised"),
+        identified.promise.bound_mm.expect("promised"),
         kept.within,
         played.application
     );

@@ -176,7 +176,7 @@ fn named_joints_may_stand_in_any_order() {
     target.joints.as_mut().expect("joint angles").names[2] = "elbow".to_owned();
     let refused = one(&identified, target).expect_err("of another arm");
     assert!(refused.to_string().contains("elbow"), "{refused}");
-    assert_eq!(refused.name(), "joints");
+    assert!(matches!(refused, Reason::Joints { .. }));
 }
 
 #[test]
@@ -209,7 +209,7 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
     identified.configurations.retain(|other| *other != own);
     assert_eq!(identified.configurations.len(), 7);
     let refused = one(&identified, at_joints(JOINTS)).expect_err("never measured");
-    assert_eq!(refused.name(), "configuration");
+    assert!(matches!(refused, Reason::NeverMeasured { .. }));
     assert!(
         refused.to_string().contains(&format!("{own:?}"))
             && refused.to_string().contains(&identified.configurations[0]),
@@ -245,7 +245,10 @@ fn limits_and_singularities_are_refused_though_joint_angles_name_them() {
     let mut turned = at_joints(JOINTS);
     turned.configuration = Some("shoulder+ elbow+ wrist+".to_owned());
     let refused = one(&identified, turned).expect_err("the joint angles are in another");
-    assert_eq!(refused.name(), "configuration");
+    assert!(matches!(
+        refused,
+        Reason::Arm(InverseError::ConfigurationChanged { .. })
+    ));
 }
 
 #[test]

@@ -79,14 +79,6 @@ impl PoseView<'_> {
             .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
     }
 
-    /// Every column but those of the joint curves that all sessions share, as in [`Self::walk`].
-    pub(super) fn other_columns(&self, layout: &Layout, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let blocks = layout
-            .blocks()
-            .filter(|(block, _)| !matches!(block, Block::Curve(_)));
-        self.walk(blocks, layout.period_turns(), each);
-    }
-
     /// Every column of `blocks` with the twist and the amount by which its coefficient moves the target.
     fn walk(
         &self,

@@ -11,7 +11,6 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 
-use super::bulk::covariance;
 use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::leave_one_out;
@@ -441,4 +440,13 @@ impl Mounting {
 
 fn empty(arm: &Arm, frames: &[Frames], prior: Prior, turned: bool) -> Problem<'static> {
     Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned)
+}
+
+/// The posterior covariance of all columns: `√v L⁻ᵀ L⁻¹ √v`.
+fn covariance(model: &FullModel) -> DMatrix<f64> {
+    let mut half = model.posterior.factor.inverse_lower();
+    for (mut column, scale) in half.column_iter_mut().zip(&model.posterior.scale) {
+        column *= *scale;
+    }
+    gram(&half.as_view())
 }

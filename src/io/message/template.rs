@@ -20,8 +20,8 @@ const LONGEST_PAUSE: u32 = 32;
 /// What the message read last says besides its slots.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Template {
-    /// The plan that read it; `None` where the next message has to be walked.
-    plan: Option<Arc<()>>,
+    /// The reader that read it; `None` where the next message has to be walked.
+    reader: Option<Arc<()>>,
     /// What stands around the slots, without them.
     bytes: Vec<u8>,
     /// What stands before each slot, and the slot.
@@ -62,7 +62,7 @@ pub(super) enum NumberSlot {
 impl Template {
     /// The next message has to be walked.
     pub fn forget(&mut self) {
-        self.plan = None;
+        self.reader = None;
         self.bytes.clear();
         self.parts.clear();
         self.texts.clear();
@@ -116,20 +116,23 @@ impl Template {
         self.is_other = true;
     }
 
-    /// A message was walked to its end by `plan`, and all that was noted is of it.
-    pub fn keep(&mut self, plan: &Arc<()>, message: &[u8]) {
+    /// A message was walked to its end by `reader`, and all that was noted is of it.
+    pub fn keep(&mut self, reader: &Arc<()>, message: &[u8]) {
         if !self.is_other && message.len() <= LONGEST {
             self.bytes.extend_from_slice(&message[self.gap_end..]);
-            self.plan = Some(Arc::clone(plan));
+            self.reader = Some(Arc::clone(reader));
         }
     }
 
-    /// Reads the numbers and texts of a message worded alike for `plan`; tells whether it is.
+    /// Reads the numbers and texts of a message worded alike for `reader`; tells whether it is.
     ///
     /// Where it is not, some may have been put.
     #[inline]
-    pub fn read(&mut self, plan: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
-        let known = self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan));
+    pub fn read(&mut self, reader: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
+        let known = self
+            .reader
+            .as_ref()
+            .is_some_and(|of| Arc::ptr_eq(of, reader));
         if !known {
             return false;
         }

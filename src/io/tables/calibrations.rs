@@ -8,6 +8,7 @@ use crate::fit::saved::VERSION;
 use crate::fit::{
     Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
+use crate::io::common::corrects;
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
 use crate::kinematics::{Motion, Parameter};
@@ -162,6 +163,8 @@ row! {
         model: String,
     }
 }
+
+corrects!(CalibrationRow);
 
 /// Conventions of links.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,6 +8,7 @@ use super::validity::{joint_ranges, learnt_from, temperatures};
 use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
+use crate::io::common::corrects;
 use crate::io::table::row;
 use crate::io::tables::outcome::Outcome;
 use crate::join::Station;
@@ -118,6 +119,8 @@ row! {
         temperature_max_c: Option<f64>,
     }
 }
+
+corrects!(NodeRow);
 
 /// The rows of the chosen grid's nodes.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {

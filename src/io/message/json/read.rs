@@ -1,14 +1,14 @@
 //! A message's bytes → the wanted values.
 
 use super::scan::{MOST_LEVELS, Scan};
-use super::{JsonPlan, Node, number, unescaped};
+use super::{JsonReader, Node, number, unescaped};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
 /// Some writers put it before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-impl JsonPlan {
+impl JsonReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// What was taken before a fault was met must not be used.

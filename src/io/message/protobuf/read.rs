@@ -1,12 +1,12 @@
 //! A message's bytes → the wanted values.
 
 use super::descriptor::Kind;
-use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
+use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
 use super::wire::{Wire, wire_type};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
-impl ProtobufPlan {
+impl ProtobufReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// What was taken before a fault was met must not be used.

@@ -5,7 +5,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use super::PlanError;
+use super::ConfigurationError;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
@@ -27,14 +27,20 @@ pub(in crate::pipeline) struct Wrong {
 pub(in crate::pipeline) type Check = Result<(), Wrong>;
 
 /// Checks everything that needs no other file than this one; `joints` is how many the arm has.
-pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(), PlanError> {
+pub(super) fn check(
+    path: &Path,
+    file: &PipelineFile,
+    joints: usize,
+) -> Result<(), ConfigurationError> {
     numbers(file, joints).map_err(|wrong| told(path, wrong))?;
-    file.join.check().map_err(|source| PlanError::Join {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })?;
+    file.join
+        .check()
+        .map_err(|source| ConfigurationError::Join {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
     if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
-        return Err(PlanError::Missing {
+        return Err(ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[tracker] uncertainty.orientation_rad",
             reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
@@ -44,8 +50,8 @@ pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(
 }
 
 /// What is wrong with the file at `path`.
-pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> PlanError {
-    PlanError::Setting {
+pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
+    ConfigurationError::Setting {
         path: path.to_owned(),
         key: wrong.key,
         found: wrong.found,
