@@ -38,7 +38,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use error_frame::ErrorFrame;
+pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;

@@ -63,7 +63,8 @@ fn settings() -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![100.0],

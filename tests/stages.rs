@@ -65,7 +65,8 @@ fn settings() -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
         base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![50.0, 75.0, 100.0, 150.0, 200.0, 300.0],

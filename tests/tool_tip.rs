@@ -5,12 +5,13 @@ mod common;
 use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::full::FullSettings;
+use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::Outcome;
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, RawCommandBase, StageSettings};
+use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
@@ -63,7 +64,12 @@ fn settings(simulated: &Simulated) -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: Some(RawCommandBase::Surveyed(surveyed)),
+        base: Some(ErrorBase::Surveyed(SurveyedBase {
+            tracker_from_base: surveyed,
+            sd_mm: None,
+            sd_rad: None,
+        })),
+        target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![250.0],

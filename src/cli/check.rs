@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::messages::Printable;
 use super::run::{near, work};
+use crate::fit::ErrorBase;
 use crate::kinematics::Arm;
 use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
-use crate::pipeline::stages::RawCommandBase;
 
 /// Check a pipeline file and show what it would do, without opening a log.
 #[derive(Debug, Clone, Args)]
@@ -175,13 +175,11 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
         told.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
     told.push((
-        "raw command",
-        match configuration.stages.raw_command {
-            None => "no errors against it",
-            Some(RawCommandBase::Fitted) => {
-                "errors against it, with the base as base + target fit it"
-            }
-            Some(RawCommandBase::Surveyed(_)) => "errors against it, with the surveyed base",
+        "error frame",
+        match configuration.stages.base {
+            None => "base as base + target fit it; no errors against the raw command ([tracker] tracker_from_base is not given)",
+            Some(ErrorBase::Fitted) => "base as base + target fit it: set the robot's base to it",
+            Some(ErrorBase::Surveyed(_)) => "surveyed base",
         }
         .to_owned(),
     ));

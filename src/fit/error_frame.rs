@@ -1,4 +1,5 @@
-//! The error reference frame in which errors are stated: nominal arm, base and target fitted ([`crate::method::compensation`]).
+//! The error reference frame in which errors are stated: the nominal arm on a base that is surveyed or fitted
+//! ([`crate::method::compensation`]).
 //!
 //! An error is attained minus commanded position in the controller's base frame. The target is a point of its own; the
 //! controller's tool point follows from it by the lever between the two, turned as the flange really is where the
@@ -9,6 +10,35 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use super::problem::Frames;
 use crate::join::{Attained, Station};
 use crate::kinematics::Arm;
+
+/// The base frame that errors are stated in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ErrorBase {
+    /// That of base + target: of use to a program whose base is set to it.
+    Fitted,
+    /// Surveyed: where the program's base stands.
+    Surveyed(SurveyedBase),
+}
+
+/// A base that was measured by other means.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurveyedBase {
+    /// Where the base stands in the tracker's frame, mm.
+    pub tracker_from_base: Isometry3<f64>,
+    /// Standard deviation of its origin, mm, where it is stated.
+    pub sd_mm: Option<f64>,
+    /// Standard deviation of its rotation, rad, where it is stated.
+    pub sd_rad: Option<f64>,
+}
+
+impl SurveyedBase {
+    /// Expanded uncertainty (k = 2) that the survey leaves at a point so far from the base's origin, mm: `2 √(sd² + (sd_rad · distance)²)`.
+    /// What is not stated counts as none.
+    pub fn expanded_uncertainty_mm(&self, distance_mm: f64) -> f64 {
+        let turned_mm = self.sd_rad.unwrap_or_default() * distance_mm;
+        2.0 * self.sd_mm.unwrap_or_default().hypot(turned_mm)
+    }
+}
 
 /// The error reference frame of one session.
 #[derive(Debug, Clone)]

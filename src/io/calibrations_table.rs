@@ -1,7 +1,7 @@
 //! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run.
 //!
 //! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
-//! 2. The row `base_target` has the nominal arm and the frames that are the error reference frame: those of the last session.
+//! 2. The row `base_target` has the nominal arm; every row has the error reference frame.
 //! 3. The best model that there is a row of predicts ([`Model::serving`]): `full`, or without it `geometric`.
 //! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
 
@@ -15,8 +15,8 @@ use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use crate::compensation::{ArmModel, IdentifiedArm};
-use crate::fit::Model;
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
+use crate::fit::{Frames, Model};
 use crate::manifest::RunKey;
 
 /// An identified arm as a run published it.
@@ -95,17 +95,12 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         .ok_or_else(|| file.absent(base_target))?;
     let wrong = |source| file.wrong(base_target, source);
     let arm = base.arm.arm().map_err(wrong)?;
-    let session = base
-        .sessions
-        .last()
-        .ok_or_else(|| file.absent(base_target))?;
-    let frames = session.frames().map_err(wrong)?;
     let said = file.said();
     let key = common::key(path, &table)?;
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
-        frames,
+        frames: file.frames()?,
         flange_from_tool: said.placement("flange_from_tool", |row| {
             (row.flange_from_tool, row.flange_from_tool_turn)
         })?,
@@ -138,6 +133,21 @@ impl CalibrationsFile<'_> {
 
     fn row(&self, model: Model) -> Option<&CalibrationRow> {
         self.rows.iter().find(|row| row.model_kind == model)
+    }
+
+    /// The frames that errors are stated in.
+    fn frames(&self) -> Result<Frames, CalibrationsTableError> {
+        let said = self.said();
+        let base = said.placement("error_frame_base", |row| {
+            (row.error_frame_base, row.error_frame_base_turn)
+        })?;
+        let target = said.placement("error_frame_target", |row| {
+            (row.error_frame_target, [0.0, 0.0, 0.0, 1.0])
+        })?;
+        Ok(Frames {
+            tracker_from_base: base,
+            flange_from_target: target,
+        })
     }
 
     fn absent(&self, model: Model) -> CalibrationsTableError {

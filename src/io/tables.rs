@@ -14,6 +14,7 @@ pub mod clocks;
 pub mod compensation;
 pub mod counts;
 pub mod drift;
+pub mod error_frame;
 pub mod grid_steps;
 pub mod history;
 pub mod joint_errors;

@@ -19,9 +19,10 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::stages::{RawCommandBase, StageSettings};
+use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
+use crate::fit::{ErrorBase, SurveyedBase};
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
 use crate::io::input::{self, Bound};
@@ -249,7 +250,8 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
         base_from_command: placed
             .command_frames
             .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
-        raw_command: placed.raw_command,
+        base: placed.base,
+        target_is_tool: placed.target_is_tool,
         similarity: file.similarity.clone(),
         grid: file.grid.clone(),
         tolerance: file.tolerance,
@@ -268,6 +270,11 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
         .as_ref()
         .map(|section| section.target_is_tool);
     let based = file.tracker.tracker_from_base.is_some();
+    let survey = match &file.tracker.tracker_from_base {
+        Some(TrackerFromBase::Surveyed(survey)) => Some(survey),
+        Some(TrackerFromBase::Fitted) | None => None,
+    };
+    let surveyed = survey.is_some();
     let remarks = [
         (
             file.robot.up.is_none() && file.fit.full.enabled && file.fit.full.gravity,
@@ -278,8 +285,13 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
             "there is no [commanded], so there are no errors against the command",
         ),
         (
-            one_point == Some(false) && based,
-            "[tracker] tracker_from_base is not used: command and measured target are not one point",
+            one_point == Some(false) && surveyed && file.fit.geometric.target.is_none(),
+            "[fit] target is not given: the tool's place beside the measured target is that of the fit, which the arm's errors are in too; \
+             state it with its sd_mm, so that the verdict counts it",
+        ),
+        (
+            survey.is_some_and(|survey| survey.sd_mm.is_none() || survey.sd_deg.is_none()),
+            "[tracker] tracker_from_base.surveyed has no sd_mm and sd_deg: the verdict supposes that the survey has no error",
         ),
         (
             one_point == Some(true) && !based,
@@ -300,7 +312,9 @@ struct Placed {
     command_frames: Option<CommandFrames>,
     /// The controller's tool, which commands are for. It may be meant to be the target; where the target sits is measured.
     flange_from_tool: Option<Isometry3<f64>>,
-    raw_command: Option<RawCommandBase>,
+    base: Option<ErrorBase>,
+    /// Whether the commanded point is the measured target; `None` without commands.
+    target_is_tool: Option<bool>,
     /// Where the tool tip is at the flange, mm.
     tool_tip: Option<Vector3<f64>>,
 }
@@ -309,18 +323,23 @@ impl Placed {
     fn new(path: &Path, file: &PipelineFile) -> Result<Self, ConfigurationError> {
         let isometry = |key, placement: &Placement| placed(path, key, placement);
         let base = match &file.tracker.tracker_from_base {
-            Some(TrackerFromBase::Surveyed(placement)) => Some(RawCommandBase::Surveyed(isometry(
-                "[tracker] tracker_from_base",
-                placement,
-            )?)),
-            Some(TrackerFromBase::Fitted) => Some(RawCommandBase::Fitted),
+            Some(TrackerFromBase::Surveyed(survey)) => Some(ErrorBase::Surveyed(SurveyedBase {
+                tracker_from_base: isometry("[tracker] tracker_from_base", &survey.placement())?,
+                sd_mm: survey.sd_mm,
+                sd_rad: survey.sd_deg.map(f64::to_radians),
+            })),
+            Some(TrackerFromBase::Fitted) => Some(ErrorBase::Fitted),
             None => None,
         };
         let mut placed = Self {
             up: file.robot.up.map(|up| upwards(path, up)).transpose()?,
             command_frames: None,
             flange_from_tool: None,
-            raw_command: None,
+            base,
+            target_is_tool: file
+                .commanded
+                .as_ref()
+                .map(|commanded| commanded.target_is_tool),
             tool_tip: None,
         };
         let tip = file.report.tool_tip.as_ref();
@@ -343,9 +362,7 @@ impl Placed {
         placed.tool_tip = tip
             .map(|tip| tip_at_flange(path, tip, tool.as_ref()))
             .transpose()?;
-        if section.target_is_tool {
-            placed.raw_command = base;
-        } else if tool.is_none() {
+        if !section.target_is_tool && tool.is_none() {
             return Err(no_tool(path));
         }
         Ok(placed)

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Noise, TrackerUncertainty};
-use crate::geometry::Placement;
+use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
@@ -253,7 +253,7 @@ pub struct TrackerSection {
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
     pub uncertainty: TrackerUncertainty,
-    /// Where the arm's base stands in the tracker's frame; errors against the raw command need it.
+    /// Where the arm's base stands in the tracker's frame: errors, table and verdict are stated in that base. Fitted where absent.
     pub tracker_from_base: Option<TrackerFromBase>,
 }
 
@@ -281,7 +281,42 @@ pub enum TrackerFromBase {
     /// Found by the base + target fit: `"fitted"`.
     Fitted,
     /// Measured by other means: `{ surveyed = { xyz_mm = …, … } }`.
-    Surveyed(Placement),
+    Surveyed(Survey),
+}
+
+/// A surveyed base: its placement and how well it was surveyed.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Survey {
+    /// Where the base's origin lies in the tracker's frame, mm.
+    pub xyz_mm: [f64; 3],
+    /// Rotation as a quaternion x y z w.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quaternion_xyzw: Option<[f64; 4]>,
+    /// Rotation as three angles, degrees; `euler_order` says about what.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_deg: Option<[f64; 3]>,
+    /// The order of the three angles; it has no default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_order: Option<EulerOrder>,
+    /// Standard deviation of the origin's position, mm; without it the verdict does not count the survey.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd_mm: Option<f64>,
+    /// Standard deviation of the rotation, degrees; without it the verdict does not count the survey.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd_deg: Option<f64>,
+}
+
+impl Survey {
+    /// The placement without its uncertainty.
+    pub const fn placement(&self) -> Placement {
+        Placement {
+            xyz_mm: self.xyz_mm,
+            quaternion_xyzw: self.quaternion_xyzw,
+            euler_deg: self.euler_deg,
+            euler_order: self.euler_order,
+        }
+    }
 }
 
 /// `[fit]`: the geometric fit, and the full error model under `full`.

@@ -9,6 +9,7 @@ mod iso_9283;
 mod judged;
 mod observed;
 pub(super) mod scales;
+mod stated;
 mod turns;
 mod unseen;
 
@@ -17,7 +18,9 @@ use thiserror::Error;
 
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
-use crate::fit::{self, ErrorFrame, FitError, FitSettings, Models, Noise, TrainingSettings};
+use crate::fit::{
+    self, ErrorBase, FitError, FitSettings, Models, Noise, SurveyedBase, TrainingSettings,
+};
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
 use crate::kinematics::Arm;
@@ -47,8 +50,10 @@ pub struct StageSettings {
     pub flange_from_tool: Option<Isometry3<f64>>,
     /// The frame that commands are stated in, in the base frame.
     pub base_from_command: Isometry3<f64>,
-    /// Where errors against the raw command can be given: the base they are given in.
-    pub raw_command: Option<RawCommandBase>,
+    /// The base frame that errors, table and verdict are stated in, where the pipeline file says so; fitted otherwise.
+    pub base: Option<ErrorBase>,
+    /// Whether the commanded point is the measured target; `None` without commands.
+    pub target_is_tool: Option<bool>,
     /// Semivariograms.
     pub similarity: SimilaritySettings,
     /// Steps and nodes.
@@ -63,13 +68,14 @@ pub struct StageSettings {
     pub tool_tip: Option<Vector3<f64>>,
 }
 
-/// The base in which an error against the raw command is given; command and target are one point.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RawCommandBase {
-    /// Surveyed: `tracker_from_base`.
-    Surveyed(Isometry3<f64>),
-    /// Said to be fitted: that of base + target.
-    Fitted,
+impl StageSettings {
+    /// The surveyed base, where errors are stated in one.
+    pub const fn surveyed(&self) -> Option<&SurveyedBase> {
+        match &self.base {
+            Some(ErrorBase::Surveyed(base)) => Some(base),
+            Some(ErrorBase::Fitted) | None => None,
+        }
+    }
 }
 
 /// Why a stage has no result.
@@ -112,17 +118,8 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
-    let error_frame = ErrorFrame::new(
-        arm,
-        models.base_target.frames[last],
-        settings.flange_from_tool,
-        settings.noise.orientations,
-    );
-    residuals.extend(raw_command(
-        &training[last],
-        &error_frame,
-        settings.raw_command,
-    ));
+    let error_frame = stated::error_frame(arm, &models.base_target.frames[last], settings);
+    residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
@@ -175,6 +172,7 @@ pub fn run<'a>(
     }
     Ok(Outcome {
         best: models.best().0,
+        base: settings.base.unwrap_or(ErrorBase::Fitted),
         training,
         test,
         calibrations: vec![

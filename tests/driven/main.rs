@@ -85,7 +85,8 @@ fn stage_settings(harmonics: usize) -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![250.0],

@@ -1,6 +1,7 @@
 //! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
 
 use super::PublishContext;
+use super::error_frame::{ErrorFrameName, ErrorFrameOf};
 use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
 use super::words::placement;
 use crate::fit::full::{FullModel, PartEvidence};
@@ -135,6 +136,31 @@ row! {
             flange_from_tool_qz,
             flange_from_tool_qw,
         ]: [f64; 4],
+        /// The base that errors are stated in.
+        error_frame: ErrorFrameName,
+        /// Origin of that base in the tracker's frame, mm.
+        error_frame_base as [
+            error_frame_base_x_mm,
+            error_frame_base_y_mm,
+            error_frame_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        error_frame_base_turn as [
+            error_frame_base_qx,
+            error_frame_base_qy,
+            error_frame_base_qz,
+            error_frame_base_qw,
+        ]: [f64; 4],
+        /// The measured target in the flange's frame, as errors suppose it, mm.
+        error_frame_target as [
+            error_frame_target_x_mm,
+            error_frame_target_y_mm,
+            error_frame_target_z_mm,
+        ]: [f64; 3],
+        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        error_frame_sd_mm: Option<f64>,
+        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        error_frame_sd_deg: Option<f64>,
         /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,
         /// Highest reported angle of each joint, rad.
@@ -272,6 +298,7 @@ impl<'a> Identified<'a> {
         let is_turned = frames.is_some_and(|(_, turned)| turned);
         let command_from_base = placement(context.command_from_base.isometry());
         let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
+        let stated_in = ErrorFrameOf::new(outcome);
         let some = |value: f64| (value > 0.0).then_some(value);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
@@ -316,6 +343,12 @@ impl<'a> Identified<'a> {
             command_from_base_turn: command_from_base.1,
             flange_from_tool: flange_from_tool.0,
             flange_from_tool_turn: flange_from_tool.1,
+            error_frame: stated_in.name,
+            error_frame_base: stated_in.base.0,
+            error_frame_base_turn: stated_in.base.1,
+            error_frame_target: stated_in.target,
+            error_frame_sd_mm: stated_in.sd_mm,
+            error_frame_sd_deg: stated_in.sd_deg,
             joint_lower_rad,
             joint_upper_rad,
             configurations: configurations(outcome),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+use super::error_frame::{ErrorFrameName, ErrorFrameOf};
 use super::validity::{joint_ranges, learnt_from, temperatures};
 use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
@@ -101,6 +102,25 @@ row! {
             flange_from_target_y_mm,
             flange_from_target_z_mm,
         ]: [f64; 3],
+        /// The base that errors are stated in.
+        error_frame: ErrorFrameName,
+        /// Origin of that base in the tracker's frame, mm.
+        error_frame_base as [
+            error_frame_base_x_mm,
+            error_frame_base_y_mm,
+            error_frame_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        error_frame_base_turn as [
+            error_frame_base_qx,
+            error_frame_base_qy,
+            error_frame_base_qz,
+            error_frame_base_qw,
+        ]: [f64; 4],
+        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        error_frame_sd_mm: Option<f64>,
+        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        error_frame_sd_deg: Option<f64>,
         /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,
         /// The payload, kg, as it states it.
@@ -152,6 +172,7 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
     let command_from_base = context.command_from_base.isometry();
     let (origin, turn) = placement(command_from_base);
     let target = outcome.error_frame.frames().flange_from_target.origin();
+    let stated_in = ErrorFrameOf::new(outcome);
     let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
     let text = |text: &Option<String>| text.as_deref().map(Arc::from);
     let configuration = chosen.configuration.as_ref().map(Configuration::to_string);
@@ -191,6 +212,11 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),
         flange_from_target: target.coords().into(),
+        error_frame: stated_in.name,
+        error_frame_base: stated_in.base.0,
+        error_frame_base_turn: stated_in.base.1,
+        error_frame_sd_mm: stated_in.sd_mm,
+        error_frame_sd_deg: stated_in.sd_deg,
         tool: text(&stated.tool),
         payload_kg: stated.payload_kg,
         mounting: text(&stated.mounting),

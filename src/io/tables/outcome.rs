@@ -3,7 +3,7 @@
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, ErrorFrame, PoseModel};
+use crate::fit::{Calibration, ErrorBase, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
 use crate::io::targets::driving::DrivingFile;
@@ -83,6 +83,8 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
+    /// The base that errors are stated in.
+    pub base: ErrorBase,
     /// The error reference frame of the last training session, which table and grids are for.
     pub error_frame: ErrorFrame<'a>,
     /// Residuals by model, split, angles and base.

@@ -13,7 +13,7 @@ use crate::ingest::WrongFields;
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
-use crate::pipeline::file::PipelineFile;
+use crate::pipeline::file::{PipelineFile, TrackerFromBase};
 use crate::similarity::SimilaritySettings;
 
 /// A key whose value cannot be.
@@ -86,6 +86,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     }
     mapping(file, joints)?;
     uncertainty(&file.tracker.uncertainty)?;
+    survey(file.tracker.tracker_from_base.as_ref())?;
     geometric(&file.fit.geometric)?;
     full(&file.fit.full)?;
     similarity(&file.similarity, joints)?;
@@ -143,6 +144,16 @@ fn uncertainty(u: &TrackerUncertainty) -> Check {
     positive(key("divisor"), u.divisor)?;
     u.orientation_rad
         .map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
+}
+
+fn survey(base: Option<&TrackerFromBase>) -> Check {
+    let Some(TrackerFromBase::Surveyed(survey)) = base else {
+        return Ok(());
+    };
+    let key = |key: &str| format!("[tracker] tracker_from_base.surveyed.{key}");
+    let sizes = [("sd_mm", survey.sd_mm), ("sd_deg", survey.sd_deg)];
+    let stated = sizes.into_iter().filter_map(|(name, sd)| Some((name, sd?)));
+    each(stated, |(name, sd)| not_negative(key(name), sd))
 }
 
 fn geometric(fit: &FitSettings) -> Check {

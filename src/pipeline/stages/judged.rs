@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
+use super::StageSettings;
 use super::observed::{Observed, observations};
 use super::turns::commanded_turns;
-use super::{RawCommandBase, StageSettings};
+use crate::fit::ErrorBase;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, ErrorFrame, FitError, Models, TrainingSettings, holdout};
 use crate::io::tables::outcome::JoinedSession;
@@ -12,7 +13,7 @@ use crate::join::Station;
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, RefitSettings, Stations};
-use crate::report::tip::{Turn, without_constant};
+use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 /// Observations up to which folds are trained side by side. A training holds its rows, some 32 KB an observation for six
@@ -178,24 +179,18 @@ pub(super) fn merge(sets: &mut Vec<ResidualSet>, set: ResidualSet) {
     }
 }
 
-/// Errors against the raw command, where command and target are one point and the base is known or said to be fitted.
+/// Errors against the raw command in the error reference frame: where the base is surveyed, and where it is said to be fitted and
+/// command and target are one point.
 pub(super) fn raw_command(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
-    base: Option<RawCommandBase>,
+    settings: &StageSettings,
 ) -> Option<ResidualSet> {
-    let tracker_from_base = match base? {
-        RawCommandBase::Surveyed(tracker_from_base) => tracker_from_base,
-        RawCommandBase::Fitted => *error_frame.frames().tracker_from_base.isometry(),
-    };
-    let base = tracker_from_base.rotation.inverse()
-        * error_frame.frames().tracker_from_base.isometry().rotation;
-    let seen = |turn: &Turn| Turn {
-        attained: base * turn.attained,
-        ..*turn
-    };
+    let is_tool = settings.target_is_tool?;
+    if settings.base? == ErrorBase::Fitted && !is_tool {
+        return None;
+    }
     let turns = commanded_turns(session, error_frame);
-    let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
     let turns = without_constant(&turns, |_| true);
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
@@ -207,7 +202,7 @@ pub(super) fn raw_command(
             fold: None,
             used_for_refit: false,
             predicted: commanded,
-            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+            residual: error_frame.attained_tool(&station.joints, attained) - commanded,
             covariance: None,
             weight: None,
             turn: turns[place],

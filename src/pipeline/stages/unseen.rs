@@ -135,9 +135,7 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
-        let target = self
-            .error_frame
-            .frames()
+        let target = self.models.base_target.frames[self.own.1]
             .flange_from_target
             .isometry()
             .translation
