@@ -36,7 +36,7 @@ const MAY_USE: &[(&str, &str)] = &[
         "io",
         "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report similarity units",
     ),
-    ("page", "fit grid io manifest report similarity units"),
+    ("page", "fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",

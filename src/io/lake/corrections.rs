@@ -10,9 +10,8 @@ use std::time::SystemTime;
 use super::{Lake, LakeError, encoded, file_key};
 use crate::io::schema::{self, KEY_COLUMNS};
 use crate::io::store::Place;
-use crate::io::table::{self, Row as _, Table, TableError, Word as _, row, words};
-use crate::io::tables::words::CorrectingTable;
-use crate::io::targets::Form;
+use crate::io::table::{self, Row as _, Table, TableError, Word as _, row};
+use crate::io::tables::words::{CorrectingTable, Form};
 use crate::manifest::RunKey;
 
 /// The table, and its folder.
@@ -52,10 +51,6 @@ row! {
         /// BLAKE3 of all of it, hexadecimal.
         digest: String,
     }
-}
-
-words! {
-    Form { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
 }
 
 /// Letters of a digest that name a file.

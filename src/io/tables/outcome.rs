@@ -6,10 +6,9 @@ use crate::fit::scale::SessionScale;
 use crate::fit::{Calibration, ErrorBase, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
-use crate::io::targets::driving::DrivingFile;
 use crate::join::Joined;
 use crate::manifest::RunKey;
-use crate::report::driven::{Application, DrivenStation, Matched, Measured};
+use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
 use crate::report::iso_9283::Iso9283;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, ResidualSet};
@@ -103,4 +102,17 @@ pub struct Outcome<'a> {
     pub at_tip: Vec<Accuracy>,
     /// Figures of repeated visits.
     pub iso_9283: Vec<Iso9283>,
+}
+
+/// What drove a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivingFile {
+    /// The run whose table corrected the targets.
+    pub key: RunKey,
+    /// Which of its tables: `compensation` or `calibrations`.
+    pub table: String,
+    /// Targets with their commands, in the file's order.
+    pub targets: Vec<CorrectedTarget>,
+    /// Targets without a command.
+    pub refused: usize,
 }

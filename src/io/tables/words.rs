@@ -39,6 +39,19 @@ pub enum CorrectingTable {
     Calibrations,
 }
 
+/// Forms of a file of targets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Comma-separated text, the columns named in its first line.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+    /// An array of objects, their keys as the columns of CSV.
+    Json,
+    /// A data list of KUKA's robot language.
+    Krl,
+}
+
 /// Units of a column that has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
@@ -67,6 +80,7 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
+    Form { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
     CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }

@@ -13,21 +13,9 @@ use super::{CorrectedRow, Form, TargetsError, bounded, formula};
 use crate::io::input::Bound;
 use crate::io::schema::{self, KEY_COLUMNS};
 use crate::io::table::{self, Row as _, Word as _};
+pub use crate::io::tables::outcome::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
-
-/// What drove a session.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DrivingFile {
-    /// The run whose table corrected the targets.
-    pub key: RunKey,
-    /// Which of its tables: `compensation` or `calibrations`.
-    pub table: String,
-    /// Targets with their commands, in the file's order.
-    pub targets: Vec<CorrectedTarget>,
-    /// Targets without a command.
-    pub refused: usize,
-}
 
 /// Tables that correct targets.
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
