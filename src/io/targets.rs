@@ -33,7 +33,7 @@ use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
 pub use corrected::{CorrectedBy, corrected};
-pub use error::{RowProblem, TargetsError};
+pub use error::{RowProblem, TargetsError, TargetsErrorKind};
 pub use krl::DataList;
 pub use names::NamesProblem;
 pub use write_csv::write_csv;
@@ -73,7 +73,7 @@ impl Form {
             Some("parquet") => Ok(Self::Parquet),
             Some("json") => Ok(Self::Json),
             Some("dat") => Ok(Self::Krl),
-            _ => Err(TargetsError::UnknownForm(path.to_owned())),
+            _ => Err(TargetsErrorKind::UnknownForm.at(path)),
         }
     }
 }
@@ -110,7 +110,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         list,
     } = rows(path)?;
     if placed.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     let mut places = BTreeMap::new();
     let mut targets = Vec::with_capacity(placed.len());
@@ -142,7 +142,7 @@ pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, Targ
         .map(|row| (row.target, row.joints))
         .collect();
     if commands.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     Ok(commands)
 }

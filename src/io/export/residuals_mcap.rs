@@ -24,7 +24,7 @@ use mcap::records::{MessageHeader, Metadata};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::io::common::Common;
 use crate::io::lake::read_given;
 use crate::io::schema;
@@ -47,7 +47,7 @@ const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(path.to_owned()));
+        return Err(ExportErrorKind::Empty.at(path));
     }
     let common = Common {
         path,

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::io::common::Common;
 use crate::io::lake::{Lake, read_given};
 use crate::io::schema;
@@ -74,7 +74,7 @@ impl Times {
 /// The lake that a file `TABLE/ROBOT/SESSION/RUN.parquet` stands in.
 fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     let root = residuals.ancestors().nth(4);
-    let root = root.ok_or_else(|| ExportError::NoLake(residuals.to_owned()))?;
+    let root = root.ok_or_else(|| ExportErrorKind::NoLake.at(residuals))?;
     Ok(Lake::new(if root == Path::new("") {
         Path::new(".")
     } else {
@@ -86,7 +86,7 @@ fn lake(residuals: &Path) -> Result<Lake, ExportError> {
 fn of_run(file: &Path, key: &RunKey) -> Result<Table, ExportError> {
     let table = read_given(file, schema::find("stations")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(file.to_owned()));
+        return Err(ExportErrorKind::Empty.at(file));
     }
     let common = Common {
         path: file,
@@ -96,10 +96,7 @@ fn of_run(file: &Path, key: &RunKey) -> Result<Table, ExportError> {
     if (&found.robot, &found.run) == (&key.robot, &key.run) {
         Ok(table)
     } else {
-        Err(ExportError::OtherRun {
-            path: file.to_owned(),
-            found: found.run,
-            expected: key.run.clone(),
-        })
+        let (found, expected) = (found.run, key.run.clone());
+        Err(ExportErrorKind::OtherRun { found, expected }.at(file))
     }
 }
