@@ -188,14 +188,13 @@ impl CalibrationsFile<'_> {
         };
         let misfit = self.table.f64("misfit_mm");
         let misfit = (!misfit.is_null(row)).then(|| misfit.value(row));
-        let predicts = load(self.table.text("model").value(row), misfit);
-        let predicts = predicts.map_err(|source| self.wrong(kind, source))?;
-        let own = self.head(kind)?.ok_or_else(|| self.absent(kind))?;
-        self.same(kind, base, &own)?;
+        let loaded = load(self.table.text("model").value(row), misfit);
+        let loaded = loaded.map_err(|source| self.wrong(kind, source))?;
+        self.same(kind, base, &loaded.head)?;
         Ok(Some(ArmModel {
             model,
-            predicts,
-            session: own.sessions.len() - 1,
+            predicts: loaded.model,
+            session: loaded.head.sessions.len() - 1,
         }))
     }
 
