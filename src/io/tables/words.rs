@@ -63,7 +63,6 @@ words! {
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {
         ToldApart: "told_apart",
-        Fixed: "fixed",
         MovesNothing: "moves_nothing",
         StructurallyDependent: "structurally_dependent",
         Weak: "weak",
