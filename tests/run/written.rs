@@ -444,16 +444,12 @@ fn changes() -> Cell {
 /// Targets corrected by both tables of a run, by every exception, and refused for what can be wrong with them.
 fn corrected(cell: &Cell, session: &str) {
     fs::create_dir(cell.path("corrected")).expect("writable");
-    let (arm, grid) = (
-        cell.table_file("calibrations", session),
-        cell.table_file("compensation", session),
-    );
     let table = cell.table("compensation", session);
     let known = (0..table.rows()).find(|&row| table.text("refused").is_null(row));
     let node = known.expect("a node with a value");
     let numbers = |columns: &[&str]| -> String {
         let values = columns.iter().map(|column| table.f64(column).value(node));
-        values.map(|value| format!("{value},")).collect()
+        listed(&values.collect::<Vec<_>>()) + ","
     };
     let (place, turn) = (
         numbers(&["x_mm", "y_mm", "z_mm"]),
@@ -465,12 +461,11 @@ fn corrected(cell: &Cell, session: &str) {
     let with = |joint: usize, angle: f64| {
         let mut joints = joints.clone();
         joints[joint] = angle;
-        joints.iter().map(|q| format!(",{q}")).collect::<String>()
+        format!(",{}", listed(&joints))
     };
     let stations = cell.table("stations", session);
     let own = stations.list("joints_rad").value(0);
-    let own = own.as_primitive::<Float64Type>().values().iter();
-    let own: String = own.map(|q| format!(",{q}")).collect();
+    let own = format!(",{}", listed(own.as_primitive::<Float64Type>().values()));
     let no_joints = ",".repeat(6);
     let write = |name: &str, text: &str| {
         fs::write(cell.path(name), text).expect("writable");
@@ -499,6 +494,13 @@ fn corrected(cell: &Cell, session: &str) {
         "far.csv",
         &format!("target,{angles}\nA{}\n", with(0, joints[0] + 1.0)),
     );
+    compensated(cell, session);
+}
+
+/// Runs `compensate` on the files of targets.
+fn compensated(cell: &Cell, session: &str) {
+    let arm = cell.table_file("calibrations", session);
+    let grid = cell.table_file("compensation", session);
     let files: [(&Path, &str, &str, &str); 14] = [
         (&arm, "wrong.csv", "by_arm.parquet", ""),
         (&grid, "wrong.csv", "by_grid.parquet", ""),
@@ -552,4 +554,10 @@ fn corrected(cell: &Cell, session: &str) {
         let ended = ended(command.args(flags.split_whitespace()));
         assert!([0, 1, 3].contains(&ended.code), "{out}: {}", ended.messages);
     }
+}
+
+/// Numbers with commas between them.
+fn listed(values: &[f64]) -> String {
+    let texts: Vec<String> = values.iter().map(f64::to_string).collect();
+    texts.join(",")
 }
