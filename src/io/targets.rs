@@ -32,8 +32,13 @@ use crate::geometry::Position;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
+<<<<<<< HEAD
 pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
 pub use error::{RowProblem, TargetsError};
+=======
+pub use corrected::{CorrectedBy, corrected};
+pub use error::{RowProblem, TargetsError, TargetsErrorKind};
+>>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
 pub use krl::DataList;
 pub use names::NamesProblem;
 #[cfg(test)]
@@ -54,7 +59,7 @@ impl Form {
             Some("parquet") => Ok(Self::Parquet),
             Some("json") => Ok(Self::Json),
             Some("dat") => Ok(Self::Krl),
-            _ => Err(TargetsError::UnknownForm(path.to_owned())),
+            _ => Err(TargetsErrorKind::UnknownForm.at(path)),
         }
     }
 }
@@ -91,7 +96,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         list,
     } = rows(path)?;
     if placed.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     let mut places = BTreeMap::new();
     let mut targets = Vec::with_capacity(placed.len());
@@ -123,7 +128,7 @@ pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, Targ
         .map(|row| (row.target, row.joints))
         .collect();
     if commands.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     Ok(commands)
 }

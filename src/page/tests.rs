@@ -230,7 +230,7 @@ fn session(name: &str) -> Session {
             reject: 0,
             stage: Stage::Ingest,
             kind: RejectKind::Messages,
-            number: None,
+            number: 1,
             reason: name.to_owned(),
             file: None,
             topic: None,

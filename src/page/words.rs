@@ -79,7 +79,6 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {
     match found {
         Identifiability::Identifiable => "identifiable",
-        Identifiability::Fixed => "fixed by the settings",
         Identifiability::MovesNothing => "moves nothing that was measured",
         Identifiability::StructurallyDependent => "the same motion as others",
         Identifiability::Weak => "hardly more than its prior",

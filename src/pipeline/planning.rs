@@ -32,7 +32,7 @@ use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 
 use cell::Placed;
-pub use known::KnownError;
+pub use known::{KnownError, KnownMisfit};
 pub use so_far::{SoFar, SoFarError};
 
 /// The session under which a plan stands in the lake.

@@ -2,10 +2,10 @@
 
 use nalgebra::Point3;
 
-use super::{About, Corrects, Made};
+use super::{About, Corrects, Loaded, Made};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
-use crate::fit::saved::{SavedCalibration, SavedError, SavedSession};
+use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{Calibration, Frames, Freedom};
 use crate::kinematics::{Arm, Chain};
 
@@ -31,14 +31,21 @@ pub struct IdentifiedGeometry {
     pub misfit_mm: f64,
 }
 
-pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
+pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedCalibration::read(text)?;
     let frames = saved.sessions.iter().map(SavedSession::frames);
-    Ok(Box::new(IdentifiedGeometry {
+    let model = IdentifiedGeometry {
         chain: saved.chain()?,
         frames: frames.collect::<Result<_, _>>()?,
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
-    }))
+    };
+    Ok(Loaded {
+        head: SavedHead {
+            arm: saved.arm,
+            sessions: saved.sessions,
+        },
+        model: Box::new(model),
+    })
 }
 
 impl PoseModel for Calibration {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::compensation::{Conditions, Validity};
 use crate::fit::full::FullModel;
 use crate::io::calibrations_table::{self, PublishedArm};
@@ -64,7 +64,7 @@ struct Curve {
 pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError> {
     let PublishedArm { key, arm } = calibrations_table::read(path)?;
     let Some(model) = arm.model.is::<FullModel>() else {
-        return Err(ExportError::NoCurves(path.to_owned()));
+        return Err(ExportErrorKind::NoCurves.at(path));
     };
     let target = arm.frames.flange_from_target.origin().coords();
     let valid_for = ValidFor::of(&arm.validity, target.into());
@@ -78,7 +78,7 @@ pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError>
 pub fn of_joint_errors(path: &Path, sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("joint_errors")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(path.to_owned()));
+        return Err(ExportErrorKind::Empty.at(path));
     }
     let key =
         common::key(path, &table).map_err(calibrations_table::CalibrationsTableError::from)?;

@@ -24,8 +24,13 @@ use mcap::records::{MessageHeader, Metadata};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
+<<<<<<< HEAD
 use super::ExportError;
 use crate::io::common;
+=======
+use super::{ExportError, ExportErrorKind};
+use crate::io::common::Common;
+>>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
 use crate::io::lake::read_given;
 use crate::io::schema;
 use crate::io::tables::residuals::ResidualRow;
@@ -49,7 +54,7 @@ const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(path.to_owned()));
+        return Err(ExportErrorKind::Empty.at(path));
     }
     let key = common::key(path, &table)?;
     let rows = rows(&table);

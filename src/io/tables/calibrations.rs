@@ -197,10 +197,6 @@ corrects!(CalibrationRow);
 pub enum Convention {
     /// Standard (distal) Denavit–Hartenberg: the only one that robot files may be written in.
     StandardDh,
-    /// Modified (proximal) Denavit–Hartenberg.
-    ModifiedDh,
-    /// Product of exponentials.
-    Poe,
 }
 
 /// The loss on a station's residual.
@@ -217,7 +213,7 @@ pub enum LossName {
 }
 
 words! {
-    Convention { StandardDh: "standard_dh", ModifiedDh: "modified_dh", Poe: "poe" }
+    Convention { StandardDh: "standard_dh" }
     LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 

@@ -87,7 +87,6 @@ words! {
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {
         Identifiable: "identifiable",
-        Fixed: "fixed",
         MovesNothing: "moves_nothing",
         StructurallyDependent: "structurally_dependent",
         Weak: "weak",

@@ -9,7 +9,11 @@ use std::path::Path;
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
+<<<<<<< HEAD
 use super::{CorrectedRow, Form, TargetsError, bounded, formula};
+=======
+use super::{Form, TargetsError, TargetsErrorKind, bounded, formula};
+>>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
 use crate::io::input::Bound;
 use crate::io::schema::{self, KEY_COLUMNS};
 use crate::io::table::{self, Row as _, Word as _};
@@ -48,7 +52,7 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         Form::Csv => from_csv(path, bound)?,
         Form::Parquet => from_parquet(path, bound)?,
         Form::Json => from_json(path, bound)?,
-        Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
+        Form::Krl => return Err(TargetsErrorKind::NotDriving.at(path)),
     };
     let of: BTreeSet<_> = rows
         .iter()
@@ -56,16 +60,13 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         .collect();
     let mut of = of.into_iter();
     let Some((robot, session, run, table)) = of.next() else {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     };
     if of.next().is_some() {
-        return Err(TargetsError::SeveralTables(path.to_owned()));
+        return Err(TargetsErrorKind::SeveralTables.at(path));
     }
     if !TABLES.contains(&table.as_str()) {
-        return Err(TargetsError::NotOfATable {
-            path: path.to_owned(),
-            found: table.clone(),
-        });
+        return Err(TargetsErrorKind::NotOfATable(table.clone()).at(path));
     }
     finite(path, &rows)?;
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
@@ -78,10 +79,7 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
 }
 
 fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    let failed = |source| TargetsError::Csv {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader
@@ -91,10 +89,8 @@ fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> 
 }
 
 fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bounded::read(path, bound)?).map_err(|source| TargetsError::Json {
-        path: path.to_owned(),
-        source,
-    })
+    serde_json::from_slice(&bounded::read(path, bound)?)
+        .map_err(|source| TargetsErrorKind::Json(source).at(path))
 }
 
 fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
@@ -114,11 +110,10 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
         .position(|row| !row.numbers().all(f64::is_finite));
     match wrong {
         None => Ok(()),
-        Some(row) => Err(TargetsError::NotANumber {
-            path: path.to_owned(),
-            row,
-            target: rows[row].target.clone(),
-        }),
+        Some(row) => {
+            let target = rows[row].target.clone();
+            Err(TargetsErrorKind::NotANumber { row, target }.at(path))
+        }
     }
 }
 

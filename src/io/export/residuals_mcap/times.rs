@@ -3,8 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+<<<<<<< HEAD
 use super::ExportError;
 use crate::io::common;
+=======
+use super::{ExportError, ExportErrorKind};
+use crate::io::common::Common;
+>>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
 use crate::io::lake::{Lake, read_given};
 use crate::io::schema;
 use crate::io::table::{Row as _, Table};
@@ -70,7 +75,7 @@ impl Times {
 /// The lake that a file `TABLE/ROBOT/SESSION/RUN.parquet` stands in.
 fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     let root = residuals.ancestors().nth(4);
-    let root = root.ok_or_else(|| ExportError::NoLake(residuals.to_owned()))?;
+    let root = root.ok_or_else(|| ExportErrorKind::NoLake.at(residuals))?;
     Ok(Lake::new(if root == Path::new("") {
         Path::new(".")
     } else {
@@ -82,16 +87,13 @@ fn lake(residuals: &Path) -> Result<Lake, ExportError> {
 fn of_run(file: &Path, key: &RunKey) -> Result<(String, Table), ExportError> {
     let table = read_given(file, schema::find("stations")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(file.to_owned()));
+        return Err(ExportErrorKind::Empty.at(file));
     }
     let found = common::key(file, &table)?;
     if (&found.robot, &found.run) == (&key.robot, &key.run) {
         Ok((found.session, table))
     } else {
-        Err(ExportError::OtherRun {
-            path: file.to_owned(),
-            found: found.run,
-            expected: key.run.clone(),
-        })
+        let (found, expected) = (found.run, key.run.clone());
+        Err(ExportErrorKind::OtherRun { found, expected }.at(file))
     }
 }

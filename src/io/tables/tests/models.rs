@@ -55,7 +55,9 @@ fn a_model_that_was_saved_predicts_as_it_did() {
     for &model in Model::ALL.iter().filter(|model| is_trained(**model)) {
         let own = models.get(model).unwrap();
         let text = own.saved(&ARM, &[SESSION]).unwrap().unwrap();
-        let back = model.about().load.unwrap()(&text, Some(models.geometric.misfit_mm)).unwrap();
+        let back = model.about().load.unwrap()(&text, Some(models.geometric.misfit_mm))
+            .unwrap()
+            .model;
         let at = |model: &dyn PoseModel| {
             let at: Vec<At<'_>> = observations
                 .iter()
