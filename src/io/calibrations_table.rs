@@ -194,18 +194,9 @@ impl CalibrationsFile<'_> {
         let (Some(row), Some(load)) = (self.row(model), model.about().load) else {
             return Ok(None);
         };
-<<<<<<< HEAD
-        let predicts = load(&row.model, row.misfit_mm);
-        let predicts = predicts.map_err(|source| self.wrong(model, source))?;
-        let own = self.head(model)?.ok_or_else(|| self.absent(model))?;
-        self.same(model, base, &own)?;
-=======
-        let misfit = self.table.f64("misfit_mm");
-        let misfit = (!misfit.is_null(row)).then(|| misfit.value(row));
-        let loaded = load(self.table.text("model").value(row), misfit);
-        let loaded = loaded.map_err(|source| self.wrong(kind, source))?;
-        self.same(kind, base, &loaded.head)?;
->>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
+        let loaded = load(&row.model, row.misfit_mm);
+        let loaded = loaded.map_err(|source| self.wrong(model, source))?;
+        self.same(model, base, &loaded.head)?;
         Ok(Some(ArmModel {
             model,
             predicts: loaded.model,

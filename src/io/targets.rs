@@ -32,13 +32,8 @@ use crate::geometry::Position;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
-<<<<<<< HEAD
 pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
-pub use error::{RowProblem, TargetsError};
-=======
-pub use corrected::{CorrectedBy, corrected};
 pub use error::{RowProblem, TargetsError, TargetsErrorKind};
->>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
 pub use krl::DataList;
 pub use names::NamesProblem;
 #[cfg(test)]

@@ -24,13 +24,8 @@ use mcap::records::{MessageHeader, Metadata};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
-<<<<<<< HEAD
-use super::ExportError;
-use crate::io::common;
-=======
 use super::{ExportError, ExportErrorKind};
-use crate::io::common::Common;
->>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
+use crate::io::common;
 use crate::io::lake::read_given;
 use crate::io::schema;
 use crate::io::tables::residuals::ResidualRow;

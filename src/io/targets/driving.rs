@@ -9,11 +9,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
-<<<<<<< HEAD
-use super::{CorrectedRow, Form, TargetsError, bounded, formula};
-=======
-use super::{Form, TargetsError, TargetsErrorKind, bounded, formula};
->>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
+use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
 use crate::io::input::Bound;
 use crate::io::schema::{self, KEY_COLUMNS};
 use crate::io::table::{self, Row as _, Word as _};

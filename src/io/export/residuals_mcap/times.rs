@@ -3,13 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-<<<<<<< HEAD
-use super::ExportError;
-use crate::io::common;
-=======
 use super::{ExportError, ExportErrorKind};
-use crate::io::common::Common;
->>>>>>> 87ed9f17d298583141c80a26d43ddf17f44f49d8
+use crate::io::common;
 use crate::io::lake::{Lake, read_given};
 use crate::io::schema;
 use crate::io::table::{Row as _, Table};
