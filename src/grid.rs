@@ -235,8 +235,7 @@ pub fn grids(
     progress: &dyn Progress,
 ) -> Result<Grids, GridError> {
     let plan = settings.plan(input.stations)?;
-    let has_configuration =
-        |station: &&GridStation| station.configuration == plan.configuration;
+    let has_configuration = |station: &&GridStation| station.configuration == plan.configuration;
     let like: Vec<&GridStation> = input.stations.iter().filter(has_configuration).collect();
     let judging = Judging {
         input,

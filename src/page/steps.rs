@@ -263,7 +263,10 @@ fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
         Series::new("bound, with U above it", marks),
         Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
         Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
-        Series::line_and_points("bound of the model itself", points(steps, |step| step.model_bound_mm)),
+        Series::line_and_points(
+            "bound of the model itself",
+            points(steps, |step| step.model_bound_mm),
+        ),
     ]
 }
 

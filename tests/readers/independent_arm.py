@@ -136,7 +136,7 @@ class Arm:
         self.tool = self.tool + generator.normal(0, 0.05, 3)
         self.zeros = generator.normal(0, 2e-4, 6)
         # The angle that a joint is at beside the one that is commanded: sin θ, cos θ, sin 2θ, cos 2θ.
-        self.curves = generator.normal(0, [8e-5, 8e-5, 4e-5, 4e-5], (6, 4))
+        self.curves = generator.normal(0, [1.5e-4, 1.5e-4, 1e-4, 1e-4], (6, 4))
         # rad per N m: each joint alone gives way 0.1 to 0.5 mrad under the arm stretched out level.
         level = np.maximum(np.abs(self.torques(np.zeros((1, 6)))[0]), 500.0)
         self.compliance = generator.uniform(1e-4, 5e-4, 6) / level

@@ -50,10 +50,9 @@ impl<'j> Pool<'j> {
         let is_table = |row: &Judged| {
             row.judgement == Judgement::Table && row.of_test.is_none() && row.lattice.is_some()
         };
-        let has_value =
-            |row: &Judged| row.nodes > row.refused_nodes.values().sum::<usize>();
-        let tables = (0..judged.len())
-            .filter(|&row| is_table(&judged[row]) && has_value(&judged[row]));
+        let has_value = |row: &Judged| row.nodes > row.refused_nodes.values().sum::<usize>();
+        let tables =
+            (0..judged.len()).filter(|&row| is_table(&judged[row]) && has_value(&judged[row]));
         let tables: Vec<usize> = tables.collect();
         let is_enough = |row: &usize| judged[*row].covered.is_some_and(|own| own.is_enough());
         let enough: Vec<usize> = tables.iter().copied().filter(is_enough).collect();
@@ -229,7 +228,8 @@ impl<'j> Pool<'j> {
         }
         if self.is_short {
             let percent = 100.0 * ENOUGH;
-            picked.words += &format!("; no step answers for {percent:.0} % of the stations like it");
+            picked.words +=
+                &format!("; no step answers for {percent:.0} % of the stations like it");
         }
         picked
     }

@@ -213,12 +213,7 @@ fn interpolations_that_stations_on_nodes_do_not_tell_apart_are_told_by_local_cel
         ..row(100.0, left_mm, 1.0, 100)
     };
     let table = row(100.0, 0.1, 1.0, 100);
-    let judged = [
-        table.clone(),
-        local(0.12),
-        idw(table),
-        idw(local(0.2)),
-    ];
+    let judged = [table.clone(), local(0.12), idw(table), idw(local(0.2))];
     assert_eq!(chosen(&judged, Rule::Within).0, Some(0));
 }
 
@@ -232,7 +227,10 @@ fn where_no_step_gives_a_table_the_reasons_are_told() {
         ..row(100.0, 0.1, 1.0, 0)
     };
     let choice = choose(&[flat], &by(Rule::Within));
-    assert_eq!((choice.row, choice.within, choice.fewest_nodes), (None, None, None));
+    assert_eq!(
+        (choice.row, choice.within, choice.fewest_nodes),
+        (None, None, None)
+    );
     assert!(
         matches!(choice.verdict, Verdict::NotShown(reason) if reason.contains("100 mm, nodes model: the box is flat"))
     );

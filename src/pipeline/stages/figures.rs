@@ -140,7 +140,9 @@ impl FigureMaker<'_> {
             driven_by: None,
             figures: chosen.and_then(|chosen| chosen.figures),
             bound: chosen.and_then(|chosen| chosen.bound),
-            counted: chosen.map(|chosen| chosen.held_out.counted()).unwrap_or_default(),
+            counted: chosen
+                .map(|chosen| chosen.held_out.counted())
+                .unwrap_or_default(),
             blocks: Some(folds.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,

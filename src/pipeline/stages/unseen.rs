@@ -116,11 +116,10 @@ impl Judges<'_> {
             accuracy.iter().find(is_it)
         };
         let own = &self.own.0.name;
-        let blocks = of_table(Split::Blocks, own)
-            .map(|table| {
-                let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
-                Judge::blocks(own, table, &grids.choice.words, covered, tolerance)
-            });
+        let blocks = of_table(Split::Blocks, own).map(|table| {
+            let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
+            Judge::blocks(own, table, &grids.choice.words, covered, tolerance)
+        });
         let sessions = self.test.iter().map(|session| {
             let name = &session.name;
             let model = figure_of_model(accuracy, name);
