@@ -240,11 +240,13 @@ impl CompensationTable {
         let place =
             *(self.command_from_base.inverse() * Position::<Command>::claim(*command)).point();
         let beyond = self.beyond(&place);
-        let step = &self.lattice.step;
-        if beyond.norm() == 0.0 || (0..3).any(|axis| beyond[axis].abs() > BEYOND_RIM * step[axis]) {
-            return *command;
+        let most = Vector3::from(self.lattice.step) * BEYOND_RIM;
+        let is_near = (0..3).all(|axis| beyond[axis].abs() <= most[axis]);
+        if is_near && beyond.norm() > 0.0 {
+            *(self.command_from_base * Position::<Base>::claim(place - beyond)).point()
+        } else {
+            *command
         }
-        *(self.command_from_base * Position::<Base>::claim(place - beyond)).point()
     }
 
     fn vertices(&self, cell: &InCell) -> Result<[&Known; 8], Gap> {

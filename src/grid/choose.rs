@@ -99,12 +99,11 @@ pub(super) fn choose(judged: &[Judged], settings: &GridSettings) -> Choice {
         Rule::Within => within.clone(),
         Rule::FewestNodes => fewest_nodes.clone(),
     };
-    let (row, verdict, words) = match published {
-        Some(picked) => (Some(picked.row), picked.verdict, picked.words),
-        None => {
-            let words = format!("no step gives a table: {}", reasons(judged));
-            (None, Verdict::NotShown(words.clone()), words)
-        }
+    let (row, verdict, words) = if let Some(picked) = published {
+        (Some(picked.row), picked.verdict, picked.words)
+    } else {
+        let words = format!("no step gives a table: {}", reasons(judged));
+        (None, Verdict::NotShown(words.clone()), words)
     };
     Choice {
         row,

@@ -228,8 +228,8 @@ impl<'j> Pool<'j> {
         }
         if self.is_short {
             let percent = 100.0 * ENOUGH;
-            picked.words +=
-                &format!("; no step answers for {percent:.0} % of the stations like it");
+            let short = format!("; no step answers for {percent:.0} % of the stations like it");
+            picked.words += &short;
         }
         picked
     }
