@@ -232,8 +232,13 @@ const BAD: [(&str, &str, &[&str]); 26] = [
     ),
     (
         "steps_mm = [50, 100]",
-        "steps_mm = [50, 250]",
-        &["[grid] steps_mm = 250", "300 × 400 × 200 mm"],
+        "steps_mm = [50, 100]\nwithin = -0.05",
+        &["[grid] within = -0.05"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, 100]\nchoose = \"largest\"",
+        &["unknown variant `largest`", "`within` or `fewest-nodes`"],
     ),
     (
         "steps_mm = [50, 100]",

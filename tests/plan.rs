@@ -368,7 +368,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         &Quiet,
     )
     .expect("a sound session");
-    let chosen = &found.grids.judged[found.grids.choice.row];
+    let chosen = found.grids.chosen().expect("a table");
     let bound = chosen.bound.expect("216 stations are enough");
     let of_session = chosen.bound_of_session.expect("the same stations");
     println!(
@@ -376,7 +376,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         chosen.step_mm,
         chosen.source.name()
     );
-    let table = &found.grids.table;
+    let table = found.grids.table.as_ref().expect("a table");
     let placed = placer.grid(table.lattice, table.orientation);
     let error = |node: &TableNode| {
         let error = node.error.map(|(error, _)| error);

@@ -10,7 +10,7 @@ use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::{GridBasis, PublishContext, RunRows};
 use posegrid::kinematics::Arm;
@@ -74,6 +74,8 @@ fn settings() -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 2.0,

@@ -9,7 +9,7 @@ use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
@@ -76,6 +76,8 @@ fn settings() -> StageSettings {
             interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
             sources: vec![Source::Measured, Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 0.5,
@@ -151,7 +153,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
         full < 0.07 && geometric > 0.4,
         "full error model {full:.4} mm, geometry {geometric:.4} mm"
     );
-    let chosen = &outcome.grids.judged[outcome.grids.choice.row];
+    let chosen = outcome.grids.chosen().expect("a table");
     assert_eq!(chosen.verdict, Verdict::Meets);
     assert!(
         chosen.held_out.counted().poses >= 59,

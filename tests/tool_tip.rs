@@ -8,7 +8,7 @@ use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::Outcome;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
@@ -79,6 +79,8 @@ fn settings(simulated: &Simulated) -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 1.0,

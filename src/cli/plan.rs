@@ -241,6 +241,9 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
         if let Some(row) = best {
             let name = format!("{} mm, {}", row.step_mm, row.source.name());
             *text += &line(&name, row.poses, &row.outcomes);
+        } else {
+            let same = "comes to the same pitches as a smaller one, which is judged";
+            writeln!(text, "  {:<17} {same}", format!("{step_mm} mm")).expect("a string");
         }
     }
     let largest = match plan.step.map(|row| &plan.steps[row]) {

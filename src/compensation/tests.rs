@@ -202,16 +202,31 @@ fn a_target_outside_is_refused_by_how_far() {
 }
 
 #[test]
-fn a_command_that_leaves_the_box_is_refused_though_the_target_is_inside() {
-    // ê is +1 mm along x at the low rim: the command would have to be 0.7 mm outside.
+fn a_command_that_its_correction_takes_beyond_the_rim_has_the_error_there() {
+    // ê is +1 mm along x at the low rim: the command is 0.7 mm outside.
+    let near_rim = target(600.3, 0.0, 500.0);
+    let found = compensate(&table(Interpolation::Trilinear, stretch), &near_rim).expect("inside");
+    assert!((found.correction - Vector3::new(-1.0, 0.0, 0.5)).norm() < 1e-9);
+    // The frame of commands does not matter.
+    let turned = Isometry3::new(Vector3::new(10.0, 20.0, 30.0), Vector3::z() * FRAC_PI_2);
+    let table = table_in(turned, &grid_table(Interpolation::Trilinear, stretch));
+    let place = turned * Point3::new(600.3, 0.0, 500.0);
+    let there = compensate(&table, &target(place.x, place.y, place.z)).expect("inside");
+    let expected = turned.rotation * Vector3::new(-1.0, 0.0, 0.5);
+    assert!((there.correction - expected).norm() < 1e-9, "{there:?}");
+}
+
+#[test]
+fn a_command_far_beyond_the_rim_is_refused_though_the_target_is_inside() {
+    // A tenth of the pitch is 10 mm; ê is +12 mm along x.
     let found = refusal(
-        &table(Interpolation::Trilinear, stretch),
+        &table(Interpolation::Trilinear, |_| Vector3::new(12.0, 0.0, 0.0)),
         &target(600.3, 0.0, 500.0),
     );
     let Reason::Command(Gap::Outside { beyond_mm }) = found else {
         panic!("{found:?}");
     };
-    assert!((beyond_mm.x + 0.7).abs() < 0.01, "{beyond_mm}");
+    assert!((beyond_mm.x + 11.7).abs() < 0.01, "{beyond_mm}");
     assert!(beyond_mm.yz().norm() < 1e-12);
 }
 

@@ -200,7 +200,7 @@ fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Op
         .fold(f64::INFINITY, f64::min);
     let of = |cells: u32| {
         let step_mm = shortest / f64::from(cells);
-        let lattice = Lattice::new(bounds, [step_mm; 3])?;
+        let lattice = Lattice::new(bounds, step_mm).ok()?;
         (lattice.node_count() <= count).then_some((step_mm, lattice))
     };
     let (step_mm, lattice) = (1..).map_while(of).last()?;

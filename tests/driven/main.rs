@@ -17,7 +17,7 @@ use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorFrame, FitSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
 use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
@@ -96,6 +96,8 @@ fn stage_settings(harmonics: usize) -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: TOLERANCE,
         refit: RefitSettings {

@@ -140,14 +140,20 @@ row! {
     }
 }
 
+<<<<<<< HEAD
 corrects!(NodeRow);
 
 /// The rows of the chosen grid's nodes.
+=======
+/// The rows of the chosen grid's nodes; none where no step gives a table.
+>>>>>>> 6a375c4807104f17afe978277bdaa2612f472593
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {
-    let chosen = &outcome.grids.table;
+    let Some(chosen) = &outcome.grids.table else {
+        return Vec::new();
+    };
     let (shared, support) = (
-        shared(outcome, context, key),
-        Support::new(outcome, context),
+        shared(chosen, outcome, context, key),
+        Support::new(chosen, outcome, context),
     );
     let nodes = chosen.nodes.iter().enumerate();
     nodes
@@ -164,8 +170,13 @@ pub(super) fn table_id(key: &RunKey) -> &str {
 }
 
 /// What every row says of the table, in a row of no node.
-fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> NodeRow {
-    let (chosen, stated) = (&outcome.grids.table, &context.valid_for);
+fn shared(
+    chosen: &Chosen,
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> NodeRow {
+    let stated = &context.valid_for;
     let joints = context.arm.joints();
     let (lower, upper): (Vec<f64>, Vec<f64>) =
         joint_ranges(outcome, joints.len()).into_iter().unzip();
@@ -201,7 +212,7 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
         command_from_base_turn: turn,
         source: chosen.source,
         interpolation: chosen.interpolation,
-        idw_power: grid_steps::power(chosen.interpolation, &outcome.grids),
+        idw_power: grid_steps::power(chosen.interpolation, chosen.idw_power),
         angles: match chosen.source {
             // A measured node is a station, and stations are at the angles that the controller reported.
             Source::Measured => Angles::Reported,
@@ -273,14 +284,14 @@ struct Support<'a> {
 }
 
 impl<'a> Support<'a> {
-    fn new(outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
+    fn new(chosen: &'a Chosen, outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
         let stations: Vec<&Station> = learnt_from(outcome).collect();
         let tool = |station: &&Station| {
             let tool = outcome.error_frame.nominal_tool(&station.joints);
             Point3::from(tool.translation.vector)
         };
         Self {
-            chosen: &outcome.grids.table,
+            chosen,
             tools: stations.iter().map(tool).collect(),
             stations,
             ranges: joint_ranges(outcome, context.arm.joints().len()),

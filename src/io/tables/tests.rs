@@ -429,7 +429,7 @@ fn joint_errors_are_those_of_the_model() {
 #[test]
 fn compensation_is_stated_in_the_frame_of_commands() {
     let table = table(compensation::rows(&OUTCOME, &context(), &key()));
-    let chosen = &OUTCOME.grids.table;
+    let chosen = OUTCOME.grids.table.as_ref().expect("a table");
     let node = chosen
         .nodes
         .iter()

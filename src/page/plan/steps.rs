@@ -100,7 +100,7 @@ fn all_rows(steps: &[&FigureRow]) -> Markup {
         (super::table(&head, &body))
         p.note {
             "Refused: fresh poses, all robots together, in a cell that cannot serve, as its corners are too far apart in joint angles; "
-            "outside: beyond the grid's last nodes, where the box is no multiple of the step."
+            "outside: beyond the grid's last nodes."
         }
     }
 }

@@ -245,7 +245,7 @@ fn grid(grid: &GridSettings) -> Check {
         return Err(wrong("[grid] steps_mm", steps[place], "given once"));
     }
     if let Some(bounds) = &grid.bounds {
-        work_box(bounds, steps)?;
+        work_box(bounds)?;
     }
     if let Some(quaternion) = grid.orientation_xyzw {
         let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -275,29 +275,19 @@ fn grid(grid: &GridSettings) -> Check {
         "[]",
         "\"measured\", \"model\" or both",
     )?;
-    positive("[grid] idw_power", grid.idw_power)
+    positive("[grid] idw_power", grid.idw_power)?;
+    not_negative("[grid] within", grid.within)
 }
 
-fn work_box(bounds: &WorkBox, steps: &[f64]) -> Check {
+fn work_box(bounds: &WorkBox) -> Check {
     let sizes = [0, 1, 2].map(|axis| bounds.size(axis));
     let [x, y, z] = sizes.map(|size| format!("{size}"));
     wrong_unless(
-        sizes.iter().all(|size| *size > 0.0),
+        Lattice::of_cells(bounds, [1; 3]).is_ok(),
         "[grid] box",
         format!("{x} × {y} × {z} mm"),
-        "a box whose high_mm is above its low_mm along each axis",
-    )?;
-    each(steps.iter().copied(), |step| {
-        wrong_unless(
-            Lattice::new(bounds, [step; 3]).is_some(),
-            "[grid] steps_mm",
-            step,
-            format!(
-                "a step that fits into the box of {x} × {y} × {z} mm at least once along each axis (and fewer than a \
-                 million times): choose another step or a larger box"
-            ),
-        )
-    })
+        "a box whose high_mm is above its low_mm along each axis, by a millimetre at least",
+    )
 }
 
 fn tolerance(tolerance: &Tolerance) -> Check {

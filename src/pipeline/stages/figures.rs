@@ -9,7 +9,7 @@ use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
 use crate::fit::{ErrorFrame, Models};
-use crate::grid::{GridStation, Grids, Judged};
+use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
@@ -121,9 +121,9 @@ impl FigureMaker<'_> {
         )
     }
 
-    /// The figures of the chosen table.
+    /// The figures of the chosen table; without any where no step gives a table.
     fn of_table(&self) -> Accuracy {
-        let chosen = self.chosen();
+        let chosen = self.grids.chosen();
         let mut folds: Vec<usize> = self.stations.iter().map(|station| station.fold).collect();
         folds.sort_unstable();
         folds.dedup();
@@ -138,9 +138,11 @@ impl FigureMaker<'_> {
             point: Point::Tool,
             moment: Moment::After,
             driven_by: None,
-            figures: chosen.figures,
-            bound: chosen.bound,
-            counted: chosen.held_out.counted(),
+            figures: chosen.and_then(|chosen| chosen.figures),
+            bound: chosen.and_then(|chosen| chosen.bound),
+            counted: chosen
+                .map(|chosen| chosen.held_out.counted())
+                .unwrap_or_default(),
             blocks: Some(folds.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,
@@ -154,7 +156,8 @@ impl FigureMaker<'_> {
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
         let mut norms = Vec::new();
         let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
-        for left in &self.chosen().held_out.left {
+        let left = self.grids.chosen().map(|chosen| &chosen.held_out.left);
+        for left in left.into_iter().flatten() {
             let Some(turn) = turns.get(&left.station) else {
                 continue;
             };
@@ -204,10 +207,6 @@ impl FigureMaker<'_> {
         stations
             .map(|station| (station.number, &*station.between_sessions))
             .collect()
-    }
-
-    fn chosen(&self) -> &Judged {
-        &self.grids.judged[self.grids.choice.row]
     }
 
     fn session(&self) -> &JoinedSession {

@@ -116,13 +116,19 @@ impl Judges<'_> {
             accuracy.iter().find(is_it)
         };
         let own = &self.own.0.name;
-        let blocks = of_table(Split::Blocks, own)
-            .map(|table| Judge::blocks(own, table, &grids.choice.words, tolerance));
+        let blocks = of_table(Split::Blocks, own).map(|table| {
+            let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
+            Judge::blocks(own, table, &grids.choice.words, covered, tolerance)
+        });
         let sessions = self.test.iter().map(|session| {
             let name = &session.name;
             let model = figure_of_model(accuracy, name);
             let table = model.and_then(|_| of_table(Split::Session, name));
             let remark = self.remark(session, residuals);
+            let is_own = |row: &&Judged| row.of_test.as_ref() == Some(name);
+            let row = grids.judged.iter().find(is_own);
+            let covered = row.and_then(|row| row.covered.as_ref());
+            let table = table.map(|table| (table, covered));
             Judge::session(name, model, table, tolerance, remark)
         });
         RunVerdict::of(blocks.into_iter().chain(sessions).collect())

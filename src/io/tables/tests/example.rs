@@ -260,6 +260,7 @@ fn outcome() -> Outcome<'static> {
             SESSION,
             &accuracy(false),
             &grids.choice.words,
+            None,
             &TOLERANCE,
         )]),
         scales: vec![scale()],
