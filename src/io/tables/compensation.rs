@@ -140,13 +140,9 @@ row! {
     }
 }
 
-<<<<<<< HEAD
 corrects!(NodeRow);
 
-/// The rows of the chosen grid's nodes.
-=======
 /// The rows of the chosen grid's nodes; none where no step gives a table.
->>>>>>> 6a375c4807104f17afe978277bdaa2612f472593
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {
     let Some(chosen) = &outcome.grids.table else {
         return Vec::new();
