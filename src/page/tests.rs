@@ -12,6 +12,7 @@ use crate::grid::{Interpolation, Judgement, Source, Tolerance, Verdict};
 use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::io::tables::calibrations::{CalibrationRow, Convention, LossName};
 use crate::io::tables::clocks::ClockRow;
+use crate::io::tables::error_frame::ErrorFrameName;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
@@ -316,6 +317,12 @@ fn calibration(name: &str) -> CalibrationRow {
         command_from_base_turn: [0.0, 0.0, 0.0, 1.0],
         flange_from_tool: [0.0; 3],
         flange_from_tool_turn: [0.0, 0.0, 0.0, 1.0],
+        error_frame: ErrorFrameName::Fitted,
+        error_frame_base: [0.0; 3],
+        error_frame_base_turn: [0.0, 0.0, 0.0, 1.0],
+        error_frame_target: [0.0; 3],
+        error_frame_sd_mm: None,
+        error_frame_sd_deg: None,
         joint_lower_rad: vec![-1.0],
         joint_upper_rad: vec![1.0],
         configurations: Vec::new(),

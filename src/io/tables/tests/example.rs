@@ -13,8 +13,9 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
-    Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
+    self, At, Blocks, Calibration, ErrorBase, ErrorFrame, FitSettings, Frames, Freedom, Gap,
+    Models, Noise, Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty,
+    TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
@@ -280,6 +281,7 @@ fn outcome() -> Outcome<'static> {
         best: Model::Full,
         training: vec![session],
         test: Vec::new(),
+        base: ErrorBase::Fitted,
         error_frame,
         grids,
     }
