@@ -32,7 +32,7 @@ pub use table::{CompensationTable, Known, Misfit, Terms};
 pub use validity::{Conditions, Term, UsedWith, Validity};
 
 pub use crate::fit::Gap;
-use crate::fit::{At, PoseModel};
+use crate::fit::{At, PoseModel, SourceId};
 use crate::geometry::{Command, Position};
 
 /// Where the controller's own tool point shall be: a position, joint angles, or both.
@@ -202,7 +202,7 @@ fn by_pose(
         };
         first = false;
         let predicted = predicted.map_err(gap)?;
-        let covariance = model.spread(0, &predicted).covariance();
+        let covariance = model.spread(0, SourceId::ONLY, &predicted).covariance();
         Ok((predicted.error_from(command), covariance))
     })?;
     Ok(Corrected {

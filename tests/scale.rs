@@ -283,7 +283,7 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let predicted = model.predict(&command);
     assert!(predicted.rows.column(column).amax() == 0.0);
     let spread = model
-        .any_scale_covariance(1, &predicted.position)
+        .any_scale_covariance(1, SourceId::ONLY, &predicted.position)
         .trace()
         .sqrt();
     let expected = 50e-6 * (predicted.position.coords - middle).norm();

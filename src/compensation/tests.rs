@@ -115,7 +115,7 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
     assert!((found.error.unwrap() - expected).norm() < 1e-12);
     assert!((found.position - Point3::new(751.0, 20.0, 450.0) - expected).norm() < 1e-12);
     // Eight positive weights that sum to one: the variance of every node.
-    let covariance = table.spread(0, &found).covariance();
+    let covariance = table.spread(0, SourceId::ONLY, &found).covariance();
     assert!((covariance - Matrix3::identity() * 0.0004).abs().max() < 1e-15);
     assert!(matches!(
         table.predict(&at(751.0, 6.0)),

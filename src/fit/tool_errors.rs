@@ -50,7 +50,9 @@ impl<'m> ToolErrors<'m> {
     ) -> Result<(Vector3<f64>, Matrix3<f64>), Gap> {
         let axes = self.gauge.arm().axes(joints);
         let predicted = self.model.predict(&self.at(&axes))?;
-        let spread = self.model.spread(self.session, &predicted);
+        let spread = self
+            .model
+            .spread(self.session, self.gauge.frames().source, &predicted);
         let base = self.gauge.frames().tracker_from_base.isometry().rotation;
         Ok((
             self.in_gauge(joints, &predicted.position),
@@ -64,6 +66,8 @@ impl<'m> ToolErrors<'m> {
             known: Known::Commanded,
             lever: self.gauge.lever(),
             session: self.session,
+            source: self.gauge.frames().source,
+            target: self.gauge.frames().target,
             own: true,
             station: None,
         })

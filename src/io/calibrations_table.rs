@@ -100,6 +100,7 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         .last()
         .ok_or_else(|| file.absent(base_target))?;
     let frames = session.frames().map_err(wrong)?;
+    let frames = frames.one().map_err(|several| wrong(several.into()))?;
     let said = file.said();
     let key = said.key()?;
     let arm = IdentifiedArm {

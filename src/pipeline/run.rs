@@ -216,10 +216,11 @@ fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
     let noise = &plan.stages.noise;
     let variances: Vec<f64> = stations
         .iter()
-        .filter_map(|station| station.attained.as_ref())
-        .map(|attained| {
-            noise.tracker.covariance(&attained.position).trace() / 3.0
-                + noise.repeatability_mm.powi(2)
+        .flat_map(|station| station.measured())
+        .filter_map(|reading| {
+            let source = noise.source(reading.source);
+            let instrument = source.uncertainty.covariance(&reading.position()?);
+            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)

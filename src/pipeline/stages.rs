@@ -17,9 +17,12 @@ use thiserror::Error;
 
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
-use crate::fit::{self, FitError, FitSettings, Gauge, Models, Noise, TrainingSettings};
+use crate::fit::{
+    self, FitError, FitSettings, FramePair, Frames, Gauge, Models, Noise, TrainingSettings,
+};
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::{Several, one_source_and_target};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;
@@ -78,6 +81,17 @@ pub enum StageError {
     /// The fit.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
+    /// A session with several sources or targets.
+    #[error("session {session}: {source}")]
+    SeveralIn {
+        /// The session's name.
+        session: String,
+        /// How many of each.
+        source: Several,
+    },
+    /// A model with several sources or targets.
+    #[error("fit: {0}")]
+    Several(#[from] Several),
     /// Sessions that cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
@@ -94,6 +108,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
+    one_each(training.iter().chain(&test))?;
     let observed = Observed::new(arm, &training, settings);
     let train = TrainingSettings {
         fit: &settings.fit,
@@ -112,11 +127,13 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
+    let frames = models.base_target.frames.iter().map(Frames::one);
+    let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
     let gauge = Gauge::new(
         arm,
-        models.base_target.frames[last],
+        frames[last],
         settings.flange_from_tool,
-        settings.noise.orientations,
+        settings.noise.takes_orientations(),
     );
     residuals.extend(raw_command(&training[last], &gauge, settings.raw_command));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
@@ -135,7 +152,7 @@ pub fn run<'a>(
     let driven = driven::judged(&training[last], &gauge, settings);
     let iso_9283 = iso_9283::Sources {
         arm,
-        models: &models,
+        frames: &frames,
         training: &training,
         test: &test,
         residuals: &residuals,
@@ -146,8 +163,8 @@ pub fn run<'a>(
     .figures();
     let maker = FigureMaker {
         settings,
-        models: &models,
         training: &training,
+        frames: &frames,
         gauge: &gauge,
         stations: &stations,
         grids: &grids,
@@ -182,6 +199,20 @@ pub fn run<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// Errors, grids and figures are of one tool point that one instrument sees: sessions with several sources or targets are refused
+/// here, so that what follows can ask each station for its one reading.
+fn one_each<'s>(sessions: impl Iterator<Item = &'s JoinedSession>) -> Result<(), StageError> {
+    for session in sessions {
+        one_source_and_target(&session.joined.stations).map_err(|source| {
+            StageError::SeveralIn {
+                session: session.name.clone(),
+                source,
+            }
+        })?;
+    }
+    Ok(())
 }
 
 /// Sessions that are pooled have to be of one arm.

@@ -123,6 +123,8 @@ impl OtherDays<'_> {
             known,
             lever: self.gauge.lever(),
             session: self.place,
+            source: self.gauge.frames().source,
+            target: self.gauge.frames().target,
             own: true,
             station,
         });

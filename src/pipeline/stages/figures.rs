@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
-use crate::fit::{Gauge, Models};
+use crate::fit::{FramePair, Gauge};
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
@@ -19,8 +19,9 @@ use crate::report::{
 /// What figures are made from besides residuals.
 pub(super) struct FigureMaker<'f> {
     pub(super) settings: &'f StageSettings,
-    pub(super) models: &'f Models,
     pub(super) training: &'f [JoinedSession],
+    /// Base and target of each session that trained.
+    pub(super) frames: &'f [FramePair],
     /// Of the last session.
     pub(super) gauge: &'f Gauge<'f>,
     pub(super) stations: &'f [GridStation],
@@ -76,8 +77,11 @@ impl FigureMaker<'_> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
         // An unseen session is predicted with the frames of the first.
         let place = self.training.iter().position(of_session).unwrap_or(0);
-        let frames = &self.models.base_target.frames[place];
-        frames.flange_from_target.isometry().translation.vector
+        self.frames[place]
+            .flange_from_target
+            .isometry()
+            .translation
+            .vector
     }
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
@@ -113,7 +117,8 @@ impl FigureMaker<'_> {
     }
 
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let orientation_rad = self.settings.noise.tracker.orientation_rad;
+        let source = self.settings.noise.source(self.gauge.frames().source);
+        let orientation_rad = source.uncertainty.orientation_rad;
         expanded_uncertainty_mm(
             self.grids.guard_mm,
             orientation_rad.unwrap_or_default(),

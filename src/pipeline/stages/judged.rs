@@ -8,7 +8,7 @@ use super::{RawCommandBase, StageSettings};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, FitError, Gauge, Models, TrainingSettings, holdout};
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::Station;
+use crate::join::{Several, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, RefitSettings, Stations};
@@ -68,7 +68,7 @@ impl Judged<'_> {
         if self.training.len() > 1 && settings.leave_sessions_out {
             residuals.extend(self.sessions_left_out(train, settings.refit.first, progress)?);
         }
-        residuals.extend(self.unseen_sessions(test, settings));
+        residuals.extend(self.unseen_sessions(test, settings)?);
         Ok(residuals)
     }
 
@@ -141,7 +141,7 @@ impl Judged<'_> {
                 observations: &own,
             };
             progress.advance(1);
-            Ok(evaluate::unseen_session(&models, stations, refit))
+            Ok(evaluate::unseen_session(&models, stations, refit)?)
         };
         let sessions = self.training.par_iter().enumerate();
         let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
@@ -154,7 +154,7 @@ impl Judged<'_> {
         &self,
         test: &[JoinedSession],
         settings: &StageSettings,
-    ) -> Vec<ResidualSet> {
+    ) -> Result<Vec<ResidualSet>, FitError> {
         let of = |session: &JoinedSession| {
             let own = observations(self.arm, 0, session, settings);
             let stations = Stations {
@@ -163,7 +163,8 @@ impl Judged<'_> {
             };
             evaluate::unseen_session(self.models, stations, settings.refit)
         };
-        test.iter().flat_map(of).collect()
+        let judged: Result<Vec<_>, Several> = test.iter().map(of).collect();
+        Ok(judged?.into_iter().flatten().collect())
     }
 }
 
@@ -200,14 +201,14 @@ pub(super) fn raw_command(
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
-        let attained = station.measured()?;
+        let attained = station.one_reading()?.position()?;
         Some(Residual {
             station: station.number,
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
             predicted: commanded,
-            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+            residual: tracker_from_base.inverse_transform_point(&attained) - commanded,
             covariance: None,
             weight: None,
             turn: turns[place],

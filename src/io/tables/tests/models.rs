@@ -62,7 +62,7 @@ fn a_model_that_was_saved_predicts_as_it_did() {
                 .map(|observation| At::Joints(Query::of(observation)))
                 .collect();
             let one = model.predict(&at[0]).unwrap();
-            let spread = model.spread(0, &one).covariance();
+            let spread = model.spread(0, SourceId::ONLY, &one).covariance();
             (model.positions(&at), spread)
         };
         let ((there, spread), (here, back_spread)) = (at(own), at(&*back));
