@@ -30,6 +30,8 @@ pub mod registry;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;
+#[cfg(test)]
+mod several;
 pub mod solve;
 pub mod start;
 mod tool_errors;

@@ -8,7 +8,7 @@ use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
 use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
-use posegrid::fit::{self, FitSettings, Freedom, Observation};
+use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
@@ -53,7 +53,7 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: common::NOISE,
+        noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {
             harmonics: 8,
@@ -210,7 +210,7 @@ fn trained(
         observations,
         &start.frames,
         &start.geometry,
-        fit.prior(),
+        &fit.prior(),
         full,
         Some(Vector3::z_axis()),
     )

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fit::model::{Known as Angles, Query};
+use crate::fit::{SourceId, TargetId};
 use crate::geometry::{Base, Transform};
 use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
@@ -130,6 +131,8 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
         known: Angles::Commanded,
         lever: Vector3::zeros(),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     });

@@ -341,22 +341,26 @@ fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> V
             parameter,
         }));
     }
-    let bases = Motion::ALL.map(Parameter::Base);
-    let shifts = Axis::ALL.map(|axis| Parameter::Target(Motion::Translation(axis)));
-    let turns = Axis::ALL.map(|axis| Parameter::Target(Motion::Rotation(axis)));
-    let turns = &turns[..if turned { 3 } else { 0 }];
+    let shifts = Axis::ALL.map(Motion::Translation);
+    let turns = Axis::ALL.map(Motion::Rotation);
+    let of_target = if turned { &turns[..] } else { &[] };
     for (session, frames) in starts.iter().enumerate() {
         for source in (0..frames.sources().len()).map(SourceId) {
             let owner = Owner::Source { session, source };
-            unknowns.extend(bases.map(|parameter| Unknown { owner, parameter }));
+            unknowns.extend(shifts.iter().chain(&turns).map(|motion| Unknown {
+                owner,
+                parameter: Parameter::Base(*motion),
+            }));
         }
         if freedom == Freedom::Base {
             continue;
         }
         for target in (0..frames.targets().len()).map(TargetId) {
             let owner = Owner::Target { session, target };
-            let own = shifts.iter().chain(turns).copied();
-            unknowns.extend(own.map(|parameter| Unknown { owner, parameter }));
+            unknowns.extend(shifts.iter().chain(of_target).map(|motion| Unknown {
+                owner,
+                parameter: Parameter::Target(*motion),
+            }));
         }
     }
     unknowns

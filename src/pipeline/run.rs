@@ -25,6 +25,7 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Said;
 use crate::progress::Progress;
@@ -216,7 +217,7 @@ fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
     let noise = &plan.stages.noise;
     let variances: Vec<f64> = stations
         .iter()
-        .flat_map(|station| station.measured())
+        .flat_map(Station::measured)
         .filter_map(|reading| {
             let source = noise.source(reading.source);
             let instrument = source.uncertainty.covariance(&reading.position()?);

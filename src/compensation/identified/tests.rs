@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::compensation::TargetJoints;
-use crate::fit::IdentifiedGeometry;
+use crate::fit::{FramePair, IdentifiedGeometry};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
 
@@ -54,7 +54,7 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             model: Model::Geometric,
             predicts: Box::new(IdentifiedGeometry {
                 chain: arm.chain().with_offsets(&offsets),
-                frames: vec![frames],
+                frames: vec![frames.into()],
                 misfit_mm: 0.02,
             }),
             session: 0,

@@ -14,13 +14,14 @@ use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
     self, At, Blocks, Calibration, FitSettings, Frames, Freedom, Gap, Gauge, Models, Noise,
-    Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
+    Observation, PoseModel, Prediction, Source, SourceId, ToolErrors, TrackerUncertainty,
+    TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
+use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
@@ -189,8 +190,11 @@ impl PoseModel for Identified {
         self.0.predict(at)
     }
 
-    fn spread(&self, session: usize, _: &Prediction) -> Spread {
-        let base = self.0.frames[session].tracker_from_base.isometry().rotation;
+    fn spread(&self, session: usize, source: SourceId, _: &Prediction) -> Spread {
+        let base = self.0.frames[session]
+            .tracker_from_base(source)
+            .isometry()
+            .rotation;
         let covariance = Spread::Of(Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)));
         Spread::Of(covariance.seen_from(&base))
     }
@@ -202,18 +206,20 @@ impl PoseModel for Identified {
 
 /// The stations of the session as fits take them.
 fn observations(session: &JoinedSession) -> Vec<Observation> {
-    let noise = Noise {
-        tracker: TrackerUncertainty {
-            range_um: 10.0,
-            range_um_per_m: 0.3,
-            transverse_um: 15.0,
-            transverse_um_per_m: 6.0,
-            divisor: 2.0,
-            orientation_rad: None,
+    let noise = Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: TrackerUncertainty {
+                range_um: 10.0,
+                range_um_per_m: 0.3,
+                transverse_um: 15.0,
+                transverse_um_per_m: 6.0,
+                divisor: 2.0,
+                orientation_rad: None,
+            },
         },
-        repeatability_mm: 0.03,
-        orientations: false,
-    };
+        0.03,
+    );
     let mut observations = fit::observations(0, &session.joined.stations, &ARM, &noise);
     for observation in &mut observations {
         observation
@@ -246,11 +252,11 @@ fn outcome() -> Outcome<'static> {
         &observations,
         &geometric.frames,
         &geometric.geometry,
-        FIT.prior(),
+        &FIT.prior(),
         &FULL,
         Some(Vector3::z_axis()),
     );
-    let gauge = Gauge::new(&ARM, base_target.frames[0], None, false);
+    let gauge = Gauge::new(&ARM, base_target.frames[0].one().unwrap(), None, false);
     let grids = grids(&session.joined.stations, &gauge, &geometric);
     let samples = samples(&session.joined.stations, &gauge);
     Outcome {
@@ -289,7 +295,7 @@ fn samples(stations: &[Station], gauge: &Gauge<'_>) -> Vec<ErrorSample> {
         Some(ErrorSample {
             joints: station.joints.clone(),
             position: gauge.nominal_target(&station.joints),
-            error: gauge.target_error(&station.joints, station.attained.as_ref()?),
+            error: gauge.target_error(&station.joints, station.one_reading()?)?,
         })
     };
     stations.iter().filter_map(sample).collect()
@@ -297,7 +303,10 @@ fn samples(stations: &[Station], gauge: &Gauge<'_>) -> Vec<ErrorSample> {
 
 fn grids(stations: &[Station], gauge: &Gauge<'_>, calibration: &Calibration) -> Grids {
     let reach = Reach::new(&ARM, *gauge.flange_from_tool());
-    let attained: Vec<_> = stations.iter().filter(|s| s.attained.is_some()).collect();
+    let attained: Vec<_> = stations
+        .iter()
+        .filter(|s| s.one_reading().is_some())
+        .collect();
     let tools: Vec<_> = attained
         .iter()
         .map(|s| gauge.nominal_tool(&s.joints))
@@ -350,7 +359,7 @@ fn residuals(stations: &[Station], gauge: &Gauge<'_>) -> ResidualSet {
             fold: Some(0),
             used_for_refit: false,
             predicted: gauge.nominal_target(&station.joints),
-            residual: gauge.target_error(&station.joints, station.attained.as_ref()?),
+            residual: gauge.target_error(&station.joints, station.one_reading()?)?,
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
             turn: None,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::example::{ARM, SESSION, trained};
 use crate::fit::model::{At, Query};
 use crate::fit::registry::Made;
-use crate::fit::{Model, PoseModel};
+use crate::fit::{Model, PoseModel, SourceId};
 use crate::io::schema;
 
 /// The allowed values of a column.
