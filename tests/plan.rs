@@ -417,7 +417,7 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {
     StageSettings {
-        noise: settings.noise,
+        noise: settings.noise.clone(),
         fit: settings.fit.clone(),
         full: settings.full.clone(),
         up: settings.up,

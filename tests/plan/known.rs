@@ -163,9 +163,9 @@ fn learning_in_two_parts_is_learning_at_once() {
     let mut robot = Robot::draw(arm, &known_planning.settings, 3);
     let poses = random(&placer, settings, 24);
     let all = observations(arm, &stations(robot.session(&poses)), settings);
-    let frames = known.model().starts()[0];
+    let frames = &known.model().starts()[0];
     let learned = |model: &FullModel, part: &[Observation]| {
-        model.learned(arm, part, frames).expect("positive")
+        model.learned(arm, part, frames.clone()).expect("positive")
     };
     let at_once = learned(known.model(), &all);
     let in_parts = learned(&learned(known.model(), &all[..10]), &all[10..]);
