@@ -32,7 +32,7 @@ pub use table::{CompensationTable, Known, Misfit, Terms};
 pub use validity::{Conditions, Term, UsedWith, Validity};
 
 pub use crate::fit::Gap;
-use crate::fit::{At, PoseModel};
+use crate::fit::{At, PoseModel, SourceId};
 use crate::geometry::{Command, Position};
 
 /// Where the controller's own tool point shall be: a position, joint angles, or both.
@@ -187,8 +187,13 @@ fn by_pose(
         };
         first = false;
         let predicted = predicted.map_err(gap)?;
+<<<<<<< HEAD
         let covariance = model.spread(0, &predicted).covariance();
         Ok((predicted.error_from(&place), covariance))
+=======
+        let covariance = model.spread(0, SourceId::ONLY, &predicted).covariance();
+        Ok((predicted.error_from(command), covariance))
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
     })?;
     Ok(Corrected {
         target: *wanted,

@@ -3,7 +3,7 @@
 //! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps
 //! ([`crate::method::identification`]):
 //! 1. stations become [`Observation`]s with a covariance each ([`observation`]);
-//! 2. starting frames from a closed-form alignment, then base and target alone ([`start`]);
+//! 2. starting frames from a closed-form alignment, then bases and targets alone ([`start`]);
 //! 3. the structural rank on the nominal arm ([`rank`]);
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
@@ -15,6 +15,7 @@
 
 pub mod commanded;
 pub mod error_frame;
+pub mod frames;
 pub mod full;
 mod gap;
 pub mod holdout;
@@ -29,6 +30,8 @@ pub mod registry;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;
+#[cfg(test)]
+mod several;
 pub mod solve;
 pub mod start;
 mod tool_errors;
@@ -38,20 +41,29 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+<<<<<<< HEAD
 pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
+=======
+pub use error_frame::ErrorFrame;
+pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;
 pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
-pub use observation::{Noise, Observation, TrackerUncertainty, add_commands, observations};
-pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
+pub use observation::{
+    Measured, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source, TrackerUncertainty,
+    add_commands, observations,
+};
+pub use problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
 pub use tool_errors::ToolErrors;
 
+use crate::join::Several;
 use crate::kinematics::{Arm, Chain};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
@@ -104,7 +116,7 @@ impl FitSettings {
         let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
         Prior {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
-            target: self.target,
+            targets: vec![self.target],
         }
     }
 }
@@ -125,6 +137,31 @@ pub enum FitError {
         /// Stations it would need.
         needed: usize,
     },
+    /// A target that no observation names, though one behind it is named.
+    #[error(
+        "no reading of session {session} (the first is 0) is of target {target}, though others name later targets: number targets \
+         without gaps"
+    )]
+    UnseenTarget {
+        /// The session's place in the fit.
+        session: usize,
+        /// The target's place in the session.
+        target: usize,
+    },
+    /// One stated place and several targets.
+    #[error(
+        "[fit] target says where one target sits, but session {session} (the first is 0) has {targets}: leave it out, or keep the \
+         readings of one target"
+    )]
+    KnownTargetOfSeveral {
+        /// The session's place in the fit.
+        session: usize,
+        /// Its targets.
+        targets: usize,
+    },
+    /// Several sources or targets where a step is for one of each.
+    #[error(transparent)]
+    Several(#[from] Several),
     /// Stations on a point or a line do not determine a base frame.
     #[error(
         "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \
@@ -220,7 +257,13 @@ pub fn identify_from(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Calibration {
-    let problem = Problem::new(observations, arm.chain(), starts, freedom, settings.prior());
+    let problem = Problem::new(
+        observations,
+        arm.chain(),
+        starts,
+        freedom,
+        &settings.prior(),
+    );
     let size = problem.unknowns().len();
     let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);

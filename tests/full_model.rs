@@ -37,7 +37,8 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
     // Every twentieth station is 2 mm off, in a direction of its own.
     for observation in a.iter_mut().filter(|o| o.station.is_multiple_of(20)) {
         let turn = f64::from(u32::try_from(observation.station).expect("a small number"));
-        observation.position +=
+        let point = observation.measured.point_mut().expect("a position");
+        point.position +=
             Vector3::new(turn.sin(), turn.cos(), (1.7 * turn).sin()).normalize() * 2.0;
     }
     let model = trained(&arm, &a, 1, &FitSettings::default());
@@ -101,7 +102,7 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
         &FitSettings::default(),
     )
     .expect("a fit");
-    let target = *nominal.frames[0].flange_from_target.origin().point();
+    let target = *nominal.frames[0].targets()[0].origin().point();
     let of_nominal: Vec<Point3<f64>> = b
         .iter()
         .map(|o| arm.chain().nominal(&o.axes) * target)

@@ -50,12 +50,12 @@ fn settings() -> FitSettings {
 /// expected to have, the base is where the nominal arm sees it.
 fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     let settings = settings();
-    let frames = start::frames(arm, session, 1, &settings).expect("a session")[0];
+    let frames = start::frames(arm, session, 1, &settings).expect("a session");
     let poses: Vec<Vec<f64>> = session.iter().map(|o| o.axes.clone()).collect();
     let full = FullSettings::default();
     let up = Some(Vector3::z_axis());
     let prior = settings.prior();
-    let model = FullModel::expected(arm, &frames, &poses, poses.len(), prior, &full, up);
+    let model = FullModel::expected(arm, &frames[0], &poses, poses.len(), &prior, &full, up);
     let candidate = |o: &Observation| Candidate {
         axes: o.axes.clone(),
         noise: model.noise(o),
@@ -423,7 +423,7 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {
     StageSettings {
-        noise: settings.noise,
+        noise: settings.noise.clone(),
         fit: settings.fit.clone(),
         full: settings.full.clone(),
         up: settings.up,

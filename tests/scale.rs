@@ -8,7 +8,7 @@ use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
 use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
-use posegrid::fit::{self, FitSettings, Freedom, Observation};
+use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
@@ -53,7 +53,7 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: common::NOISE,
+        noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {
             harmonics: 8,
@@ -213,7 +213,7 @@ fn trained(
         observations,
         &start.frames,
         &start.geometry,
-        fit.prior(),
+        &fit.prior(),
         full,
         Some(Vector3::z_axis()),
     )
@@ -286,7 +286,7 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let predicted = model.predict(&command);
     assert!(predicted.rows.column(column).amax() == 0.0);
     let spread = model
-        .any_scale_covariance(1, &predicted.position)
+        .any_scale_covariance(1, SourceId::ONLY, &predicted.position)
         .trace()
         .sqrt();
     let expected = 50e-6 * (predicted.position.coords - middle).norm();

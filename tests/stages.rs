@@ -11,7 +11,7 @@ use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
-use posegrid::join::{JoinSettings, join};
+use posegrid::join::{JoinSettings, ReadingKind, join};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
@@ -41,18 +41,20 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: Noise {
-            tracker: TrackerUncertainty {
-                range_um: 10.0,
-                range_um_per_m: 0.3,
-                transverse_um: 15.0,
-                transverse_um_per_m: 6.0,
-                divisor: 2.0,
-                orientation_rad: Some(130e-6),
+        noise: Noise::of_one(
+            posegrid::fit::Source {
+                reads: ReadingKind::Pose,
+                uncertainty: TrackerUncertainty {
+                    range_um: 10.0,
+                    range_um_per_m: 0.3,
+                    transverse_um: 15.0,
+                    transverse_um_per_m: 6.0,
+                    divisor: 2.0,
+                    orientation_rad: Some(130e-6),
+                },
             },
-            repeatability_mm: 0.03,
-            orientations: true,
-        },
+            0.03,
+        ),
         fit: FitSettings {
             orientations: true,
             target: Some(KnownTarget {

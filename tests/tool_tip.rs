@@ -10,6 +10,7 @@ use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
 use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::Outcome;
+use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
@@ -46,9 +47,9 @@ fn session(arm: &Arm, count: usize, six_dof: bool) -> Simulated {
 fn settings(simulated: &Simulated) -> StageSettings {
     let cell = &simulated.truth.settings.cell;
     let surveyed = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
-    let mut noise: Noise = common::NOISE;
-    noise.orientations = true;
-    noise.tracker.orientation_rad = Some(30e-6);
+    let mut noise: Noise = common::NOISE.clone();
+    noise.sources[0].reads = ReadingKind::Pose;
+    noise.sources[0].uncertainty.orientation_rad = Some(30e-6);
     StageSettings {
         noise,
         fit: FitSettings {

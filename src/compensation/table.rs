@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::{Reason, Target, Validity};
 use crate::fit::model::{Open, Spread};
-use crate::fit::{At, Frames, Gap, PoseModel, Prediction};
+use crate::fit::{At, Frames, Gap, PoseModel, Prediction, SourceId};
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
@@ -316,7 +316,7 @@ impl PoseModel for CompensationTable {
         })
     }
 
-    fn spread(&self, _: usize, prediction: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, prediction: &Prediction) -> Spread {
         let open = prediction.open.as_ref();
         Spread::Of(open.map_or_else(Matrix3::zeros, |open| open.alone))
     }

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fit::model::{Known as Angles, Query};
+use crate::fit::{SourceId, TargetId};
 use crate::geometry::{Base, Transform};
 use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
@@ -115,7 +116,7 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
     assert!((found.error.unwrap() - expected).norm() < 1e-12);
     assert!((found.position - Point3::new(751.0, 20.0, 450.0) - expected).norm() < 1e-12);
     // Eight positive weights that sum to one: the variance of every node.
-    let covariance = table.spread(0, &found).covariance();
+    let covariance = table.spread(0, SourceId::ONLY, &found).covariance();
     assert!((covariance - Matrix3::identity() * 0.0004).abs().max() < 1e-15);
     assert!(matches!(
         table.predict(&at(751.0, 6.0)),
@@ -130,6 +131,8 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
         known: Angles::Commanded,
         lever: Vector3::zeros(),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     });

@@ -95,6 +95,15 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         .ok_or_else(|| file.absent(base_target))?;
     let wrong = |source| file.wrong(base_target, source);
     let arm = base.arm.arm().map_err(wrong)?;
+<<<<<<< HEAD
+=======
+    let session = base
+        .sessions
+        .last()
+        .ok_or_else(|| file.absent(base_target))?;
+    let frames = session.frames().map_err(wrong)?;
+    let frames = frames.one().map_err(|several| wrong(several.into()))?;
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
     let said = file.said();
     let key = common::key(path, &table)?;
     let arm = IdentifiedArm {

@@ -244,7 +244,7 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
     StageSettings {
         noise: file.noise(),
         fit: fit.clone(),
-        full: file.fit.full.clone().measured_by(&file.noise().tracker),
+        full: file.fit.full.clone().measured_by(&file.tracker.uncertainty),
         up: placed.up,
         flange_from_tool: placed.flange_from_tool,
         base_from_command: placed

@@ -12,15 +12,20 @@ use serde::{Deserialize, Serialize};
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
+<<<<<<< HEAD
 use crate::fit::{FitSettings, Noise, TrackerUncertainty};
 use crate::geometry::{EulerOrder, Placement};
+=======
+use crate::fit::{FitSettings, Noise, Source, TrackerUncertainty};
+use crate::geometry::Placement;
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
     PoseFields, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
-use crate::join::JoinSettings;
+use crate::join::{JoinSettings, ReadingKind};
 use crate::plan::section::PlanSection;
 use crate::similarity::SimilaritySettings;
 
@@ -66,13 +71,17 @@ pub struct PipelineFile {
 
 impl PipelineFile {
     /// What the fit is told of the measurement.
-    pub const fn noise(&self) -> Noise {
+    pub fn noise(&self) -> Noise {
         let fit = &self.fit.geometric;
-        Noise {
-            tracker: self.tracker.uncertainty,
-            repeatability_mm: fit.repeatability_mm,
-            orientations: fit.orientations,
-        }
+        let tracker = Source {
+            reads: if fit.orientations {
+                ReadingKind::Pose
+            } else {
+                ReadingKind::Point
+            },
+            uncertainty: self.tracker.uncertainty,
+        };
+        Noise::of_one(tracker, fit.repeatability_mm)
     }
 }
 

@@ -25,6 +25,7 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
@@ -241,10 +242,11 @@ fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64
     let noise = &configuration.stages.noise;
     let variances: Vec<f64> = stations
         .iter()
-        .filter_map(|station| station.attained.as_ref())
-        .map(|attained| {
-            noise.tracker.covariance(&attained.position).trace() / 3.0
-                + noise.repeatability_mm.powi(2)
+        .flat_map(Station::measured)
+        .filter_map(|reading| {
+            let source = noise.source(reading.source);
+            let instrument = source.uncertainty.covariance(&reading.position()?);
+            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)

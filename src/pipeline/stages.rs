@@ -19,10 +19,15 @@ use thiserror::Error;
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{
+<<<<<<< HEAD
     self, ErrorBase, FitError, FitSettings, Models, Noise, SurveyedBase, TrainingSettings,
+=======
+    self, ErrorFrame, FitError, FitSettings, FramePair, Frames, Models, Noise, TrainingSettings,
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::{Several, one_source_and_target};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;
@@ -84,6 +89,17 @@ pub enum StageError {
     /// The fit.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
+    /// A session with several sources or targets.
+    #[error("session {session}: {source}")]
+    SeveralIn {
+        /// The session's name.
+        session: String,
+        /// How many of each.
+        source: Several,
+    },
+    /// A model with several sources or targets.
+    #[error("fit: {0}")]
+    Several(#[from] Several),
     /// Sessions that cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
@@ -100,6 +116,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
+    one_each(training.iter().chain(&test))?;
     let observed = Observed::new(arm, &training, settings);
     let train = TrainingSettings {
         fit: &settings.fit,
@@ -118,8 +135,24 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
+<<<<<<< HEAD
     let error_frame = stated::error_frame(arm, &models.base_target.frames[last], settings);
     residuals.extend(raw_command(&training[last], &error_frame, settings));
+=======
+    let frames = models.base_target.frames.iter().map(Frames::one);
+    let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
+    let error_frame = ErrorFrame::new(
+        arm,
+        frames[last],
+        settings.flange_from_tool,
+        settings.noise.takes_orientations(),
+    );
+    residuals.extend(raw_command(
+        &training[last],
+        &error_frame,
+        settings.raw_command,
+    ));
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
@@ -144,7 +177,7 @@ pub fn run<'a>(
     let driven = driven::judged(&training[last], &error_frame, settings);
     let iso_9283 = iso_9283::Sources {
         arm,
-        models: &models,
+        frames: &frames,
         training: &training,
         test: &test,
         residuals: &residuals,
@@ -155,8 +188,8 @@ pub fn run<'a>(
     .figures();
     let maker = FigureMaker {
         settings,
-        models: &models,
         training: &training,
+        frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
         grids: &grids,
@@ -192,6 +225,20 @@ pub fn run<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// Errors, grids and figures are of one tool point that one instrument sees: sessions with several sources or targets are refused
+/// here, so that what follows can ask each station for its one reading.
+fn one_each<'s>(sessions: impl Iterator<Item = &'s JoinedSession>) -> Result<(), StageError> {
+    for session in sessions {
+        one_source_and_target(&session.joined.stations).map_err(|source| {
+            StageError::SeveralIn {
+                session: session.name.clone(),
+                source,
+            }
+        })?;
+    }
+    Ok(())
 }
 
 /// Sessions that are pooled have to be of one arm.

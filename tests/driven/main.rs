@@ -76,7 +76,7 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
 
 fn stage_settings(harmonics: usize) -> StageSettings {
     StageSettings {
-        noise: common::NOISE,
+        noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {
             harmonics,
@@ -221,7 +221,7 @@ impl Identified {
                 pose: visit.number,
                 target: *corrected.target.point(),
                 command: visit.command.as_ref()?.position,
-                attained: error_frame.attained_tool(&visit.joints, visit.attained.as_ref()?),
+                attained: error_frame.attained_tool(&visit.joints, visit.one_reading()?)?,
                 stated: corrected.correction,
                 covariance: corrected.covariance,
                 turn: None,

@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::*;
 use crate::compensation::TargetJoints;
-use crate::fit::IdentifiedGeometry;
+use crate::fit::{FramePair, IdentifiedGeometry};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Configuration, InverseError, RobotFile, SingularityFactors};
 
@@ -36,13 +36,10 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
         .iter()
         .map(|parameter| if parameter.is_angle() { 3e-4 } else { 0.4 })
         .collect();
-    let frames = Frames {
-        tracker_from_base: Transform::claim(isometry_from_rpy(
-            [4000.0, 0.0, -600.0],
-            [0.0, 0.0, 2.5],
-        )),
-        flange_from_target: Transform::claim(isometry_from_rpy([0.0, 0.0, 90.0], [0.0; 3])),
-    };
+    let frames = FramePair::only(
+        Transform::claim(isometry_from_rpy([4000.0, 0.0, -600.0], [0.0, 0.0, 2.5])),
+        Transform::claim(isometry_from_rpy([0.0, 0.0, 90.0], [0.0; 3])),
+    );
     let ranges = radians(lower).into_iter().zip(radians(upper));
     IdentifiedArm {
         table_id: "00ff".to_owned(),
@@ -57,7 +54,7 @@ fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
             model: Model::Geometric,
             predicts: Box::new(IdentifiedGeometry {
                 chain: arm.chain().with_offsets(&offsets),
-                frames: vec![frames],
+                frames: vec![frames.into()],
                 misfit_mm: 0.02,
             }),
             session: 0,

@@ -9,7 +9,12 @@ use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, Open, PoseModel, Prediction, Query, Spread};
 use crate::fit::observation::Observation;
+<<<<<<< HEAD
 use crate::fit::saved::{SavedError, SavedHead};
+=======
+use crate::fit::saved::SavedError;
+use crate::join::SourceId;
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 use crate::kinematics::Arm;
 
 pub(super) const ABOUT: About = About {
@@ -61,7 +66,7 @@ impl PoseModel for FullModel {
         Ok(self.flange(query))
     }
 
-    fn spread(&self, session: usize, prediction: &Prediction) -> Spread {
+    fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread {
         let open = prediction
             .open
             .as_ref()
@@ -71,7 +76,7 @@ impl PoseModel for FullModel {
         // A command is given some day: where the base then stands is not known.
         let drift = Matrix3::identity() * self.any_time_variance();
         // And by which scale it was told: corrections are those of the mean scale of all sessions.
-        let scale = self.any_scale_covariance(session, &prediction.position);
+        let scale = self.any_scale_covariance(session, source, &prediction.position);
         Spread::Of(open + drift + scale)
     }
 

@@ -7,6 +7,7 @@ use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
 use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{Calibration, Frames, Freedom};
+use crate::join::SourceId;
 use crate::kinematics::{Arm, Chain};
 
 pub(super) const ABOUT: About = About {
@@ -57,7 +58,7 @@ impl PoseModel for Calibration {
         Ok(predict(&self.chain, &self.frames, at.joints()?))
     }
 
-    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, _: &Prediction) -> Spread {
         unexplained(self.misfit_mm)
     }
 
@@ -91,7 +92,7 @@ impl PoseModel for IdentifiedGeometry {
         Ok(predict(&self.chain, &self.frames, at.joints()?))
     }
 
-    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, _: &Prediction) -> Spread {
         unexplained(self.misfit_mm)
     }
 
@@ -101,7 +102,7 @@ impl PoseModel for IdentifiedGeometry {
 }
 
 fn predict(chain: &Chain, frames: &[Frames], query: &Query<'_>) -> Prediction {
-    let frames = &frames[query.session];
+    let frames = frames[query.session].pair(query.source, query.target);
     let flange = frames.tracker_from_base.isometry() * chain.nominal(query.axes);
     let target = frames.flange_from_target.isometry().translation.vector;
     Prediction {

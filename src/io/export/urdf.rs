@@ -48,7 +48,8 @@ impl Pieces {
         let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
             return Err("has more than a geometry");
         };
-        let frames = &own.frames[arm.model.session];
+        let frames = own.frames[arm.model.session].one();
+        let frames = frames.map_err(|_| "was seen by several instruments or at several targets")?;
         let base_from_root =
             arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
         let target = frames.flange_from_target.isometry().translation.vector

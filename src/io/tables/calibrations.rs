@@ -7,11 +7,12 @@ use super::words::placement;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
-    Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
+    Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
 use crate::io::common::corrects;
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
+use crate::join::{Reading, ReadingKind, Station};
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
 
@@ -416,14 +417,17 @@ impl<'a> Identified<'a> {
         self.model().weights()
     }
 
-    /// The frames where there is one session, and whether the target's orientation was fitted.
-    fn frames(&self) -> Option<(Frames, bool)> {
+    /// The frames where there is one session with one source and one target, and whether the target's orientation was fitted.
+    fn frames(&self) -> Option<(FramePair, bool)> {
         let (frames, unknowns) = match self.of {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
             Of::OnTop(model) => (model.frames().to_vec(), &[][..]),
         };
-        (frames.len() == 1).then(|| (frames[0], is_turned(unknowns)))
+        match &frames[..] {
+            [one] => Some((one.one().ok()?, is_turned(unknowns))),
+            _ => None,
+        }
     }
 
     fn parameters(&self) -> usize {
@@ -486,14 +490,12 @@ fn observations(outcome: &Outcome<'_>) -> usize {
         .calibrations
         .iter()
         .any(|(_, calibration)| is_turned(&calibration.unknowns));
-    let oriented = |station: &&crate::join::Station| {
-        turned
-            && station
-                .attained
-                .as_ref()
-                .is_some_and(|attained| attained.orientation.is_some())
+    let rows = |reading: &Reading| match reading.value.kind() {
+        ReadingKind::Pose if !turned => ReadingKind::Point.rows(),
+        kind => kind.rows(),
     };
-    3 * learnt_from(outcome).count() + 3 * learnt_from(outcome).filter(oriented).count()
+    let readings = learnt_from(outcome).flat_map(Station::measured);
+    readings.map(rows).sum()
 }
 
 const fn in_words(convergence: Convergence) -> &'static str {

@@ -9,10 +9,10 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::validity::learnt_from;
 use super::*;
-use crate::fit::ToolErrors;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::fit::{SourceId, TargetId, ToolErrors};
 use crate::io::lake::Commit;
 use crate::io::lake::{CorrectionRow, Lake};
 use crate::io::schema;
@@ -309,6 +309,8 @@ fn query(joints: &[f64]) -> Query<'_> {
         known: Known::Commanded,
         lever: Vector3::new(1.0, -2.0, 30.0),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: Some(7),
     }
@@ -396,9 +398,14 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
         saved.chain().unwrap().nominal(joints),
     );
     assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);
-    let frames = saved.sessions[0].frames().unwrap();
+    let frames = saved.sessions[0].frames().unwrap().one().unwrap();
     let apart = frames.tracker_from_base.origin().coords()
-        - calibration.frames[0].tracker_from_base.origin().coords();
+        - calibration.frames[0]
+            .one()
+            .unwrap()
+            .tracker_from_base
+            .origin()
+            .coords();
     assert!(apart.norm() < 1e-9);
     assert!((saved.covariance[5][2] - calibration.covariance[(5, 2)]).abs() < 1e-18);
 }
@@ -483,7 +490,7 @@ fn steps_account_for_every_station_that_judges() {
         .joined
         .stations
         .iter()
-        .filter(|s| s.attained.is_some())
+        .filter(|s| s.one_reading().is_some())
         .count();
     for row in rows(&table, "source", "model") {
         let parts = [

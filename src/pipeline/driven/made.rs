@@ -87,8 +87,8 @@ impl TableRun {
         }
         let full = outcome.full.as_ref();
         let full = full.ok_or("there is no full error model of the session")?;
-        let own =
-            Estimate::of_full(full).ok_or("the covariance of the full error model is none")?;
+        let own = Estimate::of_full(full).map_err(|several| several.to_string())?;
+        let own = own.ok_or("the covariance of the full error model is none")?;
         match history::session::estimate(&self.calibrations)? {
             (Model::Full, earlier) => Ok(between(&earlier, &own)),
             _ => Err("the table's run has no full error model".to_owned()),
@@ -99,7 +99,7 @@ impl TableRun {
     /// temperature that was met.
     pub(super) fn outside(&self, session: &JoinedSession, stated: &Conditions) -> Vec<Outside> {
         let stations = session.joined.stations.iter();
-        let met = stations.filter_map(|station| station.attained.as_ref()?.temperature_c);
+        let met = stations.filter_map(|station| station.one_reading()?.temperature_c);
         let (low, high) = extremes(met).unzip();
         let outside = |temperature_c| {
             let used = UsedWith {

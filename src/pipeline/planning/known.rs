@@ -7,13 +7,14 @@ use thiserror::Error;
 
 use crate::compensation::IdentifiedArm;
 use crate::fit::full::FullModel;
-use crate::fit::full::next::{Mounted, Mounting};
+use crate::fit::full::next::{Mounted, Mounting, Placed};
 use crate::fit::saved::SavedArm;
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema::{self, SchemaError};
 use crate::io::store::Place;
+use crate::join::Several;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
@@ -66,9 +67,26 @@ pub enum KnownError {
     /// The program does not know its own table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
+<<<<<<< HEAD
     /// The past session does not fit this plan.
     #[error("[plan.known]: {}", kind.message(path))]
     Misfit {
+=======
+    /// A run with several sources or targets.
+    #[error("[plan.known]: {}: {source}", path.display())]
+    Several {
+        /// The table.
+        path: PathBuf,
+        /// How many of each.
+        source: Several,
+    },
+    /// A table of another robot.
+    #[error(
+        "[plan.known]: {} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
+         [robot] name", path.display()
+    )]
+    OtherRobot {
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
         /// The table.
         path: PathBuf,
         /// What does not fit.
@@ -275,7 +293,12 @@ fn mounting(
             sd_mm,
         },
     };
-    let sat = model.fitted_frames()[session].flange_from_target;
+    let sat = model.fitted_frames()[session].one();
+    let sat = sat.map_err(|source| KnownError::Several {
+        path: path.to_owned(),
+        source,
+    })?;
+    let sat = sat.flange_from_target;
     let (found, wanted) = (
         sat.isometry().translation.vector,
         settings.flange_from_target.translation.vector,
@@ -292,7 +315,10 @@ fn mounting(
     }
     Ok(Mounting {
         session,
-        tracker_from_base: (known.base == BaseMounted::New).then(|| Transform::claim(base)),
-        target,
+        sources: vec![match known.base {
+            BaseMounted::New => Placed::Moved(Transform::claim(base)),
+            BaseMounted::Same => Placed::Same,
+        }],
+        targets: vec![target],
     })
 }

@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use super::{Planning, PlanningError, SESSION};
 use crate::fit::full::FullModel;
-use crate::fit::{self, FitError, Observation, TrainingSettings};
+use crate::fit::{self, FitError, Observation, SourceId, TrainingSettings};
 use crate::io::lake::Lake;
 use crate::io::table::Row as _;
 use crate::io::tables::outcome::JoinedSession;
@@ -233,7 +233,7 @@ impl Planning {
         let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else {
             return none;
         };
-        let base = model.fitted_frames()[0].tracker_from_base;
+        let base = *model.fitted_frames()[0].tracker_from_base(SourceId::ONLY);
         let at_flange: Isometry3<f64> = self.settings.flange_from_target;
         let candidates: Vec<_> = left
             .iter()

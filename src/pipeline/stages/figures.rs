@@ -8,8 +8,13 @@ use nalgebra::Vector3;
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
+<<<<<<< HEAD
 use crate::fit::{ErrorFrame, Models};
 use crate::grid::{GridStation, Grids};
+=======
+use crate::fit::{ErrorFrame, FramePair};
+use crate::grid::{GridStation, Grids, Judged};
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
@@ -19,8 +24,9 @@ use crate::report::{
 /// What figures are made from besides residuals.
 pub(super) struct FigureMaker<'f> {
     pub(super) settings: &'f StageSettings,
-    pub(super) models: &'f Models,
     pub(super) training: &'f [JoinedSession],
+    /// Base and target of each session that trained.
+    pub(super) frames: &'f [FramePair],
     /// Of the last session.
     pub(super) error_frame: &'f ErrorFrame<'f>,
     pub(super) stations: &'f [GridStation],
@@ -76,8 +82,11 @@ impl FigureMaker<'_> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
         // An unseen session is predicted with the frames of the first.
         let place = self.training.iter().position(of_session).unwrap_or(0);
-        let frames = &self.models.base_target.frames[place];
-        frames.flange_from_target.isometry().translation.vector
+        self.frames[place]
+            .flange_from_target
+            .isometry()
+            .translation
+            .vector
     }
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
@@ -113,7 +122,8 @@ impl FigureMaker<'_> {
     }
 
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let orientation_rad = self.settings.noise.tracker.orientation_rad;
+        let source = self.settings.noise.source(self.error_frame.frames().source);
+        let orientation_rad = source.uncertainty.orientation_rad;
         expanded_uncertainty_mm(
             self.grids.guard_mm,
             orientation_rad.unwrap_or_default(),

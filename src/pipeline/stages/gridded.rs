@@ -20,7 +20,7 @@ pub(super) fn grid_stations(
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
     let paired = all.iter().zip(commands);
-    let paired = paired.filter(|(station, _)| station.measured().is_some());
+    let paired = paired.filter(|(station, _)| station.one_reading().is_some());
     let station = |((station, (pose, &visited)), &fold): (Paired<'_>, &usize)| {
         let position = pose.map(|pose| pose.position);
         Some(GridStation {
@@ -81,7 +81,8 @@ fn guard_mm(
     let from_middle = |station: &GridStation| (station.position - middle).norm();
     let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
     let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;
-    let tracker = settings.noise.tracker.covariance(&in_tracker);
+    let source = settings.noise.source(error_frame.frames().source);
+    let tracker = source.uncertainty.covariance(&in_tracker);
     let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
     let from_base = |station: &GridStation| station.position.coords.norm();
     let reach_mm = stations.iter().map(from_base).fold(0.0, f64::max);

@@ -9,7 +9,7 @@ use crate::fit::ErrorBase;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, ErrorFrame, FitError, Models, TrainingSettings, holdout};
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::Station;
+use crate::join::{Several, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, RefitSettings, Stations};
@@ -69,7 +69,7 @@ impl Judged<'_> {
         if self.training.len() > 1 && settings.leave_sessions_out {
             residuals.extend(self.sessions_left_out(train, settings.refit.first, progress)?);
         }
-        residuals.extend(self.unseen_sessions(test, settings));
+        residuals.extend(self.unseen_sessions(test, settings)?);
         Ok(residuals)
     }
 
@@ -142,7 +142,7 @@ impl Judged<'_> {
                 observations: &own,
             };
             progress.advance(1);
-            Ok(evaluate::unseen_session(&models, stations, refit))
+            Ok(evaluate::unseen_session(&models, stations, refit)?)
         };
         let sessions = self.training.par_iter().enumerate();
         let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
@@ -155,7 +155,7 @@ impl Judged<'_> {
         &self,
         test: &[JoinedSession],
         settings: &StageSettings,
-    ) -> Vec<ResidualSet> {
+    ) -> Result<Vec<ResidualSet>, FitError> {
         let of = |session: &JoinedSession| {
             let own = observations(self.arm, 0, session, settings);
             let stations = Stations {
@@ -164,7 +164,8 @@ impl Judged<'_> {
             };
             evaluate::unseen_session(self.models, stations, settings.refit)
         };
-        test.iter().flat_map(of).collect()
+        let judged: Result<Vec<_>, Several> = test.iter().map(of).collect();
+        Ok(judged?.into_iter().flatten().collect())
     }
 }
 
@@ -195,14 +196,18 @@ pub(super) fn raw_command(
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
-        let attained = station.measured()?;
+        let attained = station.one_reading()?.position()?;
         Some(Residual {
             station: station.number,
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
             predicted: commanded,
+<<<<<<< HEAD
             residual: error_frame.attained_tool(&station.joints, attained) - commanded,
+=======
+            residual: tracker_from_base.inverse_transform_point(&attained) - commanded,
+>>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
             covariance: None,
             weight: None,
             turn: turns[place],

@@ -13,7 +13,7 @@ use super::gridded::grid_stations;
 use super::observed::observations;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{ErrorFrame, Frames, Models, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
@@ -69,8 +69,9 @@ impl Judges<'_> {
         first: &[GridStation],
         errors: &ToolErrors<'_>,
     ) -> Option<ErrorFrame<'_>> {
-        let paired = session.joined.stations.iter().filter_map(|s| s.measured());
-        let measured: Vec<Point3<f64>> = paired.take(first.len()).map(|a| a.position).collect();
+        let paired = session.joined.stations.iter();
+        let paired = paired.filter_map(|station| station.one_reading()?.position());
+        let measured: Vec<Point3<f64>> = paired.take(first.len()).collect();
         let flange_from_tool = *self.error_frame.flange_from_tool();
         let placed = first.iter().map(|station| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
@@ -85,12 +86,13 @@ impl Judges<'_> {
         let found = refit::refit(&measured, &placed, with_target)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
-        let frames = Frames {
+        let frames = FramePair {
             tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
             flange_from_target: Transform::claim(target),
+            ..*self.error_frame.frames()
         };
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
-        let oriented = self.settings.noise.orientations && !with_target;
+        let oriented = self.settings.noise.takes_orientations() && !with_target;
         Some(ErrorFrame::new(
             self.arm,
             frames,
