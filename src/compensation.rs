@@ -187,13 +187,8 @@ fn by_pose(
         };
         first = false;
         let predicted = predicted.map_err(gap)?;
-<<<<<<< HEAD
-        let covariance = model.spread(0, &predicted).covariance();
-        Ok((predicted.error_from(&place), covariance))
-=======
         let covariance = model.spread(0, SourceId::ONLY, &predicted).covariance();
-        Ok((predicted.error_from(command), covariance))
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+        Ok((predicted.error_from(&place), covariance))
     })?;
     Ok(Corrected {
         target: *wanted,

@@ -41,12 +41,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-<<<<<<< HEAD
 pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
-=======
-pub use error_frame::ErrorFrame;
 pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;

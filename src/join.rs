@@ -225,15 +225,9 @@ pub struct JoinInput {
 /// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-<<<<<<< HEAD
 /// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
 /// let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
-/// let paired = joined.stations.iter().filter(|station| station.attained.is_some()).count();
-=======
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
 /// let paired = joined.stations.iter().filter(|station| !station.measured().is_empty()).count();
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 /// assert!(paired > 50);
 /// // The two clocks of this session drift apart by less than a thousandth.
 /// assert!(joined.clock.model.drift.abs() < 1e-3);

@@ -16,7 +16,7 @@ use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
-use crate::fit::{Frames, Model};
+use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
 
 /// An identified arm as a run published it.
@@ -95,15 +95,6 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         .ok_or_else(|| file.absent(base_target))?;
     let wrong = |source| file.wrong(base_target, source);
     let arm = base.arm.arm().map_err(wrong)?;
-<<<<<<< HEAD
-=======
-    let session = base
-        .sessions
-        .last()
-        .ok_or_else(|| file.absent(base_target))?;
-    let frames = session.frames().map_err(wrong)?;
-    let frames = frames.one().map_err(|several| wrong(several.into()))?;
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
     let said = file.said();
     let key = common::key(path, &table)?;
     let arm = IdentifiedArm {
@@ -145,7 +136,7 @@ impl CalibrationsFile<'_> {
     }
 
     /// The frames that errors are stated in.
-    fn frames(&self) -> Result<Frames, CalibrationsTableError> {
+    fn frames(&self) -> Result<FramePair, CalibrationsTableError> {
         let said = self.said();
         let base = said.placement("error_frame_base", |row| {
             (row.error_frame_base, row.error_frame_base_turn)
@@ -153,10 +144,7 @@ impl CalibrationsFile<'_> {
         let target = said.placement("error_frame_target", |row| {
             (row.error_frame_target, [0.0, 0.0, 0.0, 1.0])
         })?;
-        Ok(Frames {
-            tracker_from_base: base,
-            flange_from_target: target,
-        })
+        Ok(FramePair::only(base, target))
     }
 
     fn absent(&self, model: Model) -> CalibrationsTableError {

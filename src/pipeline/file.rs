@@ -12,13 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
-<<<<<<< HEAD
-use crate::fit::{FitSettings, Noise, TrackerUncertainty};
-use crate::geometry::{EulerOrder, Placement};
-=======
 use crate::fit::{FitSettings, Noise, Source, TrackerUncertainty};
-use crate::geometry::Placement;
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,

@@ -19,11 +19,8 @@ use thiserror::Error;
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
 use crate::fit::{
-<<<<<<< HEAD
-    self, ErrorBase, FitError, FitSettings, Models, Noise, SurveyedBase, TrainingSettings,
-=======
-    self, ErrorFrame, FitError, FitSettings, FramePair, Frames, Models, Noise, TrainingSettings,
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+    self, ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
+    TrainingSettings,
 };
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
@@ -135,24 +132,10 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
-<<<<<<< HEAD
-    let error_frame = stated::error_frame(arm, &models.base_target.frames[last], settings);
-    residuals.extend(raw_command(&training[last], &error_frame, settings));
-=======
     let frames = models.base_target.frames.iter().map(Frames::one);
     let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
-    let error_frame = ErrorFrame::new(
-        arm,
-        frames[last],
-        settings.flange_from_tool,
-        settings.noise.takes_orientations(),
-    );
-    residuals.extend(raw_command(
-        &training[last],
-        &error_frame,
-        settings.raw_command,
-    ));
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+    let error_frame = stated::error_frame(arm, &frames[last], settings);
+    residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);

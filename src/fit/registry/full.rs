@@ -9,12 +9,8 @@ use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, Open, PoseModel, Prediction, Query, Spread};
 use crate::fit::observation::Observation;
-<<<<<<< HEAD
 use crate::fit::saved::{SavedError, SavedHead};
-=======
-use crate::fit::saved::SavedError;
 use crate::join::SourceId;
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
 use crate::kinematics::Arm;
 
 pub(super) const ABOUT: About = About {

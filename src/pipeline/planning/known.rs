@@ -67,11 +67,6 @@ pub enum KnownError {
     /// The program does not know its own table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-<<<<<<< HEAD
-    /// The past session does not fit this plan.
-    #[error("[plan.known]: {}", kind.message(path))]
-    Misfit {
-=======
     /// A run with several sources or targets.
     #[error("[plan.known]: {}: {source}", path.display())]
     Several {
@@ -80,13 +75,9 @@ pub enum KnownError {
         /// How many of each.
         source: Several,
     },
-    /// A table of another robot.
-    #[error(
-        "[plan.known]: {} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
-         [robot] name", path.display()
-    )]
-    OtherRobot {
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+    /// The past session does not fit this plan.
+    #[error("[plan.known]: {}", kind.message(path))]
+    Misfit {
         /// The table.
         path: PathBuf,
         /// What does not fit.

@@ -8,13 +8,8 @@ use nalgebra::Vector3;
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
-<<<<<<< HEAD
-use crate::fit::{ErrorFrame, Models};
-use crate::grid::{GridStation, Grids};
-=======
 use crate::fit::{ErrorFrame, FramePair};
-use crate::grid::{GridStation, Grids, Judged};
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{

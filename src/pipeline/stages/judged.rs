@@ -196,18 +196,14 @@ pub(super) fn raw_command(
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
-        let attained = station.one_reading()?.position()?;
+        let attained = error_frame.attained_tool(&station.joints, station.one_reading()?)?;
         Some(Residual {
             station: station.number,
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
             predicted: commanded,
-<<<<<<< HEAD
-            residual: error_frame.attained_tool(&station.joints, attained) - commanded,
-=======
-            residual: tracker_from_base.inverse_transform_point(&attained) - commanded,
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
+            residual: attained - commanded,
             covariance: None,
             weight: None,
             turn: turns[place],

@@ -10,29 +10,30 @@
 use nalgebra::{Isometry3, Translation3, Vector3};
 
 use super::StageSettings;
-use crate::fit::{ErrorFrame, Frames, SurveyedBase};
+use crate::fit::{ErrorFrame, FramePair, SurveyedBase};
 use crate::geometry::Transform;
 use crate::kinematics::Arm;
 
 /// The error reference frame of a session with the `fitted` frames of base + target.
 pub(super) fn error_frame<'a>(
     arm: &'a Arm,
-    fitted: &Frames,
+    fitted: &FramePair,
     settings: &StageSettings,
 ) -> ErrorFrame<'a> {
     let base = settings.surveyed();
-    let frames = Frames {
+    let frames = FramePair {
         tracker_from_base: base.map_or(fitted.tracker_from_base, |base| {
             Transform::claim(base.tracker_from_base)
         }),
         flange_from_target: Transform::claim(target(fitted, settings)),
+        ..*fitted
     };
-    let oriented = settings.noise.orientations;
+    let oriented = settings.noise.takes_orientations();
     ErrorFrame::new(arm, frames, settings.flange_from_tool, oriented)
 }
 
 /// The measured target at the flange: its place as stated where it is, its orientation as fitted.
-fn target(fitted: &Frames, settings: &StageSettings) -> Isometry3<f64> {
+fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
     let fitted = fitted.flange_from_target.isometry();
     let is_tool = settings.target_is_tool == Some(true);
     let tool = settings.flange_from_tool.filter(|_| is_tool);

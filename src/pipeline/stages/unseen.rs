@@ -143,11 +143,8 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
-        let target = self.models.base_target.frames[self.own.1]
-            .flange_from_target
-            .isometry()
-            .translation
-            .vector;
+        let fitted = self.models.base_target.frames[self.own.1].one().ok()?;
+        let target = fitted.flange_from_target.isometry().translation.vector;
         let own = observations(self.arm, 0, session, self.settings);
         let change_rad = self.settings.full.session_curve_sd_rad;
         let fit = same_arm::unseen(self.arm, &own, &target, &left, change_rad)?;

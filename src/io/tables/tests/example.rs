@@ -13,14 +13,9 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-<<<<<<< HEAD
     self, At, Blocks, Calibration, ErrorBase, ErrorFrame, FitSettings, Frames, Freedom, Gap,
-    Models, Noise, Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty,
-=======
-    self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
-    Observation, PoseModel, Prediction, Source, SourceId, ToolErrors, TrackerUncertainty,
->>>>>>> 7aa6528b6177e01acd2ccd6ff6f8ad2a0bb279b2
-    TrainingSettings,
+    Models, Noise, Observation, PoseModel, Prediction, Source, SourceId, ToolErrors,
+    TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
