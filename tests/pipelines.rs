@@ -155,7 +155,7 @@ fn a_test_session_is_not_learnt_from() {
 }
 
 /// Each change to a good file, and what the message has to hold.
-const BAD: [(&str, &str, &[&str]); 26] = [
+const BAD: [(&str, &str, &[&str]); 27] = [
     (
         "[tolerance]",
         "[report]\ntool_tip = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n[tolerance]",
