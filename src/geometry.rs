@@ -4,6 +4,7 @@
 //! through one door, [`Transform::claim`] and [`Position::claim`], which says what is claimed.
 
 pub mod placement;
+pub mod typed;
 
 use std::fmt;
 use std::marker::PhantomData;

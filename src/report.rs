@@ -8,6 +8,7 @@ pub mod accuracy;
 pub mod chart;
 pub mod driven;
 pub mod evaluate;
+pub mod frame;
 pub mod iso_9283;
 pub mod promise;
 pub mod refit;

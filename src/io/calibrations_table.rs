@@ -14,10 +14,12 @@ use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _, Word as _};
 use super::tables::calibrations::CalibrationRow;
+use super::tables::error_frame;
 use crate::compensation::{ArmModel, IdentifiedArm};
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
 use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
+use crate::report::frame::StatedFrame;
 
 /// An identified arm as a run published it.
 #[derive(Debug)]
@@ -26,6 +28,8 @@ pub struct PublishedArm {
     pub key: RunKey,
     /// The arm.
     pub arm: IdentifiedArm,
+    /// The base that its errors are stated in.
+    pub error_frame: StatedFrame,
 }
 
 /// Why a file cannot be read as an identified arm.
@@ -114,7 +118,20 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
         validity: said.validity()?,
         arm,
     };
-    Ok(PublishedArm { key, arm })
+    let first = file
+        .rows
+        .first()
+        .expect("a table that was read has the row base_target");
+    let error_frame = error_frame::stated(
+        first.error_frame,
+        (first.error_frame_base, first.error_frame_base_turn),
+        [first.error_frame_sd_mm, first.error_frame_sd_deg],
+    );
+    Ok(PublishedArm {
+        key,
+        arm,
+        error_frame,
+    })
 }
 
 /// A file that keeps the schema.

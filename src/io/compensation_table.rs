@@ -18,10 +18,12 @@ use super::lake::read_given;
 use super::schema::{self, SchemaError};
 use super::table::{FileError, Row as _};
 use super::tables::compensation::NodeRow;
+use super::tables::error_frame;
 pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
 use crate::manifest::RunKey;
+use crate::report::frame::StatedFrame;
 
 /// A compensation table as a run published it.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +32,8 @@ pub struct PublishedTable {
     pub key: RunKey,
     /// Whether its step meets the pipeline's tolerance.
     pub verdict: TableVerdict,
+    /// The base that its errors are stated in.
+    pub error_frame: StatedFrame,
     /// The table.
     pub table: CompensationTable,
     /// Lowest and highest angle of each joint over the stations used, rad.
@@ -95,6 +99,11 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
     Ok(PublishedTable {
         key: common::key(path, &published)?,
         verdict: file.verdict()?,
+        error_frame: error_frame::stated(
+            first.error_frame,
+            (first.error_frame_base, first.error_frame_base_turn),
+            [first.error_frame_sd_mm, first.error_frame_sd_deg],
+        ),
         measured: said.joint_ranges(first.joint_names.len())?,
         flange_from_target: Position::claim(
             said.position("flange_from_target", |row| row.flange_from_target)?,

@@ -7,6 +7,8 @@ use super::words;
 use crate::grid::Verdict;
 use crate::io::table::Word as _;
 use crate::io::tables::accuracy::{AccuracyRow, FigureName};
+use crate::io::tables::calibrations::CalibrationRow;
+use crate::io::tables::error_frame::{self, ErrorFrameName};
 use crate::io::tables::grid_steps::StepRow;
 use crate::report::verdict::{self, Judge};
 use crate::report::{Model, Moment, Split};
@@ -19,6 +21,7 @@ pub(super) fn header(content: &Content) -> Markup {
             p.which { (content.robot) " · " (content.session) }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign(&content.verdict)) } " " (headline) }
             p.lead { (sentence(content, chosen)) }
+            (frame(content))
             (judges(&content.judges))
             @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
             @if let Some(step) = chosen { (facts(content, step)) }
@@ -28,6 +31,35 @@ pub(super) fn header(content: &Content) -> Markup {
             }
         }
     }
+}
+
+/// The base frame that the results hold in; where it was fitted, what has to be typed.
+fn frame(content: &Content) -> Markup {
+    let Some(row) = content.calibrations.first() else {
+        return html! {};
+    };
+    let base = (row.error_frame_base, row.error_frame_base_turn);
+    let sd = [row.error_frame_sd_mm, row.error_frame_sd_deg];
+    let stated = error_frame::stated(row.error_frame, base, sd);
+    html! {
+        p class=[(!stated.is_surveyed).then_some("warning")] { (capital(&stated.words())) "." }
+        @if !stated.is_surveyed {
+            details {
+                summary { "The frame to set, as controllers take it" }
+                @for (what, forms) in stated.to_set() {
+                    p { (capital(what)) ":" }
+                    dl { @for (form, typed) in forms { dt { (form) } dd { code { (typed) } } } }
+                }
+            }
+        }
+    }
+}
+
+/// A text with a capital letter at its beginning.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(letters).collect()
 }
 
 /// Who judges, where a test session does, and what has to be known of it.
@@ -134,14 +166,20 @@ pub(super) fn mm(value: Option<f64>) -> Markup {
     html! { @match value { Some(value) => { (words::number(value, 3)) " mm" }, None => "not shown" } }
 }
 
-/// The mean error before, base and target fitted, on all held-out stations of the table's session, and how many they are.
+/// The mean error before, on all held-out stations of the table's session, and how many they are: of the raw command in a surveyed
+/// base, of base + target in a fitted one, so that before and after are of one frame.
 fn before(content: &Content) -> Option<(f64, usize)> {
     let figures = || content.figures.iter();
     let of_table = (Model::Table, Split::Blocks, Moment::After);
     let table = figures().find(|f| (f.model, f.split, f.evidence) == of_table)?;
-    let alike = |own: &AccuracyRow| own.split == table.split && own.of_session == table.of_session;
-    let is_mean =
-        |own: &AccuracyRow| (own.model, own.name) == (Model::BaseTarget, FigureName::Mean);
+    let is_surveyed = |row: &CalibrationRow| row.error_frame == ErrorFrameName::Surveyed;
+    let (model, split) = if content.calibrations.first().is_some_and(is_surveyed) {
+        (Model::RawCommand, Split::None)
+    } else {
+        (Model::BaseTarget, table.split)
+    };
+    let alike = |own: &AccuracyRow| own.split == split && own.of_session == table.of_session;
+    let is_mean = |own: &AccuracyRow| (own.model, own.name) == (model, FigureName::Mean);
     let before = figures().find(|f| is_mean(f) && alike(f))?;
     Some((before.value?, before.n))
 }

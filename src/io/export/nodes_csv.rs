@@ -46,7 +46,7 @@ const OF_NODES: [&str; 24] = [
 /// Writes the nodes of the table in a file, lengths to the nanometre, joint angles in degrees.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     // What is exported is a table that `compensate` would read too.
-    compensation_table::read(path)?;
+    let published = compensation_table::read(path)?;
     let table = table::read(path, schema::find("compensation")?)?;
     let (of_nodes, of_all): (Vec<_>, Vec<_>) = Spread::all(&table)
         .into_iter()
@@ -55,6 +55,10 @@ pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
         sink,
         "# posegrid compensation table: error to subtract, attained minus commanded position, in the frame of commands"
     )?;
+    let frame = published.error_frame.lines();
+    frame
+        .iter()
+        .try_for_each(|line| writeln!(sink, "# {}", line.trim()))?;
     for column in &of_all {
         writeln!(
             sink,

@@ -22,13 +22,18 @@ use crate::fit::saved::axes_from_joints;
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::kinematics::{Chain, Element, Joint, Motion};
 use crate::manifest::RunKey;
+use crate::report::frame::StatedFrame;
 
 /// Writes the geometry that a file of table `calibrations` holds.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
-    let PublishedArm { key, arm } = calibrations_table::read_geometry(path)?;
+    let PublishedArm {
+        key,
+        arm,
+        error_frame,
+    } = calibrations_table::read_geometry(path)?;
     let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
-    Ok(sink.write_all(text(&key, &arm, &pieces).as_bytes())?)
+    Ok(sink.write_all(text(&key, &arm, &error_frame, &pieces).as_bytes())?)
 }
 
 /// The chain between its joint variables.
@@ -91,12 +96,13 @@ impl Pieces {
     }
 }
 
-fn text(key: &RunKey, arm: &IdentifiedArm, pieces: &Pieces) -> String {
+fn text(key: &RunKey, arm: &IdentifiedArm, error_frame: &StatedFrame, pieces: &Pieces) -> String {
     let mut urdf = String::from("<?xml version=\"1.0\" encoding=\"utf-8\"?>\n");
     let remark = format!(
-        "Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. Not in it: joint curves, gear lines, \
+        "{}. Identified geometry of arm {:?}, robot {:?}, session {:?}, by posegrid run {}. Not in it: joint curves, gear lines, \
          gravity, drift; see table calibrations of that run. base_link is the controller's base, flange its flange, tool its \
          own tool point. Effort and velocity are not known and 0.",
+        error_frame.words(),
         arm.arm.model(),
         key.robot,
         key.session,

@@ -158,9 +158,9 @@ row! {
             error_frame_target_y_mm,
             error_frame_target_z_mm,
         ]: [f64; 3],
-        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        /// Standard deviation of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        /// Standard deviation of that base's rotation, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
         /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,

@@ -117,9 +117,9 @@ row! {
             error_frame_base_qz,
             error_frame_base_qw,
         ]: [f64; 4],
-        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        /// Standard deviation of that base's origin, mm; `None` where it is not stated.
         error_frame_sd_mm: Option<f64>,
-        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        /// Standard deviation of that base's rotation, degrees; `None` where it is not stated.
         error_frame_sd_deg: Option<f64>,
         /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,

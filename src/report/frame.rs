@@ -1,0 +1,73 @@
+//! The base frame that a run's errors, table and verdict hold in, in words.
+
+use nalgebra::Isometry3;
+
+use crate::geometry::typed::{self, Typed};
+
+/// The base frame that a run's results hold in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StatedFrame {
+    /// Whether the base was surveyed; fitted otherwise.
+    pub is_surveyed: bool,
+    /// Where the base stands in the tracker's frame, mm.
+    pub tracker_from_base: Isometry3<f64>,
+    /// Standard deviation of its origin, mm: as stated of a surveyed base, of the fit of a fitted one; `None` where it is not stated.
+    pub sd_mm: Option<f64>,
+    /// Standard deviation of its rotation, degrees, likewise.
+    pub sd_deg: Option<f64>,
+}
+
+impl StatedFrame {
+    /// What the results hold in, in a sentence.
+    pub fn words(&self) -> String {
+        let uncertainty = match (self.sd_mm, self.sd_deg) {
+            (Some(mm), Some(deg)) => format!("{mm:.3} mm and {deg:.4}° as standard deviations"),
+            (Some(mm), None) => {
+                format!("{mm:.3} mm as standard deviation, its rotation's is not stated")
+            }
+            (None, Some(deg)) => {
+                format!("{deg:.4}° as standard deviation, its origin's is not stated")
+            }
+            (None, None) => "its uncertainty is not stated".to_owned(),
+        };
+        if self.is_surveyed && self.sd_mm.is_none() && self.sd_deg.is_none() {
+            format!(
+                "frame: the surveyed base; {uncertainty}, and not counted in U ([tracker] tracker_from_base.surveyed sd_mm, sd_deg)"
+            )
+        } else if self.is_surveyed {
+            format!("frame: the surveyed base ({uncertainty}, counted in U)")
+        } else {
+            format!(
+                "frame: the base as fitted ({uncertainty}): corrected commands are right only where the program's base is set to it"
+            )
+        }
+    }
+
+    /// What to set the program's base to, where it was fitted: for each of two ways to state it, what is typed.
+    pub fn to_set(&self) -> Vec<(&'static str, [Typed; 4])> {
+        if self.is_surveyed {
+            return Vec::new();
+        }
+        vec![
+            (
+                "the tracker's frame in the robot's base ($BASE of points that are given in the tracker's frame)",
+                typed::forms(&self.tracker_from_base.inverse()),
+            ),
+            (
+                "the robot's base in the tracker's frame",
+                typed::forms(&self.tracker_from_base),
+            ),
+        ]
+    }
+
+    /// [`Self::words`], and where the base was fitted the frame as it is typed, a line each.
+    pub fn lines(&self) -> Vec<String> {
+        let set = self.to_set().into_iter().take(1);
+        let forms = set.flat_map(|(what, forms)| {
+            let typed = forms.into_iter().take(3);
+            let line = move |(form, text): Typed| format!("  {form}: {text}");
+            std::iter::once(format!("  {what}:")).chain(typed.map(line))
+        });
+        std::iter::once(self.words()).chain(forms).collect()
+    }
+}
