@@ -10,8 +10,8 @@ each joint's angle (sines and cosines of θ and 2θ) and in what gravity bends (
 4. the arm goes to the corrected commands, and what it attains is held against what was wanted: as it stands in the surveyed base,
    and with the base fitted to all of these targets.
 
-A line is printed for each seed. The exit code is 1 where the table does not correct every target, or where its mean error after, base
-fitted, is more than `--most` times that of the identified arm.
+A line is printed for each seed. The exit code is 1 where the table does not correct every target, where its mean error after, in the
+surveyed base, is more than `--most` times that of the identified arm, or where that is more than `--mean`.
 """
 
 import argparse
@@ -44,6 +44,7 @@ ORIENTATION = np.array([0.019653311, 0.978385861, -0.174732162, 0.108827966])  #
 CONFIGURATION = "shoulder- elbow+ wrist-"  # of the arm in all of the box, as targets state it
 REPEATABILITY = 8e-6  # rad, of each joint at each visit: 0.02 mm at the tool
 LOW, SIZE = np.array([1395.0, -747, 601]), np.array([720.0, 1200, 720])
+CHI_SQUARE_95 = 7.815  # three degrees of freedom
 HOME = np.radians([0.0, -75, 100, 25, 55, -15])
 TRACKER_MM, TRACKER_EULER_DEG = np.array([4200.0, -900, -650]), [0.2291831, -0.4010705, 148.9690267]  # the survey
 
@@ -326,13 +327,19 @@ def write_targets(path, wanted):
             writer.writerow([f"t{number}", *(f"{value:.9f}" for value in (*place, *ORIENTATION)), CONFIGURATION])
 
 
-def left(arm, generator, wanted, commands):
-    """Mean distances from what is wanted, base surveyed and base fitted, once the arm has gone to commands."""
+def left(arm, generator, wanted, commands, covariances=None):
+    """Mean distances from what is wanted, base surveyed and base fitted, once the arm has gone to commands; and the share of them
+    that is inside the 95 % ellipsoids of the stated covariances, base surveyed."""
     if len(commands) == 0:
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), float("nan")
     angles = joints_for(commands)
     attained = arm.tool_pose(angles + generator.normal(0, REPEATABILITY, angles.shape))[1]
-    return distance(attained, wanted), distance(fitted(attained, wanted), wanted)
+    inside = float("nan")
+    if covariances is not None:
+        off = attained - wanted
+        squared = np.einsum("ni,ni->n", off, np.linalg.solve(covariances, off[:, :, None])[:, :, 0])
+        inside = float((squared < CHI_SQUARE_95).mean())
+    return distance(attained, wanted), distance(fitted(attained, wanted), wanted), inside
 
 
 def distance(attained, wanted):
@@ -353,7 +360,10 @@ def corrected(binary, table, targets, out):
     with out.open(newline="") as stream:
         rows = [row for row in csv.DictReader(stream) if not row["refused"]]
     numbers = [int(row["target"].removeprefix("t")) for row in rows]
-    return numbers, np.array([[float(row[axis]) for axis in ("x_mm", "y_mm", "z_mm")] for row in rows]).reshape(-1, 3)
+    commands = np.array([[float(row[axis]) for axis in ("x_mm", "y_mm", "z_mm")] for row in rows]).reshape(-1, 3)
+    entries = ("xx", "xy", "xz", "yy", "yz", "zz")
+    upper = np.array([[float(row[f"correction_cov_{entry}_mm2"]) for entry in entries] for row in rows]).reshape(-1, 6)
+    return numbers, commands, upper[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
 
 
 def loop(binary, folder, seed, options):
@@ -371,23 +381,25 @@ def loop(binary, folder, seed, options):
     after, answered = {}, {}
     for name in ("compensation", "calibrations"):
         (table,) = (folder / "lake" / name).glob(f"*/{session}/*.parquet")
-        numbers, commands = corrected(binary, table, targets, folder / f"{session}-{name}.csv")
-        after[name], answered[name] = left(arm, generator, wanted[numbers], commands), len(numbers)
+        numbers, commands, covariances = corrected(binary, table, targets, folder / f"{session}-{name}.csv")
+        after[name], answered[name] = left(arm, generator, wanted[numbers], commands, covariances), len(numbers)
     chosen = re.search(r"^ *grid: (.*)$", said, re.M)
-    pair = lambda figures: f"{figures[0]:.3f} / {figures[1]:.3f}"
+    pair = lambda figures: f"{figures[0]:.3f} / {figures[1]:.3f}" + ("" if np.isnan(figures[2]) else f", {100 * figures[2]:.1f} % inside")
     print(
         f"| {seed} | {pair(before)} | {pair(after['compensation'])} | {pair(after['calibrations'])} "
         f"| {answered['compensation']} of {options.targets} | {answered['calibrations']} of {options.targets} | {stations} |"
         f" {chosen.group(1) if chosen else ''}",
         flush=True,
     )
-    ratio = after["compensation"][1] / after["calibrations"][1]
+    ratio = after["compensation"][0] / after["calibrations"][0]
     wrong = []
     if answered["compensation"] < options.targets:
         wrong.append(f"the table corrects {answered['compensation']} of {options.targets} targets")
     if not ratio <= options.most:
         wrong.append(f"the table leaves {ratio:.2f} times what the identified arm leaves")
-    return [f"seed {seed}: {problem}" for problem in wrong]
+    if not after["calibrations"][0] <= options.mean:
+        wrong.append(f"the identified arm leaves {after['calibrations'][0]:.3f} mm in the surveyed base")
+    return [f"seed {seed}: {problem}" for problem in wrong], after["calibrations"][2]
 
 
 def main():
@@ -398,6 +410,7 @@ def main():
     parser.add_argument("--targets", type=int, default=400)
     parser.add_argument("--pitch", type=float, default=120.0, help="pitch of the measured stations, mm")
     parser.add_argument("--most", type=float, default=1.3, help="largest ratio of what the table leaves to what the identified arm leaves")
+    parser.add_argument("--mean", type=float, default=0.035, help="largest mean error in the surveyed base after `calibrations`, mm")
     parser.add_argument("--grid", action="append", default=[], help="a line for the [grid] section of the pipeline file")
     parser.add_argument("--verbose", action="store_true", help="print what each run says")
     options = parser.parse_args()
@@ -405,7 +418,10 @@ def main():
     folder.mkdir(parents=True)
     print("mean error in mm, in the surveyed base / with the base fitted to the targets")
     print("| seed | uncorrected | after `compensation` | after `calibrations` | targets by the table | by the arm | stations | choice")
-    wrong = [problem for seed in options.seed or [1] for problem in loop(options.binary.resolve(), folder, seed, options)]
+    done = [loop(options.binary.resolve(), folder, seed, options) for seed in options.seed or [1]]
+    wrong, inside = [problem for problems, _ in done for problem in problems], [share for _, share in done]
+    print(f"inside the 95 % ellipsoids, base surveyed: {100 * np.mean(inside):.1f} % of all targets, at least 95 % on "
+          f"{sum(share >= 0.95 for share in inside)} of {len(inside)} arms")
     for problem in wrong:
         print(problem, file=sys.stderr)
     return 1 if wrong else 0
