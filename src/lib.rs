@@ -7,8 +7,8 @@
 //!  tracker.mcap ────┘
 //! ```
 //!
-//! What the stages compute, and why, stands in the chapters of [`method`]: formulas, sources and measured figures. This page
-//! is the map of the code.
+//! How it is used stands in the chapters of [`guide`], from the first robot file to years of runs. What the stages compute, and
+//! why, stands in the chapters of [`method`]: formulas, sources and measured figures. This page is the map of the code.
 //!
 //! # The stages, in the order of the data
 //!
@@ -81,7 +81,8 @@ pub mod linalg;
 pub mod progress;
 pub mod units;
 
-// The method: text only.
+// The guide and the method: text only.
+pub mod guide;
 pub mod method;
 
 // The stages, in data order.

@@ -1,6 +1,8 @@
 //! Pipeline files: those in `pipelines/` load, and bad ones get a clear error and exit code 2.
 
 mod common;
+#[path = "pipelines/documents.rs"]
+mod documents;
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -25,6 +25,7 @@ use posegrid::io::targets::{self, CorrectedBy, DataList, Targets, driving};
 use posegrid::manifest::RunKey;
 
 use super::cell::{Cell, SAMPLE, Sample};
+use super::quickstart::quickstart;
 use harness::{change, change_words, fuzz};
 
 const CSV: &str = "target,x_mm,y_mm,z_mm,qx,qy,qz,qw,configuration,tool,q1_deg,q2_deg,note\n\
@@ -302,20 +303,9 @@ fn corrected_targets() {
 fn tables() -> Vec<Vec<u8>> {
     let sample = |sample: &Sample| fs::read(Cell::new(sample).table).expect("there");
     let mut seeds = vec![sample(&SAMPLE)];
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut run = assert_cmd::Command::cargo_bin("posegrid").expect("the program");
-    let run = run
-        .args(["run", "pipelines/quickstart.toml", "--lake"])
-        .arg(folder.path());
-    run.assert().success();
+    let done = quickstart();
     for table in ["calibrations", "joint_errors", "residuals", "compensation"] {
-        let session = folder.path().join(table).join("kr210-demo/quickstart");
-        let file = fs::read_dir(session)
-            .expect("there")
-            .next()
-            .expect("one")
-            .expect("listed");
-        let bytes = fs::read(file.path()).expect("there");
+        let bytes = fs::read(done.folder.join(done.table(table))).expect("there");
         // Longer inputs only take longer; what is cut off a Parquet file is its description.
         if bytes.len() <= harness::LONGEST {
             seeds.push(bytes);

@@ -4,6 +4,7 @@ mod cell;
 mod damaged;
 mod forms;
 mod fuzz;
+mod quickstart;
 mod recorded;
 mod used_with;
 mod worked;

@@ -1,119 +1,242 @@
-//! The README's worked example: its numbers are a table's, and a calculator finds what `posegrid compensate` does.
+//! Numbers and commands of the README and the guide, held against a run of the quickstart.
+//!
+//! Where a text has grown stale, the test names the file and prints what has to stand there.
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
-use posegrid::compensation::{CompensationTable, Known, Target, Terms, Validity, compensate};
-use posegrid::geometry::{Position, Transform};
-use posegrid::grid::{Interpolation, Lattice};
+use std::collections::BTreeMap;
+use std::fs;
 
-/// The README's numbers have this many digits, mm.
-const HALF_DIGIT_MM: f64 = 0.5e-6;
+use nalgebra::Vector3;
+use posegrid::io::schema;
+use posegrid::io::table;
 
-/// The README from the line that begins the example.
-fn example() -> String {
-    let readme = std::fs::read_to_string("README.md").unwrap();
-    let start = readme
-        .find("### A target by hand")
-        .expect("the README has the example");
-    let text = &readme[start..];
-    let end = text[4..].find("\n## ").map_or(text.len(), |end| end + 4);
-    text[..end].replace('−', "-")
+use super::cell::field;
+use super::quickstart::quickstart;
+
+/// A section of a document, from the line below its heading to the next heading of the same level.
+fn section(file: &str, heading: &str) -> String {
+    let text = fs::read_to_string(file).expect("part of the project");
+    let (_, below) = text
+        .split_once(&format!("\n{heading}\n"))
+        .unwrap_or_else(|| panic!("{file} has no section {heading:?}"));
+    let level = heading.split(' ').next().expect("its marks");
+    let end = below.find(&format!("\n{level} "));
+    below[..end.unwrap_or(below.len())].to_owned()
 }
 
-/// The numbers of each row of the example's table: x, y, z, weight, errors.
-fn rows(text: &str) -> Vec<[f64; 7]> {
-    let numbers = |line: &str| -> Option<[f64; 7]> {
-        let cells = line
-            .trim()
-            .trim_matches('|')
-            .split('|')
-            .map(|cell| cell.trim().parse().ok());
-        cells.collect::<Option<Vec<f64>>>()?.try_into().ok()
-    };
-    text.lines().filter_map(numbers).collect()
+/// The first fenced text of a language in a section.
+fn fenced<'a>(section: &'a str, language: &str) -> &'a str {
+    let start = section.split_once(&format!("```{language}\n"));
+    let (_, text) = start.unwrap_or_else(|| panic!("no text in {language:?} in {section}"));
+    text.split("```").next().expect("fenced")
 }
 
-/// The three numbers in parentheses that follow some words.
-fn after(text: &str, words: &str) -> Vector3<f64> {
-    let text = text.replace('\n', " ");
-    let (_, rest) = text
-        .split_once(words)
-        .unwrap_or_else(|| panic!("{words:?} is not in {text}"));
-    let inside = rest.split(['(', ')']).nth(1).unwrap();
-    let numbers: Vec<f64> = inside
-        .split(',')
-        .map(|n| n.trim().parse().unwrap())
-        .collect();
-    Vector3::from_column_slice(&numbers)
+/// The words of a text, whatever its lines are.
+fn words(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Asserts that a section says something.
+fn says(file: &str, section: &str, wanted: &str) {
+    assert!(
+        words(section).contains(&words(wanted)),
+        "{file} is stale; it has to say\n\n{wanted}\n\nand says\n{section}"
+    );
+}
+
+/// A point or vector, mm, with so many digits.
+fn written(vector: Vector3<f64>, digits: usize) -> String {
+    let [x, y, z] = vector.into();
+    format!("({x:.digits$}, {y:.digits$}, {z:.digits$})").replace('-', "−")
+}
+
+/// Three columns of a target's row in a CSV.
+fn vector(csv: &str, target: &str, columns: [&str; 3]) -> Vector3<f64> {
+    let number = |column| field(csv, target, column).parse().expect("a number");
+    columns.map(number).into()
+}
+
+const POSITION: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
+const CORRECTION: [&str; 3] = ["correction_x_mm", "correction_y_mm", "correction_z_mm"];
+const SD: [&str; 3] = [
+    "correction_sd_x_mm",
+    "correction_sd_y_mm",
+    "correction_sd_z_mm",
+];
+
+#[test]
+fn the_readme_shows_what_the_quickstart_prints() {
+    let done = quickstart();
+    let readme = section("README.md", "## Two commands");
+    let printed = done.printed.replace(&done.run(), "RUN");
+    let shown = fenced(&readme, "text");
+    assert_eq!(
+        shown.trim(),
+        printed.trim(),
+        "README.md is stale: this is printed\n\n{printed}"
+    );
 }
 
 #[test]
-fn the_readme_is_right() {
-    let text = example();
-    let rows = rows(&text);
-    assert_eq!(rows.len(), 8);
-    let target = after(&text, "The target is at");
-    // By hand: each weight from the place, each axis the sum of weight times error.
-    let (low, high) = (
-        Vector3::from_row_slice(&rows[0][..3]),
-        Vector3::from_row_slice(&rows[7][..3]),
+fn the_commands_of_the_readme_give_what_it_says() {
+    let done = quickstart();
+    let apply = section("README.md", "## Apply it");
+    fs::write(done.folder.join("targets.csv"), fenced(&apply, "csv")).expect("writable");
+    done.sh(fenced(&apply, "sh"));
+    let corrected = fs::read_to_string(done.folder.join("corrected.csv")).expect("written");
+    let wanted = format!(
+        "The command for it is {} mm. The correction is {} mm, with standard deviations of {} mm.",
+        written(vector(&corrected, "A", POSITION), 3),
+        written(vector(&corrected, "A", CORRECTION), 3),
+        written(vector(&corrected, "A", SD), 3),
     );
-    let mut sum = Vector3::zeros();
-    for [x, y, z, weight, errors @ ..] in &rows {
-        let node = Vector3::new(*x, *y, *z);
-        let share =
-            |axis: usize| 1.0 - (target[axis] - node[axis]).abs() / (high[axis] - low[axis]);
-        assert!(
-            (weight - share(0) * share(1) * share(2)).abs() < 1e-12,
-            "{node}"
-        );
-        sum += Vector3::from(*errors) * *weight;
+    says("README.md", &apply, &wanted);
+    let night = done.sh(fenced(&section("README.md", "## Every night"), "sh"));
+    assert!(night.contains("done-before  quickstart"), "{night}");
+}
+
+/// The quickstart's table as `posegrid export --format csv` writes it.
+struct Exported {
+    /// What holds for the whole table, from the lines before the nodes.
+    terms: BTreeMap<String, String>,
+    /// Place and error of each node, mm.
+    nodes: Vec<(Vector3<f64>, Vector3<f64>)>,
+}
+
+fn exported() -> Exported {
+    let done = quickstart();
+    let table = done.table("compensation");
+    let csv = done.sh(&format!("posegrid export {table} --format csv"));
+    let term = |line: &str| {
+        let (name, value) = line.strip_prefix("# ")?.split_once(": ")?;
+        Some((name.to_owned(), value.trim_matches('"').to_owned()))
+    };
+    let mut reader = csv::ReaderBuilder::new();
+    let mut reader = reader.comment(Some(b'#')).from_reader(csv.as_bytes());
+    let headers = reader.headers().expect("a first line").clone();
+    let nodes = reader.records().map(|row| {
+        let row = row.expect("a row");
+        let number = |name: String| -> f64 {
+            let place = headers.iter().position(|header| header == name);
+            let cell = &row[place.expect("a column")];
+            cell.parse().expect("a number")
+        };
+        let axes = ["x", "y", "z"];
+        let place = axes.map(|axis| number(format!("{axis}_mm")));
+        let error = axes.map(|axis| number(format!("error_{axis}_mm")));
+        (place.into(), error.into())
+    });
+    Exported {
+        nodes: nodes.collect(),
+        terms: csv.lines().filter_map(term).collect(),
     }
-    assert!(
-        (sum - after(&text, "error at the target")).amax() < HALF_DIGIT_MM,
-        "{sum}"
-    );
-    let first = after(&text, "first command");
-    assert!(
-        (target - sum - first).amax() < 2.0 * HALF_DIGIT_MM,
-        "{}",
-        target - sum
-    );
-    // By the program.
-    let lattice = Lattice {
-        origin: Point3::from(low),
-        step: (high - low).into(),
-        counts: [2; 3],
+}
+
+impl Exported {
+    /// Distance of neighbouring nodes along each axis, mm.
+    fn pitch(&self) -> Vector3<f64> {
+        let number = |axis| self.terms[&format!("step_{axis}_mm")].parse::<f64>();
+        ["x", "y", "z"]
+            .map(|axis| number(axis).expect("a number"))
+            .into()
+    }
+}
+
+/// The guide's worked example: interpolation as a reader does it with a calculator, from the printed digits.
+fn by_hand(target: Vector3<f64>, table: &Exported, commanded: Vector3<f64>) -> String {
+    let pitch = table.pitch();
+    let weight = |place: &Vector3<f64>| {
+        let shares = (target - place).abs().component_div(&pitch);
+        shares.map(|share| (1.0 - share).max(0.0)).product()
     };
-    let known = |row: &[f64; 7]| Known {
-        joints: vec![0.0; 6],
-        error: Vector3::new(row[4], row[5], row[6]),
-        covariance: Matrix3::identity(),
-    };
-    let terms = Terms {
-        table_id: "readme".to_owned(),
-        orientation: UnitQuaternion::identity(),
-        orientation_tolerance_rad: 0.1,
-        configuration: None,
-        interpolation: Interpolation::Trilinear,
-        idw_power: 0.0,
-        validity: Validity::default(),
-    };
-    let nodes = rows.iter().map(|row| Ok(known(row))).collect();
-    let table = CompensationTable::new(terms, Transform::identity(), lattice, nodes).unwrap();
-    let wanted = Target {
-        name: "A".to_owned(),
-        position: Some(Position::claim(Point3::from(target))),
-        ..Target::default()
-    };
-    let found = compensate(&table, &wanted).unwrap().command.coords();
-    assert!(
-        (found - after(&text, "posegrid compensate` says")).amax() < HALF_DIGIT_MM,
-        "{found}"
+    let nodes = table
+        .nodes
+        .iter()
+        .map(|(place, error)| (place, error, weight(place)));
+    let around: Vec<_> = nodes.filter(|(_, _, weight)| *weight > 0.0).collect();
+    assert_eq!(around.len(), 8, "the target lies inside a cell");
+    let rows = around.iter().map(|(place, error, weight)| {
+        format!(
+            "| {} | {} | {} | {weight:.6} | {:.6} | {:.6} | {:.6} |\n",
+            place.x, place.y, place.z, error.x, error.y, error.z
+        )
+    });
+    let rows = rows.collect::<String>().replace('-', "−");
+    let error_there: Vector3<f64> = around
+        .iter()
+        .map(|(_, error, weight)| *error * *weight)
+        .sum();
+    let first = target - error_there;
+    let further_um = (commanded - first).norm() * 1000.0;
+    // The step that the calculator leaves out is there, and it is small.
+    assert!(further_um > 0.01 && further_um < 1.0, "{further_um}");
+    format!(
+        "The target of the README is at {} mm. `posegrid export … --format csv` has the eight nodes around it. Each counts by the \
+         product, over the three axes, of 1 − distance / pitch, with the pitches ({}, {}, {}) mm:\n\n\
+         | x mm | y mm | z mm | weight | error x mm | error y mm | error z mm |\n|---|---|---|---|---|---|---|\n{rows}\n\
+         Weights times errors add up to the error at the target, {} mm. Target minus error is the first command, {} mm. The error \
+         there is a little different. `posegrid compensate` repeats the step until nothing changes, and says {} mm, which is \
+         {further_um:.1} µm further on.\n",
+        written(target, 0),
+        pitch.x,
+        pitch.y,
+        pitch.z,
+        written(error_there, 6),
+        written(first, 6),
+        written(commanded, 6),
+    )
+}
+
+#[test]
+fn the_target_worked_by_hand_is_the_programs() {
+    let done = quickstart();
+    let targets = fenced(&section("README.md", "## Apply it"), "csv").to_owned();
+    fs::write(done.folder.join("by_hand.csv"), &targets).expect("writable");
+    let table = done.table("compensation");
+    let corrected = done.sh(&format!(
+        "posegrid compensate {table} by_hand.csv --no-record"
+    ));
+    let exported = exported();
+    assert_eq!(
+        exported.terms["interpolation"], "trilinear",
+        "the example's weights are those"
     );
-    // The step that the calculator left out is as small as the text says.
-    assert!(
-        (found - first).norm() < 0.0005 && (found - first).norm() > 0.00005,
-        "{}",
-        (found - first).norm()
+    let example = by_hand(
+        vector(&targets, "A", POSITION),
+        &exported,
+        vector(&corrected, "A", POSITION),
     );
+    let guide = "src/guide/compensate.md";
+    says(guide, &section(guide, "# A target by hand"), &example);
+}
+
+#[test]
+fn the_figures_to_expect_are_those_of_the_run() {
+    let done = quickstart();
+    let path = done.folder.join(done.table("accuracy"));
+    let schema = schema::find("accuracy").expect("published");
+    let table = table::read(&path, schema).expect("readable");
+    let mean = |model: &str, angles: &str| {
+        let is = |row: &usize, column: &str, word: &str| table.text(column).value(*row) == word;
+        let mut rows = (0..table.rows()).filter(|row| {
+            is(row, "split", "blocks")
+                && is(row, "quantity", "position_error")
+                && is(row, "name", "mean")
+                && is(row, "model", model)
+                && is(row, "angles", angles)
+        });
+        let row = rows.next().expect("a mean of held-out blocks");
+        assert_eq!(rows.next(), None, "one of {model}");
+        table.f64("value").value(row)
+    };
+    let wanted = format!(
+        "| KR 210, simulated, blocks held out | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} ({} mm step) |",
+        mean("base_target", "reported"),
+        mean("geometric", "reported"),
+        mean("full", "weighted"),
+        mean("full", "commanded"),
+        mean("table", "commanded"),
+        exported().pitch().x,
+    );
+    let guide = "src/guide/figures.md";
+    says(guide, &section(guide, "# What to expect"), &wanted);
 }

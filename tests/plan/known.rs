@@ -316,7 +316,7 @@ fn on_a_real_arm_what_another_session_knows_is_worth_many_poses() {
 }
 
 #[test]
-#[ignore = "figures for the README: cargo test --release --test plan figures_of_a_known -- --ignored --nocapture"]
+#[ignore = "figures of plans that start from a known arm: cargo test --release --test plan figures_of_a_known -- --ignored --nocapture"]
 fn figures_of_a_known_real_arm() {
     let arm = common::arm("ur10");
     let Some((a, b)) = common::trained::random_sessions(&arm, &NOISE) else {

@@ -1,12 +1,13 @@
 """Reads a lake with pyarrow, polars and DuckDB, none of them posegrid's own code, and holds it against schemas/*.toml.
 
-    python tests/readers/read_lake.py LAKE [--schemas schemas] [--all-tables]
+    python tests/readers/read_lake.py LAKE [--schemas schemas] [--all-tables] [--sql DOCUMENT…]
 
 Checked for every file: columns and their order, types, nulls, the words of enumerations, metadata, and that the three
 readers see the same values, and that the digest in the file's metadata is that of its content, worked out here as
 `io::table::digest` says; for every table: that the readers take the folder as one table, with the same number of
 rows; for the lake: that robot, session and run in the rows are those in the path, and that every row joins `runs`. Then
-the SQL of README.md runs on a copy of the lake beside files that do not belong, and has to give the rows that it gave without.
+the SQL of each DOCUMENT runs on a copy of the lake: it has to give rows, and what goes by the view current_runs the same rows
+beside files that do not belong.
 """
 
 import argparse
@@ -205,37 +206,43 @@ def check_runs(lake, folders):
         expect(f"{lake}, run {run}", f"rows of {name}", found, rows)
 
 
-def check_readme(lake, readme):
-    """Runs the README's SQL on a copy of the lake, before and after files are planted that do not belong."""
-    blocks = re.findall(r"```sql\n(.*?)```", readme.read_text(), re.DOTALL)
-    sql = next(block for block in blocks if "CREATE VIEW current_runs" in block)
+def check_sql(lake, documents):
+    """Runs the SQL of documents on a copy of the lake, before and after files are planted that do not belong.
+
+    Each block gives rows. One that goes by current_runs gives the same rows beside the planted files.
+    """
+    blocks = [(document, sql) for document in documents for sql in re.findall(r"```sql\n(.*?)```", document.read_text(), re.DOTALL)]
+    expect(documents, "one block with the view current_runs", sum("CREATE VIEW current_runs" in sql for _, sql in blocks), 1)
     with tempfile.TemporaryDirectory() as folder:
         copy = pathlib.Path(folder) / "lake"
         shutil.copytree(lake, copy)
         own = sorted((copy / "accuracy").glob("*/*/*.parquet"))[0]
         row = sorted((copy / "runs").glob("*/*/*.parquet"))[0]
-        statements = [part for part in sql.replace("'lake/", f"'{copy}/").split(";") if part.strip()]
-        connection = duckdb.connect()
-        for statement in statements[:-1]:
-            connection.execute(statement)
-        before = connection.execute(statements[-1]).fetchall()
+
+        def rows(sql):
+            connection = duckdb.connect()
+            statements = [part for part in sql.replace("'lake/", f"'{copy}/").split(";") if part.strip()]
+            return sorted(str(row) for row in [connection.execute(part) for part in statements][-1].fetchall())
+
+        before = [rows(sql) for _, sql in blocks]
         for planted in (f"accuracy/r/x/zz.parquet", f"accuracy/r/x/{own.name}", f"{own.parent.relative_to(copy)}/zz.parquet"):
             (copy / planted).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(own, copy / planted)
         (copy / "runs/r/x").mkdir(parents=True)
         shutil.copy(row, copy / "runs/r/x/zz.parquet")
-        after = connection.execute(statements[-1]).fetchall()
-        expect(readme, "rows of its query beside foreign files", sorted(map(str, after)), sorted(map(str, before)))
-        if not before:
-            problems.append(f"{readme}: its query gives no row of {lake}")
-        print(f"the README's query: {len(before)} rows, and no other beside foreign files")
+        for (document, sql), found in zip(blocks, before):
+            if not found:
+                problems.append(f"{document}: its query gives no row of {lake}: {sql}")
+            if "CREATE VIEW current_runs" in sql:
+                expect(document, "rows of its query beside foreign files", rows(sql), found)
+        print(f"the documents' queries: {', '.join(str(len(found)) for found in before)} rows, and no other beside foreign files")
 
 
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("lake", type=pathlib.Path)
     arguments.add_argument("--schemas", type=pathlib.Path, default=pathlib.Path("schemas"))
-    arguments.add_argument("--readme", type=pathlib.Path, help="run its SQL too, on a copy of the lake")
+    arguments.add_argument("--sql", type=pathlib.Path, nargs="+", help="documents whose SQL to run too, on a copy of the lake")
     arguments.add_argument("--all-tables", action="store_true", help="every published table has to be there")
     given = arguments.parse_args()
 
@@ -260,8 +267,8 @@ def main():
             print(f"{folder.name}: {len(files)} files, {check_table(folder, files)} rows, three readers agree")
     if not problems:
         check_runs(given.lake, folders)
-    if not problems and given.readme:
-        check_readme(given.lake, given.readme)
+    if not problems and given.sql:
+        check_sql(given.lake, given.sql)
     for problem in problems:
         print(f"PROBLEM {problem}", file=sys.stderr)
     return 1 if problems else 0

@@ -1,4 +1,4 @@
-//! What README.md says of running every night: the units and the cron line in it, as they stand there.
+//! What the guide says of running every night: the units and the cron line, as they stand there.
 
 use std::fs;
 use std::process::Command;
@@ -8,16 +8,16 @@ use super::cell::{Cell, Ended, ended};
 const BINARY: &str = "/usr/local/bin/posegrid";
 const PIPELINE: &str = "/srv/cell/cell.toml";
 
-/// The fenced text of README.md that begins with this line.
+/// The fenced text of the guide that begins with this line.
 fn text(first: &str) -> String {
-    let readme = fs::read_to_string("README.md").expect("part of the project");
-    let start = readme.find(&format!("\n{first}\n"));
-    let start = start.unwrap_or_else(|| panic!("{first:?} begins no text of README.md"));
-    let text = readme[start + 1..].split("\n```").next();
+    let guide = fs::read_to_string("src/guide/operating.md").expect("part of the project");
+    let start = guide.find(&format!("\n{first}\n"));
+    let start = start.unwrap_or_else(|| panic!("{first:?} begins no text of the guide"));
+    let text = guide[start + 1..].split("\n```").next();
     text.expect("fenced").to_owned()
 }
 
-/// A command line of README.md with our own binary and pipeline file in it.
+/// A command line of the guide with our own binary and pipeline file in it.
 fn ours(line: &str, cell: &Cell) -> String {
     assert!(line.contains(BINARY) && line.contains(PIPELINE), "{line}");
     line.replace(
@@ -46,7 +46,7 @@ fn small() -> Cell {
 }
 
 #[test]
-fn the_service_runs_as_it_stands_in_the_readme() {
+fn the_service_runs_as_it_stands_in_the_guide() {
     let cell = small();
     let service = text("# /etc/systemd/system/posegrid.service");
     let line = service
@@ -57,7 +57,7 @@ fn the_service_runs_as_it_stands_in_the_readme() {
 }
 
 #[test]
-fn the_cron_line_runs_as_it_stands_in_the_readme() {
+fn the_cron_line_runs_as_it_stands_in_the_guide() {
     let cell = small();
     let crontab = text("# m h dom mon dow command");
     let line = crontab
@@ -74,7 +74,7 @@ fn the_cron_line_runs_as_it_stands_in_the_readme() {
 }
 
 #[test]
-fn systemd_takes_the_units_as_they_stand_in_the_readme() {
+fn systemd_takes_the_units_as_they_stand_in_the_guide() {
     let probe = Command::new("systemd-analyze").arg("--version").output();
     if !probe.is_ok_and(|probe| probe.status.success()) {
         assert!(

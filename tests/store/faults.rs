@@ -197,7 +197,7 @@ fn an_upload_in_parts_of_which_any_answer_is_lost_is_there_once() {
 }
 
 #[test]
-#[ignore = "half an hour: every fault at every request; see README.md"]
+#[ignore = "half an hour: every fault at every request; see src/guide/proofs.md"]
 fn any_request_may_go_wrong() {
     if !is_there() {
         return;

@@ -1,0 +1,72 @@
+//! The guide, chapter by chapter: how posegrid is used, from the first robot file to years of runs.
+//!
+//! The README is the first hour. These modules hold text only and say the rest. What is computed, and why, stands in
+//! [`crate::method`]. Every command has an example in its `--help`, and `posegrid schema TABLE` shows each column of a table.
+//!
+//! | chapter | question it answers | command |
+//! |---|---|---|
+//! | [`robot_file`] | How is the nominal arm stated, and how is the statement checked? | |
+//! | [`pipeline_file`] | What does a pipeline file have to say, and what is a session? | `check` |
+//! | [`logs`] | Which logs and messages are read, and what becomes of damaged ones? | `inspect` |
+//! | [`tables`] | What does a run write, and how is it read? | `run`, `schema` |
+//! | [`figures`] | How are figures, bounds and verdicts read? What accuracy is usual? | |
+//! | [`compensate`] | How are targets corrected, and how does a table reach a controller? | `compensate`, `export` |
+//! | [`driven_session`] | Did the correction work? | `run` |
+//! | [`planning`] | How many poses, and which, before anything is measured? | `plan` |
+//! | [`simulate`] | How is a session of known truth made? | `simulate` |
+//! | [`operating`] | How does it run every night, and how does it end? | `run` |
+//! | [`history`] | What moved since the last session? | `history` |
+//! | [`verify`] | Is a result of years ago still what it was? What may be deleted? | `verify` |
+//! | [`storage`] | How are sessions and lake kept on object storage? | |
+//! | [`performance`] | Which build, how much time and memory? | |
+//! | [`proofs`] | Which tests are there, and which longer proofs? | |
+
+#![expect(
+    clippy::doc_markdown,
+    reason = "the chapters are prose: names of products are not names of items"
+)]
+
+#[doc = include_str!("guide/robot_file.md")]
+pub mod robot_file {}
+
+#[doc = include_str!("guide/pipeline_file.md")]
+pub mod pipeline_file {}
+
+#[doc = include_str!("guide/logs.md")]
+pub mod logs {}
+
+#[doc = include_str!("guide/tables.md")]
+pub mod tables {}
+
+#[doc = include_str!("guide/figures.md")]
+pub mod figures {}
+
+#[doc = include_str!("guide/compensate.md")]
+pub mod compensate {}
+
+#[doc = include_str!("guide/driven_session.md")]
+pub mod driven_session {}
+
+#[doc = include_str!("guide/planning.md")]
+pub mod planning {}
+
+#[doc = include_str!("guide/simulate.md")]
+pub mod simulate {}
+
+#[doc = include_str!("guide/operating.md")]
+pub mod operating {}
+
+#[doc = include_str!("guide/history.md")]
+pub mod history {}
+
+#[doc = include_str!("guide/verify.md")]
+pub mod verify {}
+
+#[doc = include_str!("guide/storage.md")]
+pub mod storage {}
+
+#[doc = include_str!("guide/performance.md")]
+pub mod performance {}
+
+#[doc = include_str!("guide/proofs.md")]
+pub mod proofs {}

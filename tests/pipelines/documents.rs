@@ -1,0 +1,90 @@
+//! TOML of the README and the guide: each piece is taken where it stands in a whole file.
+
+use std::fs;
+use std::path::PathBuf;
+
+use posegrid::geometry::Placement;
+use posegrid::kinematics::RobotFile;
+use posegrid::pipeline::file::PipelineFile;
+use toml::{Table, Value};
+
+/// A fenced text of a document.
+struct Piece {
+    /// The document.
+    file: PathBuf,
+    text: String,
+}
+
+/// Every fenced text in TOML of the README and the guide.
+fn pieces() -> Vec<Piece> {
+    let guide = fs::read_dir("src/guide").expect("part of the project");
+    let mut files: Vec<_> = guide.map(|entry| entry.expect("listed").path()).collect();
+    files.push("README.md".into());
+    files.sort();
+    let of_file = |file: PathBuf| {
+        let document = fs::read_to_string(&file).expect("text");
+        let after = document.split("```toml\n").skip(1);
+        let text = after.map(|after| after.split("```").next().expect("fenced").to_owned());
+        text.map(|text| Piece {
+            file: file.clone(),
+            text,
+        })
+        .collect::<Vec<_>>()
+    };
+    files.into_iter().flat_map(of_file).collect()
+}
+
+/// A file with what a piece says in the place of what it says itself.
+fn with(file: &str, piece: &str) -> Result<Value, toml::de::Error> {
+    let text = fs::read_to_string(file).expect("part of the project");
+    let mut whole: Table = toml::from_str(&text)?;
+    put(&mut whole, toml::from_str(piece)?);
+    Ok(Value::Table(whole))
+}
+
+fn put(whole: &mut Table, piece: Table) {
+    for (key, value) in piece {
+        match (whole.get_mut(&key), value) {
+            (Some(Value::Table(there)), Value::Table(more)) => put(there, more),
+            (_, value) => {
+                whole.insert(key, value);
+            }
+        }
+    }
+}
+
+/// Reads a piece as what it is.
+fn read(piece: &str) -> Result<(), Box<dyn std::error::Error>> {
+    let robot = "pipelines/robots/kr210-r2700-extra.toml";
+    if piece.starts_with('{') {
+        for line in piece.lines() {
+            let named = toml::from_str::<Table>(&format!("placement = {line}"))?;
+            let placement: Placement = named["placement"].clone().try_into()?;
+            placement.isometry()?;
+        }
+    } else if piece.contains("[[joint]]") {
+        toml::from_str::<RobotFile>(piece)?.arm()?;
+    } else if piece.starts_with("joint_map") {
+        let file: RobotFile = with(robot, piece)?.try_into()?;
+        file.arm()?;
+    } else {
+        let _: PipelineFile = with("pipelines/plan-kr210.toml", piece)?.try_into()?;
+    }
+    Ok(())
+}
+
+#[test]
+fn toml_of_the_readme_and_the_guide_is_taken() {
+    let pieces = pieces();
+    assert!(pieces.len() > 6, "{}", pieces.len());
+    for Piece { file, text } in pieces {
+        read(&text).unwrap_or_else(|e| panic!("{}: {e} in\n{text}", file.display()));
+    }
+}
+
+#[test]
+fn a_key_that_is_not_there_is_found() {
+    let piece = "[report]\ntool_place = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n";
+    let error = read(piece).unwrap_err().to_string();
+    assert!(error.contains("tool_place"), "{error}");
+}
