@@ -35,7 +35,7 @@ impl Shape {
 /// A fitted model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariogramModel {
-    /// Its shape.
+    /// The shape of the curve.
     pub shape: Shape,
     /// Semivariance at separation zero: noise and what varies below the least separation, mm².
     pub nugget: f64,
@@ -51,7 +51,7 @@ pub struct VariogramModel {
 const LEAST_BINS: usize = 4;
 /// Ranges tried between the first and twice the last separation.
 const RANGES: u32 = 200;
-/// Ranges begin at this share of a bin's width or above it.
+/// The least range tried, as a share of a bin's width.
 const SHARE_OF_A_BIN: f64 = 0.01;
 /// A rising curve explains at least this share of the bins' weighted variance.
 const RISING_SHARE: f64 = 0.5;
@@ -104,8 +104,8 @@ fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
         .min_by(|a, b| a.misfit.total_cmp(&b.misfit))
 }
 
-/// The first range that is tried: the separation of the first bin. Repeated visits may have none at all, and a range of zero is no
-/// range: a bin tells nothing of ranges far below its own width.
+/// The first range that is tried: the separation of the first bin. That of repeated visits may be zero, which is not a valid
+/// range; a bin shows nothing about ranges far below its own width.
 fn shortest_range(bins: &[Bin]) -> Option<f64> {
     let first = bins.first()?;
     Some(
@@ -199,7 +199,7 @@ mod tests {
             assert!(model.range > 0.0);
         }
         assert_eq!(alikeness(&bins, &models), Alikeness::Rising);
-        // The same errors everywhere, at one place alone or not.
+        // Equal errors everywhere: no semivariance in any bin.
         for bin in &mut bins {
             bin.gamma = 0.0;
         }

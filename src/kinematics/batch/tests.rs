@@ -88,7 +88,10 @@ fn a_batch_is_its_chain_to_a_billionth_of_a_millimetre() {
         let batch = BatchChain::new(&chain, &offsets);
         let (poses, positions) = (batch.poses(&axes), batch.positions(&axes));
         assert_eq!((poses.len(), positions[2].len()), (150, 150));
-        assert_eq!(poses.position, positions, "one arithmetic behind both");
+        assert_eq!(
+            poses.position, positions,
+            "positions and poses have the same arithmetic"
+        );
         for i in 0..150 {
             let wanted = chain.forward(&pose_of(&axes, i), &offsets);
             let found = poses.isometry(i);
@@ -105,7 +108,7 @@ fn columns_are_the_chains_own_differential() {
     for chain in chains {
         let axes = columns(chain.joint_count(), 70);
         let offsets = offsets(&chain);
-        // Every third parameter is nobody's unknown; the others are counted from the last.
+        // Every third parameter is fixed; the others are counted from the last.
         let count = offsets.len();
         let unknowns: Vec<_> = (0..count)
             .map(|place| (place % 3 != 1).then_some(count - place))
