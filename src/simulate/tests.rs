@@ -140,7 +140,7 @@ fn each_ingredient_alone_moves_the_target_and_off_is_off() {
 
 #[test]
 fn the_arm_stands_at_its_command_when_beta_is_one() {
-    // Reported angles are 1e-3 rad short, but the arm stands all the way at the command: β = 1 in method::error_model.
+    // Reported angles are 1e-3 rad short, but the arm is exactly at the command: β = 1 in method::error_model.
     let mut settings = SimulateSettings::exact(5, home(), small_grid());
     settings.joints.stops_short_rad = 1e-3;
     settings.joints.nearer_command = 1.0;
