@@ -1,4 +1,4 @@
-//! Tables of known fields: their fixed points by hand, their rims, their holes.
+//! Tables of known error fields: fixed points calculated by hand, the tables' rims and missing nodes.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -12,7 +12,7 @@ use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
 const STEP_MM: f64 = 100.0;
 
-/// 4 × 3 × 3 nodes from (600, −100, 400), the error at a node as `field` says, each component's variance 0.0004 mm².
+/// 4 × 3 × 3 nodes from (600, −100, 400); the error at a node is `field` there, each component's variance 0.0004 mm².
 fn grid_table(
     interpolation: Interpolation,
     field: impl Fn(&Point3<f64>) -> Vector3<f64>,
@@ -173,8 +173,8 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
 
 #[test]
 fn the_standard_deviation_between_equally_sure_nodes_is_theirs() {
-    // √0.0004 = 0.02 mm per axis. Were the nodes' errors independent it would be 0.02 / √8 in the middle; nothing
-    // says that they are.
+    // √0.0004 = 0.02 mm per axis. With independent errors of the nodes it would be 0.02 / √8 in the middle, but the table
+    // does not state that they are independent.
     let found = compensate(
         &table(Interpolation::Idw, |_| Vector3::zeros()),
         &target(650.0, -50.0, 450.0),
@@ -282,7 +282,7 @@ fn a_field_that_pushes_back_what_it_gives_does_not_converge() {
         refusal(&runaway, &target(750.1, 0.0, 500.0)),
         Reason::Command(Gap::Outside { .. })
     ));
-    // Two cells that meet at x = 700: near it, both give a command in the other. Nodes at 600 say −1, at 800 +1 (of the
+    // Two cells that meet at x = 700: near it, each gives a command in the other. Nodes at 600 have −1, at 800 +1 (of the
     // other cell); the plane between is 0 everywhere, so `idw` jumps there.
     let jump = table(Interpolation::Idw, |at| {
         Vector3::new(((at.x - 700.0) / 100.0).clamp(-1.0, 1.0), 0.0, 0.0)

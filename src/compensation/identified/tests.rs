@@ -1,4 +1,4 @@
-//! Arms whose geometry is known exactly: their corrections by forward kinematics.
+//! Arms whose geometry is known exactly: their corrections are checked by forward kinematics.
 
 use nalgebra::{Point3, Vector3};
 
@@ -27,7 +27,7 @@ fn radians(degrees: [f64; 6]) -> Vec<f64> {
     degrees.map(f64::to_radians).to_vec()
 }
 
-/// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned a quarter against the base.
+/// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned by 90° from the base.
 fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
     let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
     let offsets: Vec<f64> = arm
@@ -129,8 +129,8 @@ fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_
     let attained = geometry.chain.nominal(&joints.command) * tool;
     let nominal = identified.arm.chain().nominal(&radians(JOINTS)) * tool;
     assert!((attained.translation.vector - nominal.translation.vector).norm() < 1e-6);
-    assert!(found.correction.norm() > 0.5, "a correction worth the name");
-    // The orientation is commanded as it is.
+    assert!(found.correction.norm() > 0.5, "a large correction");
+    // The orientation is commanded without a correction.
     let commanded = identified.arm.chain().nominal(&joints.command) * tool;
     assert!(commanded.rotation.angle_to(&nominal.rotation) < 1e-9);
     // 0.02 mm along each axis, whatever the frame.
@@ -196,7 +196,7 @@ fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() 
     let allowed = identified.compensate(&[at_joints(beyond)], Some(Exception::JointRange));
     let allowed = allowed[0].as_ref().expect("allowed");
     assert_eq!(allowed.allowed, Some(Exception::JointRange));
-    // Half a degree beyond the rim is as good as measured.
+    // Half a degree beyond the rim counts as measured.
     beyond[0] = 60.4;
     assert!(one(&identified, at_joints(beyond)).is_ok());
 }
@@ -269,7 +269,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
                 .collect()
         };
         let pose = |joints: &Vec<f64>| identified.error_frame().nominal_tool(joints);
-        // Nearer than 6° to a stretched elbow the search may end at the stretched arm, whatever it is seeded with.
+        // Nearer than 6° to a stretched elbow the search may end at the stretched arm from any seed.
         let nominal = vec![0.0; identified.arm.chain().parameters().len()];
         let is_far = |joints: &Vec<f64>| {
             SingularityFactors::of(&identified.arm, &nominal, joints)
@@ -296,7 +296,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         let refused = outcomes.iter().filter_map(|outcome| outcome.as_ref().err());
         let refused: Vec<String> = refused.map(ToString::to_string).collect();
         println!("{found} of {}", asked.len());
-        // A search that finds no way refuses a pose in truth reachable: one in some hundred may, and none comes back wrong.
+        // A failed search refuses a pose that is reachable: at most one in a hundred may fail, and none may be wrong.
         assert!(asked.len() > 250, "{}", asked.len());
         assert!(100 * found >= 99 * asked.len(), "{refused:?}");
     }
