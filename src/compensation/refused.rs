@@ -127,8 +127,8 @@ pub enum Reason {
     Arm(#[from] InverseError),
     /// No command attains the target.
     #[error(
-        "has no command: after {iterations} iterations the command still moves by {move_mm:.6} mm, as the error jumps there (errors \
-         interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"
+        "has no command: after {iterations} iterations the command still moves by {move_mm:.6} mm, as the error jumps there \
+         (errors interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"
     )]
     NoConvergence {
         /// Number of evaluations of the table.
