@@ -287,7 +287,7 @@ mod tests {
     #[test]
     fn a_pose_counts_once_and_with_the_worst_of_its_visits() {
         let mut errors = PoseErrors::default();
-        // 30 poses visited six times, 180 visits: no more is known than of 30 poses, of which 59 are needed.
+        // 30 poses visited six times, 180 visits: n is still 30, and 59 are needed.
         for visit in 0..180 {
             errors.add(visit % 30, visit, 0, 0.001 * visit as f64);
         }

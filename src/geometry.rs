@@ -72,7 +72,7 @@ impl<To, From> Transform<To, From> {
         &self.isometry
     }
 
-    /// Where the origin of `From` lies in `To`.
+    /// The origin of `From` in the frame `To`.
     pub fn origin(&self) -> Position<To> {
         Position::claim(Point3::from(self.isometry.translation.vector))
     }

@@ -94,7 +94,7 @@ pub struct LogReject {
     pub time_span_ns: Option<(i64, i64)>,
     /// The clock of the time span.
     pub clock: SpanClock,
-    /// How many messages were lost, where known.
+    /// Number of messages lost, where known.
     pub messages: Option<u64>,
     /// The kind of loss.
     pub loss: LossKind,
@@ -102,7 +102,7 @@ pub struct LogReject {
     pub reason: String,
 }
 
-/// Which clock a time span is in.
+/// The clock of a time span.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SpanClock {
     /// The recorder's clock: log times.

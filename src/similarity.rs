@@ -5,7 +5,7 @@
 //! 1. the empirical semivariogram `γ(h) = 1/(2N(h)) Σ (e_i − e_j)²` in bins up to half of the largest separation
 //!    ([`empirical`]);
 //! 2. spherical, exponential and Gaussian models of it ([`variogram`]), by least squares weighted with the pair counts;
-//! 3. a verdict: a rising curve is similarity, a flat one says that there is nothing to interpolate.
+//! 3. a verdict: a rising curve shows similarity, a flat one shows that there is nothing to interpolate.
 
 pub mod empirical;
 pub mod variogram;
@@ -81,7 +81,7 @@ pub enum Alikeness {
     Rising,
     /// The curve is flat: neighbours carry no information.
     Flat,
-    /// Too few pairs to say.
+    /// Too few pairs for a verdict.
     TooFewPairs,
 }
 

@@ -6,7 +6,7 @@ use super::Reason;
 
 /// A command that moves less than this has converged, mm. A micrometre would be enough; an arm's errors change by a few
 /// micrometres per mm, so a nanometre costs one iteration more, and the result does not depend on the start.
-const STANDS_STILL_MM: f64 = 1e-6;
+const CONVERGED_MM: f64 = 1e-6;
 /// Errors of any real arm converge in three or four iterations.
 const MOST_ITERATIONS: usize = 100;
 
@@ -32,7 +32,7 @@ pub(super) fn converge<F>(
         let next = target - error;
         move_mm = (next - command).norm();
         command = next;
-        if move_mm < STANDS_STILL_MM {
+        if move_mm < CONVERGED_MM {
             return Ok(Converged {
                 command,
                 found,

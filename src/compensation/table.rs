@@ -2,7 +2,7 @@
 //!
 //! Between nodes `ê = Σ w_i e_i` with the weights of the interpolation that the table was judged with. The covariance given
 //! is `Σ w_i C_i`: node errors come from one model and are correlated; the table does not state how much. As the weights are
-//! positive and sum to one this is an upper bound of the covariance of `ê` whatever their correlation (Jensen).
+//! positive and sum to one, this is an upper bound of the covariance of `ê` for any correlation (Jensen).
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;

@@ -33,7 +33,7 @@ pub enum EulerOrder {
     MovingZyz,
 }
 
-/// What is wrong with a placement.
+/// A fault of a placement.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PlacementError {
     /// Angles without a convention.

@@ -30,7 +30,7 @@ pub trait Buffer {
     type Block;
     /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
-    /// Which rows of a block are kept.
+    /// The rows of a block that are kept.
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
     /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;

@@ -32,7 +32,7 @@ pub struct StreamSummary {
     pub(super) in_order: bool,
 }
 
-/// Why a stream cannot be used.
+/// The reason why a stream cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum IngestError {
     /// A stream has no usable message.

@@ -83,7 +83,7 @@ pub struct Arm {
     parallel: Vec<usize>,
 }
 
-/// What is wrong with a robot file.
+/// A fault of a robot file.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ArmError {
     /// No joints, or too many to be an arm.

@@ -46,7 +46,7 @@ impl Default for InverseSettings {
     }
 }
 
-/// Why there are no joint angles for a pose.
+/// The reason why there are no joint angles for a pose.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum InverseError {
     /// The search ended away from the pose.

@@ -60,7 +60,7 @@ impl AxisErrors {
     }
 
     /// Deflection of each axis under weight, rad: `origins` are the axes' (origin, direction), then the target's, mm.
-    pub(super) fn given_way(
+    pub(super) fn deflections(
         &self,
         origins: &[(Point3<f64>, Vector3<f64>)],
         target: Point3<f64>,
@@ -81,7 +81,7 @@ impl AxisErrors {
 
 impl ApproachOffset {
     /// True minus reported angle of a joint whose settling error is `short_rad`, rad.
-    pub(super) fn beside_reported(&self, short_rad: f64) -> f64 {
+    pub(super) fn true_minus_reported(&self, short_rad: f64) -> f64 {
         let share = (short_rad / self.within_rad).clamp(-1.0, 1.0);
         self.nearer_command * short_rad + self.beyond_rad * share
     }

@@ -43,7 +43,7 @@ pub enum Ingredient {
     Outliers = 15,
     /// Poses that a design may choose.
     Candidates = 16,
-    /// Poses that stand for a region.
+    /// Poses that represent a region.
     Region = 17,
     /// New poses for the judgement of a plan.
     TestPoses = 18,

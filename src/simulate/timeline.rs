@@ -11,7 +11,7 @@ use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, round_ns};
 
 /// A joint that moves less than this keeps the side of its backlash, rad.
-const STANDS: f64 = 1e-6;
+const LEAST_MOVE_RAD: f64 = 1e-6;
 /// Times are whole multiples of this, s.
 const TICK_S: f64 = 1e-3;
 
@@ -180,14 +180,14 @@ impl<'a> Visits<'a> {
         let mut off = Vec::with_capacity(commanded.len());
         for (joint, &command) in commanded.iter().enumerate() {
             let moved = command - from[joint];
-            if moved.abs() > STANDS {
+            if moved.abs() > LEAST_MOVE_RAD {
                 self.direction[joint] = moved.signum();
             }
             let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5);
             let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
             let nearer = settings.nearer_command;
             let beside =
-                errors.beside_reported(joint, command - reports, self.direction[joint], nearer);
+                errors.true_minus_reported(joint, command - reports, self.direction[joint], nearer);
             reported.push(reports);
             off.push(beside + repeated[joint]);
         }

@@ -26,11 +26,11 @@ const TEMPERATURE: (f64, f64) = (21.5, 1.8);
 /// Numbers of readings by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrueReadingCounts {
-    /// Readings of the target, outliers included.
+    /// Number of readings of the target, outliers included.
     pub seen: u64,
-    /// Of these, outliers.
+    /// Number of outliers among `seen`.
     pub outliers: u64,
-    /// Moments at which the beam was lost, whether zeros were written or nothing.
+    /// Number of moments at which the beam was lost, whether logged as zeros or not at all.
     pub lost: u64,
 }
 

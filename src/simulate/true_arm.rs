@@ -108,7 +108,7 @@ impl ArmErrors {
 
     /// True minus reported angle of `joint`, rad, after a move in `direction` (±1, 0 for none yet) that ended with the
     /// settling error `short_rad` (rad); without the part that no visit repeats.
-    pub(super) fn beside_reported(
+    pub(super) fn true_minus_reported(
         &self,
         joint: usize,
         short_rad: f64,
@@ -119,7 +119,7 @@ impl ArmErrors {
         let approach = self.identified.as_ref().and_then(|i| i.approach.as_ref());
         slack
             + approach.map_or(nearer_command * short_rad, |approach| {
-                approach[joint].beside_reported(short_rad)
+                approach[joint].true_minus_reported(short_rad)
             })
     }
 
@@ -159,7 +159,7 @@ impl ArmErrors {
         let end = chain.forward(reported, &self.offsets);
         let target = end * Point3::from(self.flange_from_target_mm);
         let origins = chain.joint_axes(reported, &self.offsets);
-        let way = identified.given_way(&origins, target, &Vector3::from(self.up));
+        let way = identified.deflections(&origins, target, &Vector3::from(self.up));
         let off = identified.unloaded(reported).into_iter().zip(way);
         for (axis, (unloaded, way)) in axes.iter_mut().zip(off) {
             *axis += unloaded + way;
