@@ -180,12 +180,15 @@ impl Correction<'_> {
         };
         let ranges = self.identified.within_measured(joints);
         let ranges = unless(Exception::JointRange, ranges)?;
-        let configuration = unless(Exception::Configuration, self.in_a_measured_one(joints))?;
+        let configuration = unless(
+            Exception::Configuration,
+            self.in_measured_configuration(joints),
+        )?;
         Ok(ranges.or(configuration))
     }
 
     /// Refuses an arm configuration that no station was in.
-    fn in_a_measured_one(&self, joints: &[f64]) -> Result<(), Reason> {
+    fn in_measured_configuration(&self, joints: &[f64]) -> Result<(), Reason> {
         let Some(found) = self.reach.configuration(joints) else {
             return Ok(());
         };

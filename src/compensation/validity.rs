@@ -251,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_is_reported_by_how_much() {
+    fn conditions_outside_are_reported_with_the_difference() {
         let used = UsedWith {
             conditions: Conditions {
                 tool: Some("rivet".to_owned()),

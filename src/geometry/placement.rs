@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn kuka_and_urdf_angles_name_the_same_turn_in_reverse() {
+    fn kuka_and_urdf_angles_state_the_same_rotation_in_reverse_order() {
         let kuka = turned([30.0, 20.0, 10.0], Some(EulerOrder::MovingZyx))
             .isometry()
             .expect("complete");

@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_out_and_the_chart_begins_anew_on_it() {
+    fn a_step_is_out_and_the_chart_restarts_with_it() {
         let mut chart = Chart::default();
         let values = (0..20).map(|i| f64::from(i % 3)).chain([9.0; 6]);
         let out: Vec<bool> = values

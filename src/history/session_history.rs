@@ -65,7 +65,7 @@ impl SessionHistory {
 
     fn held_against(&mut self, pool: Estimate, own: &Estimate) -> Judged {
         let (pool, against, settles) = self.settled(pool, own);
-        let (known, anew) = without_what_is_new(&pool, own);
+        let (known, anew) = without_parts_set_up_anew(&pool, own);
         let comparison = Comparison::new(&known, own);
         let groups = hypotheses(comparison.columns());
         let (asked, finding) = find(&comparison, &groups);
@@ -92,7 +92,7 @@ impl SessionHistory {
         let Some((before, count)) = self.before.take() else {
             return (pool, self.pooled, None);
         };
-        let (known, _) = without_what_is_new(&before, own);
+        let (known, _) = without_parts_set_up_anew(&before, own);
         let comparison = Comparison::new(&known, own);
         let (_, finding) = find(&comparison, &hypotheses(comparison.columns()));
         if finding == Finding::Nothing {
@@ -153,7 +153,7 @@ pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
 }
 
 /// The pool without a base or target that was set up anew in this session, and which were.
-fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
+fn without_parts_set_up_anew(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
     let anew: Vec<Hypothesis> = [Hypothesis::Base, Hypothesis::Target]
         .into_iter()
         .filter(|hypothesis| own.is_far_from(pool, *hypothesis, SET_UP_ANEW))
@@ -181,7 +181,7 @@ fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
 /// Shifts of base, target and joint offsets since another session, all estimated together. The first joint's offset acts as
 /// a turn of the base and the last joint's as a turn of the target, so those two are charted there.
 fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
-    let (known, _) = without_what_is_new(first, own);
+    let (known, _) = without_parts_set_up_anew(first, own);
     let comparison = Comparison::new(&known, own);
     let last = comparison.columns().iter().filter_map(Column::joint).max();
     let charted = |column: &Column| match column {

@@ -327,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_that_is_kept_holds_wherever_the_base_stands() {
+    fn a_promise_that_is_kept_holds_at_any_place_of_the_base() {
         let moved = after(150, |station, _| {
             small(station) + Vector3::new(3.0, -2.0, 1.0)
         });
@@ -356,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn a_base_that_moves_during_the_session_is_named_with_how_far() {
+    fn a_base_that_moves_during_the_session_is_named_with_its_motion() {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 1e-3);
         let moved = after(150, |station, target| {
             let moved = turn * target - target + Vector3::new(0.4, 0.0, 0.0);
@@ -380,7 +380,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_motion_of_the_base_explains_is_asked_of_the_arm() {
+    fn errors_that_no_motion_of_the_base_explains_are_compared_with_the_arm() {
         // Three times as large with alternating sign: a motion of the base explains nothing of it.
         let worse = after(150, |station, _| small(station) * 3.0);
         let found = |compare: Result<Judged, String>| shown(&worse, &MEANT).state(|| compare);

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_row_with_a_fault_nothing_stays() {
+    fn a_row_with_a_fault_is_not_appended() {
         let mut angles = three_rows();
         assert_eq!(
             angles.try_push([Ok(4.0), Err("no number")]),

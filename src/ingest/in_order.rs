@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_and_counts_are_those_of_the_whole_stream_whatever_the_buffer() {
+    fn samples_and_counts_are_those_of_the_whole_stream_with_any_buffer() {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut outcomes = BTreeMap::new();
         for _ in 0..2000 {

@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_of_the_kr210_are_what_its_drawing_says() {
+    fn factors_of_the_kr210_agree_with_its_drawing() {
         // Arm 90° up, forearm level: wrist 1200 mm ahead of axis 2 and 41 mm above axis 3. q5 = 30° gives sin 30°.
         let found = factors(&kr210(), [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]);
         let forearm = 1200.0_f64.hypot(41.0);
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn every_zero_is_a_singularity_and_every_singularity_a_zero() {
+    fn factors_are_zero_exactly_at_singularities() {
         factors_vanish_exactly_at_singularities(&ur10());
         factors_vanish_exactly_at_singularities(&kr210());
     }

@@ -214,7 +214,7 @@ mod tests {
     use crate::kinematics::parameter::{LinkQuantity, Parameter};
 
     #[test]
-    fn a_held_chain_is_its_chain() {
+    fn a_held_chain_equals_its_chain() {
         let free = |motion, nominal, link| Element::Free {
             motion,
             nominal,

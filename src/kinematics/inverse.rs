@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn out_of_reach_says_by_how_much() {
+    fn out_of_reach_states_the_remaining_error() {
         let arm = kr210();
         // The stretched arm reaches 350 + 1150 + 1200.7 + 215 mm from axis 1: 2916 mm. 3500 mm is beyond.
         let target = isometry_from_rpy(

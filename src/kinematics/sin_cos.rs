@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_beyond_reason_take_the_standard_librarys_way() {
+    fn very_large_angles_use_the_standard_library() {
         let mut angles = [0.25; BLOCK];
         (angles[3], angles[4], angles[5]) = (1e9, f64::NAN, f64::INFINITY);
         let (sin, cos) = both(&angles);

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spherical_curve_is_found_again() {
+    fn a_spherical_curve_is_recovered() {
         let bins = bins_of(|h| 0.01 + 0.2 * Shape::Spherical.at(h / 80.0));
         let models = fit_all(&bins);
         assert_eq!(models[0].shape, Shape::Spherical);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_were_measured_twice_at_one_place_have_a_model_too() {
+    fn repeated_visits_have_a_model_too() {
         let mut bins = bins_of(|h| 0.01 + 0.2 * Shape::Exponential.at(h / 80.0));
         bins[0].separation = 0.0;
         bins[0].gamma = 0.0;
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_curve_says_there_is_nothing_to_interpolate() {
+    fn a_flat_curve_shows_that_there_is_nothing_to_interpolate() {
         let bins = bins_of(|h| 0.2 + 0.001 * (h * 0.7).sin());
         assert_eq!(alikeness(&bins, &fit_all(&bins)), Alikeness::Flat);
         assert_eq!(

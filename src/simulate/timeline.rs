@@ -226,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn minimum_jerk_starts_and_ends_at_rest() {
+    fn minimum_jerk_starts_and_ends_with_zero_speed() {
         assert!(minimum_jerk(0.0).abs() < f64::EPSILON);
         assert!((minimum_jerk(0.5) - 0.5).abs() < 1e-15);
         assert!((minimum_jerk(1.0) - 1.0).abs() < 1e-15);

@@ -118,7 +118,7 @@ fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> 
 }
 
 #[test]
-fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_target() {
+fn the_identified_arm_attains_the_target_at_the_corrected_command() {
     let identified = cell();
     let found = one(&identified, at_joints(JOINTS)).expect("inside");
     let geometry = identified.model.is::<IdentifiedGeometry>();
@@ -138,7 +138,7 @@ fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_
 }
 
 #[test]
-fn a_pose_in_the_frame_of_commands_gives_what_its_joint_angles_give() {
+fn a_pose_and_its_joint_angles_give_the_same_command() {
     let identified = cell();
     let by_joints = one(&identified, at_joints(JOINTS)).expect("inside");
     let pose = at_pose(&identified, &radians(JOINTS));
@@ -163,7 +163,7 @@ fn a_pose_in_the_frame_of_commands_gives_what_its_joint_angles_give() {
 }
 
 #[test]
-fn named_joints_may_stand_in_any_order() {
+fn named_joints_may_be_in_any_order() {
     let identified = cell();
     let mut target = at_joints(JOINTS);
     let own = identified.arm.joints().iter().rev();
@@ -180,7 +180,7 @@ fn named_joints_may_stand_in_any_order() {
 }
 
 #[test]
-fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() {
+fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() {
     let identified = cell();
     let mut beyond = JOINTS;
     beyond[0] = 72.5;
@@ -227,7 +227,7 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
 }
 
 #[test]
-fn limits_and_singularities_are_refused_though_joint_angles_name_them() {
+fn limits_and_singularities_are_refused_for_targets_in_joint_angles() {
     let identified = cell();
     let mut target = JOINTS;
     target[4] = 0.5; // sin 0.5° = 0.009, below the 0.02 of grids

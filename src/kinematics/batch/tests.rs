@@ -80,7 +80,7 @@ fn pose_of(axes: &[Vec<f64>], i: usize) -> Vec<f64> {
 }
 
 #[test]
-fn a_batch_is_its_chain_to_a_billionth_of_a_millimetre() {
+fn a_batch_equals_its_chain_within_a_picometre() {
     let chains = robots().into_iter().chain([odd_chain()]);
     for chain in chains {
         let axes = columns(chain.joint_count(), 150);
@@ -139,7 +139,7 @@ fn columns_are_the_chains_own_differential() {
 }
 
 #[test]
-fn a_pose_gives_the_same_bytes_wherever_it_stands() {
+fn a_pose_gives_the_same_bytes_at_any_place_in_the_columns() {
     let chain = &robots()[0];
     let batch = BatchChain::new(chain, &offsets(chain));
     let axes = columns(6, 150);
@@ -152,7 +152,7 @@ fn a_pose_gives_the_same_bytes_wherever_it_stands() {
 }
 
 #[test]
-fn no_pose_is_an_answer() {
+fn no_poses_give_empty_columns() {
     let chain = &robots()[0];
     let none = vec![Vec::<f64>::new(); 6];
     let poses = BatchChain::new(chain, &offsets(chain)).poses(&none);
