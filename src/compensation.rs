@@ -1,18 +1,18 @@
-//! Compensation: what a run published and a target → the command at which the tool point attains the target.
+//! Compensation: the published result of a run and a target pose → the command at which the tool point attains the target.
 //!
-//! Inputs are a [`Target`] in the frame of commands and either a [`CompensationTable`], which knows the error at the nodes
+//! Inputs are a [`Target`] in the frame of commands and either a [`CompensationTable`], which has the error at the nodes
 //! of a lattice in one orientation, or an [`IdentifiedArm`], which predicts it at any joint angles. Output is the
-//! [`Corrected`] command with the uncertainty of its correction, or why there is none ([`Refused`]). Steps
+//! [`Corrected`] command with the uncertainty of its correction, or the reason why there is none ([`Refused`]). Steps
 //! ([`crate::method::compensation`]):
-//! 1. the target is held against what the table is valid for: orientation, arm configuration, tool; or the arm: joint
-//!    limits, joint ranges measured, singularities;
+//! 1. the target is compared with the validity of the table (orientation, arm configuration, tool) or of the arm (joint
+//!    limits, joint ranges measured, singularities);
 //! 2. `ê(c)`, attained minus commanded position of the tool point at the command c: from the eight nodes around it
 //!    ([`table`]), or from the arm's model at c's joint angles ([`identified`]);
-//! 3. `command' = target − ê(command')`, iterated until it stands still.
+//! 3. `command' = target − ê(command')`, iterated until it converges.
 //!
-//! Both correct the position and keep the nominal orientation. A reflector does not show how the tool is turned: what
-//! a model says of it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
-//! of drilled holes may be off by ten. What the turn does to the tool point is in ê.
+//! Both correct the position and keep the nominal orientation. A reflector does not show the tool's orientation: a model's
+//! value for it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
+//! of drilled holes may be off by ten. The effect of the turn on the tool point is in ê.
 //!
 //! Nothing is extrapolated: a target that the nodes do not surround or whose joint angles were not measured is refused. A
 //! target near the rim of a table has a command that its correction takes a little beyond: the error there is that at the rim.
@@ -35,71 +35,71 @@ pub use crate::fit::Gap;
 use crate::fit::{At, PoseModel, SourceId};
 use crate::geometry::{Command, Position};
 
-/// Where the controller's own tool point shall be: a position, joint angles, or both.
+/// A target pose for the controller's own tool point: a position, joint angles, or both.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Target {
-    /// What it is called in the file of targets.
+    /// Its name in the file of targets.
     pub name: String,
-    /// The position wanted, mm; without one it is the nominal arm's at the joint angles.
+    /// The position wanted, mm; when absent, the nominal arm's at the joint angles.
     pub position: Option<Position<Command>>,
-    /// The orientation wanted; without one it is the nominal arm's at the joint angles, or the table's.
+    /// The orientation wanted; when absent, the nominal arm's at the joint angles, or the table's.
     pub orientation: Option<UnitQuaternion<f64>>,
-    /// The joint angles of the target; beside a position they say which way the arm reaches it.
+    /// The joint angles of the target; with a position, they select the way in which the arm reaches it.
     pub joints: Option<TargetJoints>,
-    /// The arm configuration wanted; a target without one is taken to have the joint angles' or the table's.
+    /// The arm configuration wanted; when absent, that of the joint angles or the table's.
     pub configuration: Option<String>,
-    /// The tool it is for, where it says so.
+    /// The tool of the target; absent when the file names none.
     pub tool: Option<String>,
 }
 
 /// Joint angles of a target.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TargetJoints {
-    /// The joints' names in the angles' order; none for the order of the arm.
+    /// The joints' names in the angles' order; empty for the order of the arm.
     pub names: Vec<String>,
     /// The angles, rad.
     pub angles: Vec<f64>,
 }
 
-/// A target's command.
+/// A target with its corrected command.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corrected {
     /// The position wanted, mm.
     pub target: Position<Command>,
     /// The position to command, mm.
     pub command: Position<Command>,
-    /// The orientation to command, that of the target; `None` where it does not state one.
+    /// The orientation to command, equal to the target's; `None` where the target states none.
     pub orientation: Option<UnitQuaternion<f64>>,
-    /// The joint angles to command; a table knows positions only.
+    /// The joint angles to command; `None` from a table, which has positions only.
     pub joints: Option<JointCommand>,
     /// Command minus target, mm.
     pub correction: Vector3<f64>,
-    /// Covariance of the correction as nodes or model have it, mm². What a grid's step itself leaves inside a cell is not
-    /// in it: that is the held-out figure of the step.
+    /// Covariance of the correction from the nodes' or the model's covariance, mm². It excludes the interpolation error inside
+    /// a cell: that is the held-out figure of the grid's step.
     pub covariance: Matrix3<f64>,
-    /// How often the table or the model was asked.
+    /// Number of evaluations of the table or the model.
     pub iterations: usize,
     /// The exception without which the target would have been refused.
     pub allowed: Option<Exception>,
 }
 
-/// A reason for refusal that the caller may take upon himself.
+/// A reason for refusal that the caller may override.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exception {
-    /// Joint angles beyond those measured: the model falls back to its prior there, and the covariance says so.
+    /// Joint angles beyond those measured: the model falls back to its prior there, and its covariance grows accordingly.
     JointRange,
-    /// An arm configuration that no station was in: what a joint does there was not measured.
+    /// An arm configuration that no station was in: the joints' errors there were not measured.
     Configuration,
-    /// Something else than the table is valid for.
+    /// A condition that the table is not valid for.
     Term(Term),
 }
 
 /// Joint angles in the arm's order, rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointCommand {
-    /// At which the nominal arm attains the target.
+    /// The angles at which the nominal arm attains the target.
     pub target: Vec<f64>,
-    /// To command.
+    /// The angles to command.
     pub command: Vec<f64>,
 }
 
@@ -123,7 +123,7 @@ impl Corrected {
     }
 }
 
-/// The command at which the tool point attains `target`, if the table can tell.
+/// The command at which the tool point attains `target`, or the reason why the table has none.
 ///
 /// ```
 /// use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
@@ -166,7 +166,7 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     })
 }
 
-/// By a model that answers for tool poses. A command on the way is asked for at the place that `near` gives for it.
+/// The command from a model that predicts at tool poses. A command on the way is asked for at the place that `near` gives for it.
 fn by_pose(
     model: &dyn PoseModel,
     target: &Target,

@@ -1,8 +1,8 @@
 //! Figures of a set of error norms: mean, rms, percentiles, largest, and the distribution-free upper tolerance bound.
 //!
 //! Percentiles interpolate linearly between order statistics (Hyndman and Fan's type 7). The bound is the k-th
-//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none. It asks for
-//! errors that are independent, which visits of one pose are not: [`PoseErrors`] counts poses, each with the worst of its visits.
+//! smallest of n, k the least with `BinomCDF(k − 1; n, P) ≥ γ` ([`crate::method::grids`]); too few errors have none. It assumes
+//! independent errors, which visits of one pose are not: [`PoseErrors`] counts poses, each with the worst of its visits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -10,7 +10,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
-/// The share of errors a bound has to cover, and how sure one has to be of it.
+/// The share of errors that a tolerance bound has to cover, and the confidence that it does.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Coverage {
@@ -23,7 +23,7 @@ pub struct Coverage {
 /// Figures of a set of error norms, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
-    /// How many errors.
+    /// Number of errors.
     pub n: usize,
     /// Mean.
     pub mean: f64,
@@ -42,7 +42,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Figures of `norms`; `None` of an empty set.
+    /// Figures of `norms`; `None` for an empty set.
     pub fn of(norms: &[f64]) -> Option<Self> {
         let sorted = ascending(norms);
         let max = *sorted.last()?;
@@ -71,7 +71,7 @@ impl Figures {
     }
 }
 
-/// The least and the largest of some values; `None` of none.
+/// The least and the largest of `values`; `None` without any.
 pub fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     values.fold(None, |range, value| {
         let (low, high) = range.unwrap_or((value, value));
@@ -79,7 +79,7 @@ pub fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The median of `values`, of an even number the mean of the middle two; `None` of an empty set.
+/// The median of `values`: the mean of the middle two of an even number; `None` for an empty set.
 pub fn median(values: &[f64]) -> Option<f64> {
     median_in_place(&mut values.to_vec())
 }
@@ -118,10 +118,10 @@ pub fn upper_tolerance_bound(norms: &[f64], coverage: Coverage) -> Option<f64> {
     ascending(norms).get(rank - 1).copied()
 }
 
-/// Errors by pose: what a distribution-free bound counts.
+/// Error norms by pose, the unit that a distribution-free bound counts.
 ///
-/// A pose is one unit however often it was visited, and counts with the worst of its visits. A visit may have several errors, each
-/// as good as the others (grids of several phases, other days): samples, of which every pose has the worst visit of each.
+/// A pose is one unit however often it was visited, and counts with the worst of its visits. A visit may have several equally
+/// valid errors, called samples (grids of several phases, other sessions): a pose then has its worst visit in each sample.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PoseErrors {
     /// The worst error by pose and sample, mm.
@@ -130,17 +130,17 @@ pub struct PoseErrors {
     visits: BTreeSet<usize>,
 }
 
-/// How many a bound counts.
+/// Numbers of poses and visits behind a bound.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counted {
-    /// Poses: its n.
+    /// Poses: the n of the bound.
     pub poses: usize,
-    /// Visits of these poses, one or more of each.
+    /// Visits of these poses, one or more each.
     pub visits: usize,
 }
 
 impl Counted {
-    /// So many poses, each visited once.
+    /// Counts of `poses` poses that were each visited once.
     pub const fn once(poses: usize) -> Self {
         Self {
             poses,
@@ -160,7 +160,7 @@ impl fmt::Display for Counted {
 }
 
 impl PoseErrors {
-    /// Adds an error (mm) of `visit`, a station's number, of `pose`; `sample` tells the errors of one visit apart.
+    /// Adds an error (mm) of `visit`, a station's number, of `pose`; `sample` numbers the errors of one visit.
     pub fn add(&mut self, pose: usize, visit: usize, sample: usize, error_mm: f64) {
         let worst = self.worst.entry((pose, sample)).or_insert(error_mm);
         if error_mm.total_cmp(worst).is_gt() {
@@ -170,7 +170,7 @@ impl PoseErrors {
         self.visits.insert(visit);
     }
 
-    /// How many poses and visits there are.
+    /// Numbers of poses and visits.
     pub fn counted(&self) -> Counted {
         Counted {
             poses: self.poses.len(),
@@ -180,7 +180,7 @@ impl PoseErrors {
 
     /// Distribution-free upper bound on the share `coverage.share` of errors, mm; `None` with too few poses.
     ///
-    /// Where poses have several samples, the rank is that of as many errors as there are poses, carried to the same share of all.
+    /// With several samples per pose, the rank is computed for one error per pose and then scaled to the number of all errors.
     pub fn bound(&self, coverage: Coverage) -> Option<f64> {
         let poses = self.poses.len();
         let rank = bound_rank(poses, coverage)?;
@@ -200,7 +200,7 @@ impl PoseErrors {
     }
 }
 
-/// The rank k of the order statistic that bounds, from 1; `None` where even the largest does not.
+/// The rank k (from 1) of the order statistic that is the bound; `None` where even the largest error is no bound.
 pub fn bound_rank(n: usize, coverage: Coverage) -> Option<usize> {
     let binomial = Binomial::new(coverage.share, u64::try_from(n).ok()?).ok()?;
     let holds = |k: usize| binomial.cdf(k as u64 - 1) >= coverage.confidence;
@@ -216,7 +216,7 @@ pub fn least_count(coverage: Coverage) -> f64 {
     ((1.0 - coverage.confidence).ln() / coverage.share.ln()).ceil()
 }
 
-/// The lower limit of a share of which `k` of `n` were found, one-sided (Clopper and Pearson 1934).
+/// One-sided lower confidence limit of a share, `k` of `n` observed (Clopper and Pearson 1934).
 pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
     if k == 0 {
         return 0.0;
@@ -224,7 +224,7 @@ pub fn share_at_least(k: usize, n: usize, confidence: f64) -> f64 {
     beta(k, n - k + 1).inverse_cdf(1.0 - confidence)
 }
 
-/// The interval of a share of which `k` of `n` were found (Clopper and Pearson 1934); everything without any.
+/// Confidence interval of a share, `k` of `n` observed (Clopper and Pearson 1934); 0 to 1 when `n` is 0.
 pub fn share_interval(k: usize, n: usize, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
     let low = share_at_least(k, n, 1.0 - tail);
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn a_pose_counts_once_and_with_the_worst_of_its_visits() {
         let mut errors = PoseErrors::default();
-        // 30 poses visited six times, 180 visits: no more is known than of 30 poses, of which 59 are needed.
+        // 30 poses visited six times, 180 visits: n is still 30, and 59 are needed.
         for visit in 0..180 {
             errors.add(visit % 30, visit, 0, 0.001 * visit as f64);
         }

@@ -1,7 +1,7 @@
 //! Frames as types: a [`Transform<To, From>`] maps coordinates in `From` to coordinates in `To`.
 //!
-//! Names follow the types: `tracker_from_base * base_from_flange * flange_from_target`. Raw numbers enter a frame
-//! through one door, [`Transform::claim`] and [`Position::claim`], which says what is claimed.
+//! Names follow the types: `tracker_from_base * base_from_flange * flange_from_target`. Raw numbers get a frame only
+//! through [`Transform::claim`] and [`Position::claim`], which state what is claimed.
 
 pub mod placement;
 pub mod typed;
@@ -63,7 +63,7 @@ impl<To, From> Transform<To, From> {
         Self::claim(Isometry3::identity())
     }
 
-    /// The same relation read the other way.
+    /// The inverse transform, from `To` to `From`.
     pub fn inverse(&self) -> Transform<From, To> {
         Transform::claim(self.isometry.inverse())
     }
@@ -73,7 +73,7 @@ impl<To, From> Transform<To, From> {
         &self.isometry
     }
 
-    /// Where the origin of `From` lies in `To`.
+    /// The origin of `From` in the frame `To`.
     pub fn origin(&self) -> Position<To> {
         Position::claim(Point3::from(self.isometry.translation.vector))
     }
@@ -161,9 +161,9 @@ pub fn isometry_from_rpy(xyz_mm: [f64; 3], rpy: [f64; 3]) -> Isometry3<f64> {
     )
 }
 
-/// The rigid transform that maps `from` onto `to` with the least squares of weighted distances.
+/// The rigid transform that maps `from` onto `to` with the least weighted sum of squared distances.
 ///
-/// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant mended as in Umeyama 1991).
+/// Kabsch's closed form on weighted barycentres (Kabsch 1976; the determinant corrected as in Umeyama 1991).
 /// `None` with fewer than three points or when they lie on a line, where the rotation is not determined.
 pub fn align(to: &[Point3<f64>], from: &[Point3<f64>], weights: &[f64]) -> Option<Isometry3<f64>> {
     let total: f64 = weights.iter().sum();

@@ -2,19 +2,20 @@
 //!
 //! Input is one [`SessionFigures`] after another: what the session identified ([`Estimate`]) and its accuracy figures.
 //! Output is a [`Judged`] for each. Steps of [`SessionHistory::next`]:
-//! 1. Another nominal arm, pipeline file, setting, version or model begins a new segment ([`Basis`]): nothing is compared across.
-//! 2. The session is held against all sessions before it, pooled, with the covariances of both (`compare`). What one of
-//!    them cannot determine takes no part, so priors and choices of datum cannot show as a change.
-//! 3. Each part that may have moved is asked what its change alone explains ([`hypotheses`]). The smallest p-value times the
-//!    number of hypotheses, held against [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts
+//! 1. Another nominal arm, pipeline file, setting, version or model begins a new segment ([`Basis`]): nothing is compared
+//!    across.
+//! 2. The session is compared with all sessions before it, pooled, with the covariances of both (`compare`). Columns that
+//!    one side cannot determine take no part, so priors and choices of datum cannot appear as a change.
+//! 3. For each part that may have moved, a test shows what its change alone explains ([`hypotheses`]). The smallest p-value
+//!    times the number of hypotheses, compared with [`FALSE_ALARM`], is the alarm; then parts are named, or groups of parts
 //!    that cannot be distinguished.
-//! 4. What moved is forgotten in the pool. The next session tells whether the change lasts: where that agrees with
-//!    the pool as it was, the change was of one session alone.
+//! 4. The pool forgets the parts that moved. The next session shows whether the change lasts: if it agrees with the pool
+//!    before the change, the change was of one session alone.
 //! 5. Base, target and joints since the first session, and the accuracy figures, go on control charts ([`control`]) that
-//!    learn the ordinary spread between sessions from the sessions themselves. The test of step 3 asks whether something
-//!    is not where it was, the charts whether that is more than usual.
+//!    learn the ordinary spread between sessions from the sessions themselves. The test of step 3 shows whether something
+//!    moved, the charts show whether that is more than usual.
 //!
-//! [`table_state`] asks the same of a session that a table drove: whether the table still holds.
+//! [`table_state`] decides, by a session that a table drove, whether the table still holds.
 
 mod bits;
 pub mod compare;
@@ -34,12 +35,12 @@ use estimate::Estimate;
 use hypotheses::{Asked, Finding, Hypothesis};
 pub use session_history::{SessionHistory, between};
 
-/// Probability that a session without any change is said to have one: one false alarm in 1000 sessions at most.
+/// Probability that a session without any change raises an alarm: one false alarm in 1000 sessions at most.
 pub const FALSE_ALARM: f64 = 1e-3;
-/// From here on a base or a target is set up anew, mm and mrad: not a change of what stood there before.
+/// A base or target that moved by this or more, mm or mrad, was set up anew: that is not a change of the earlier set-up.
 pub const SET_UP_ANEW: f64 = 10.0;
 
-/// What makes the figures of two sessions comparable.
+/// Everything that must be equal for the figures of two sessions to be comparable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Basis {
     /// Name of the pipeline file.
@@ -57,43 +58,43 @@ pub struct Basis {
 /// One accuracy figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AccuracyFigure {
-    /// Its name among the charts.
+    /// The name of its chart.
     pub name: String,
-    /// Its value.
+    /// The figure's value, mm.
     pub value: f64,
 }
 
-/// What one session says.
+/// The results of one session that the history compares.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionFigures {
-    /// What it can be compared with.
+    /// The basis on which it can be compared.
     pub basis: Basis,
-    /// What it identified.
+    /// The identified offsets.
     pub estimate: Estimate,
     /// Its accuracy figures.
     pub accuracy: Vec<AccuracyFigure>,
 }
 
-/// What the history says of one session.
+/// The history's result for one session.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// The segment, from 1.
     pub segment: usize,
-    /// What began the segment, in words; empty where it goes on, or is the first.
+    /// The differences that began the segment, as text; empty where the segment continues or is the first.
     pub began: Vec<String>,
-    /// Sessions pooled that it was held against; 0 for the first of a segment.
+    /// Number of pooled sessions that it was compared with; 0 for the first of a segment.
     pub against: usize,
     /// Parts that were set up anew.
     pub set_up_anew: Vec<Hypothesis>,
-    /// What each hypothesis explains.
+    /// The test of each hypothesis.
     pub asked: Vec<Asked>,
-    /// What moved.
+    /// The parts that moved.
     pub finding: Finding,
-    /// How far, of the parts named; of the first of those that cannot be distinguished.
+    /// Shifts of the parts named; of parts that cannot be distinguished, the first one's.
     pub moved: Vec<Shift>,
-    /// What this session says of a change that the session before it showed: whether it lasts.
+    /// Whether a change that the session before showed lasts; `None` when there was none.
     pub settles: Option<bool>,
-    /// What was charted.
+    /// The session's values on the control charts.
     pub charted: Vec<Charted>,
 }
 
@@ -109,7 +110,7 @@ impl Judged {
 }
 
 impl Basis {
-    /// What differs, in words.
+    /// The differences between two bases, as text; empty when they are equal.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let named = |what: &str, a: &str, b: &str| (a != b).then(|| format!("{what} {a} → {b}"));
         let digests = |what: &str, a: &str, b: &str| (a != b).then(|| what.to_owned());
@@ -126,7 +127,7 @@ impl Basis {
     }
 }
 
-/// `A⁺` of a symmetric positive semidefinite matrix over its eigenvalues above `least`, and how many those are.
+/// `A⁺` of a symmetric positive semidefinite matrix over its eigenvalues above `least`, and the number of these.
 pub(crate) fn inverse_above(matrix: &DMatrix<f64>, least: f64) -> (DMatrix<f64>, usize) {
     let size = matrix.nrows();
     if size == 0 {

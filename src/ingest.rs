@@ -1,5 +1,5 @@
-//! Ingest: decoded log messages → samples in the crate's units and in order of time, with every message that is left out
-//! accounted for.
+//! Ingest: decoded log messages → samples in the crate's units and in order of time. Every message that is left out is
+//! counted with its reason.
 //!
 //! Input is one stream's decoded rows, block by block in the order of the file; output is its samples, in order of time and
 //! a piece at a time, and a [`StreamSummary`]. A log of a night need not fit into memory: only the latest samples are
@@ -33,14 +33,14 @@ pub use summary::{IngestError, StreamSummary};
 
 use crate::units::{Controller, Stamp, Tracker};
 
-/// All samples of a session, in memory: what a simulation makes, and what logs are written from.
+/// All samples of a session, in memory: the output of a simulation, from which logs are written.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
     /// Joint angles over controller time.
     pub joints: JointSamples,
     /// Commanded poses over controller time.
     pub commands: CommandSamples,
-    /// Readings of the target over tracker time.
+    /// Readings of the measured target over tracker time.
     pub readings: TargetReadings,
     /// Temperatures over tracker time.
     pub temperatures: TemperatureSamples,
@@ -51,7 +51,7 @@ pub struct Recording {
 pub struct JointSamples {
     /// Controller time, not decreasing.
     pub stamps: Vec<Stamp<Controller>>,
-    /// rad.
+    /// Reported joint angles, rad.
     pub angles: JointAngles,
 }
 
@@ -60,26 +60,26 @@ pub struct JointSamples {
 pub struct TemperatureSamples {
     /// Tracker time, not decreasing.
     pub stamps: Vec<Stamp<Tracker>>,
-    /// °C.
+    /// Temperature of each sample, °C.
     pub celsius: Vec<f64>,
 }
 
-/// What a reject of a log says of the log.
+/// The kind of loss that a reject of a log stands for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LossKind {
-    /// Bytes cannot be read, and with them whatever they held.
+    /// Bytes cannot be read, and their content is lost.
     #[default]
     Bytes,
-    /// Messages were read and cannot be used.
+    /// Messages were read but cannot be used.
     Unusable,
-    /// Messages that the log's own summary counts are not there: they were cut out, or stand where nothing tells that they
-    /// are messages.
+    /// Messages that the log's own summary counts were not found: they were cut out, or are in bytes that do not show that
+    /// they hold messages.
     Missing,
     /// No message is lost.
     Nothing,
 }
 
-/// Something in a log that was left out.
+/// A part of a log that was left out, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LogReject {
     /// The file, as the pipeline names it.
@@ -90,32 +90,32 @@ pub struct LogReject {
     pub byte_start: u64,
     /// One past its last byte.
     pub byte_end: u64,
-    /// First and last moment lost, ns, where known.
+    /// First and last moment lost, ns of [`Self::clock`], where known.
     pub time_span_ns: Option<(i64, i64)>,
-    /// The clock of these moments.
+    /// The clock of the time span.
     pub clock: SpanClock,
-    /// How many messages were lost, where known.
+    /// Number of messages lost, where known.
     pub messages: Option<u64>,
-    /// What it says of the log.
+    /// The kind of loss.
     pub loss: LossKind,
-    /// Why, in words.
+    /// The reason, as text for a reader.
     pub reason: String,
 }
 
-/// Which clock a time span is in.
+/// The clock of a time span.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum SpanClock {
-    /// The recorder's: log times.
+    /// The recorder's clock: log times.
     #[default]
     Log,
     /// The time source that the pipeline file names for the controller.
     Controller,
-    /// The time source that it names for the tracker.
+    /// The time source that the pipeline file names for the tracker.
     Tracker,
 }
 
 impl SpanClock {
-    /// As the tables call it.
+    /// The clock's name in the tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Log => "log",
@@ -126,7 +126,7 @@ impl SpanClock {
 }
 
 impl LogReject {
-    /// Whether bytes of the file are lost: not messages that were read or are not there, and not bytes without messages.
+    /// Whether bytes of the file are lost. False for messages that were read or not found, and for bytes without messages.
     pub fn is_damage(&self) -> bool {
         self.loss == LossKind::Bytes
     }
@@ -138,7 +138,7 @@ impl LogReject {
         self.messages = Some(self.messages.unwrap_or(0) + 1);
     }
 
-    /// Takes another reject of the same file into this one; how many messages is known only if both know.
+    /// Joins another reject of the same file to this one; the number of messages is known only if both rejects have it.
     pub fn join(&mut self, other: &Self) {
         self.byte_start = self.byte_start.min(other.byte_start);
         self.byte_end = self.byte_end.max(other.byte_end);

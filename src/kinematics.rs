@@ -9,8 +9,8 @@
 //! - [`parameter`]: what can be identified, by name.
 //! - [`arm`]: a robot file made into a chain; joint names, limits, coupling.
 //! - [`configuration`]: arm configurations and how near a singularity is.
-//! - [`held`]: the same chain for many poses at the same offsets.
-//! - [`batch`]: the same for columns of poses, by blocks.
+//! - [`held`]: a chain at given offsets, for many poses one at a time.
+//! - [`batch`]: a chain at given offsets, for columns of poses a block at a time.
 //! - [`inverse`](mod@inverse): joint angles that reach a pose.
 
 pub mod arm;

@@ -1,6 +1,6 @@
 //! Dense factorisations, blocked so that the work is matrix products, on all cores with the same bytes at any count.
 //!
-//! Only what the error model needs and nalgebra has no blocked form of: Cholesky, and products with `L⁻¹`.
+//! Only operations that the error model needs and that nalgebra does not block: Cholesky, and products with `L⁻¹`.
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
 use rayon::prelude::*;
@@ -42,8 +42,8 @@ impl Cholesky {
         })
     }
 
-    /// A factor as [`Self::lower`] gave it, of which only the lower triangle is read; `None` unless its diagonal is
-    /// positive.
+    /// The factorisation whose factor is `lower`, as [`Self::lower`] returns it; only the lower triangle is read. `None`
+    /// unless the diagonal is positive.
     pub fn from_lower(lower: DMatrix<f64>) -> Option<Self> {
         let size = lower.nrows();
         if lower
@@ -63,12 +63,12 @@ impl Cholesky {
         })
     }
 
-    /// The factor; what stands above its diagonal means nothing.
+    /// The factor L; entries above its diagonal are meaningless.
     pub const fn lower(&self) -> &DMatrix<f64> {
         &self.lower
     }
 
-    /// Rows and columns.
+    /// Number of rows, which is that of columns.
     pub fn size(&self) -> usize {
         self.lower.nrows()
     }
@@ -80,7 +80,7 @@ impl Cholesky {
             .sum::<f64>()
     }
 
-    /// `A`, as far as the factor has it.
+    /// `A = L Lᵀ`, computed from the factor.
     pub fn product(&self) -> DMatrix<f64> {
         gram(&self.lower.lower_triangle().transpose().as_view())
     }

@@ -1,7 +1,7 @@
-//! Provenance: what a run read, how it was set, what it counted, and the name that follows from it.
+//! Provenance of a run: its inputs, settings and counts, and the run's name derived from them.
 //!
 //! The name of a run is derived from the digests of its inputs, its resolved settings and the version of this program,
-//! so the same work has the same name anywhere; CPU features are recorded beside it, as they may change the last bits.
+//! so the same work has the same name anywhere; CPU features are recorded in addition, as they may change the last bits.
 
 mod runs;
 
@@ -15,43 +15,43 @@ pub use runs::{Replaced, StageCount, Written, cpu_features, platform};
 /// The version of this program, part of every run's name.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// Bytes of a digest that name a run: two runs of 2⁶⁴ would have to meet by chance.
+/// Bytes of the digest in a run's name: among fewer than 2⁶⁴ runs two equal names are unlikely.
 const RUN_BYTES: usize = 16;
 
-/// What names a run, and with it every row it writes.
+/// The key of a run, which every row of its tables carries.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct RunKey {
-    /// The robot, as the pipeline names it.
+    /// The robot's name in the pipeline file.
     pub robot: String,
-    /// The session, or `pooled`.
+    /// The session's name, or `pooled`.
     pub session: String,
-    /// The run's own name.
+    /// The run's own name, hexadecimal.
     pub run: String,
 }
 
 /// One file that a run read.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Input {
-    /// What the file is called in the run: not where it lay.
+    /// The file's name in the run, without its folder.
     pub name: String,
-    /// Its size.
+    /// The file's size, bytes.
     pub bytes: u64,
     /// BLAKE3 of its content, hexadecimal.
     pub digest: String,
 }
 
-/// Everything that a run's result follows from.
+/// Everything that determines a run's result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Work {
-    /// The robot, as the pipeline names it.
+    /// The robot's name in the pipeline file.
     pub robot: String,
-    /// The session, or `pooled`.
+    /// The session's name, or `pooled`.
     pub session: String,
     /// The pipeline file's name.
     pub pipeline: String,
     /// Sessions that the run learns from.
     pub sessions: Vec<String>,
-    /// Sessions that it is only judged on.
+    /// Sessions that are only used to judge it.
     pub test_sessions: Vec<String>,
     /// The logs and the robot file.
     pub inputs: Vec<Input>,
@@ -59,10 +59,10 @@ pub struct Work {
     pub settings: String,
 }
 
-/// Why a manifest cannot be written.
+/// A manifest that cannot be written.
 #[derive(Debug, Error)]
 pub enum ManifestError {
-    /// A stage lost something in silence.
+    /// A stage lost something without counting it.
     #[error(
         "stage {stage} read {read} {of}, kept {kept} and rejected {rejected}: {kept} + {rejected} is not {read}; \
          this is a defect of posegrid, please report it"
@@ -70,22 +70,22 @@ pub enum ManifestError {
     Unbalanced {
         /// The stage.
         stage: &'static str,
-        /// What is counted.
+        /// The kind of thing counted.
         of: &'static str,
-        /// How many came in.
+        /// Number read.
         read: u64,
-        /// How many were kept.
+        /// Number kept.
         kept: u64,
-        /// How many were rejected.
+        /// Number rejected.
         rejected: u64,
     },
     /// The settings have no canonical form.
-    #[error("cannot write the settings down: {0}")]
+    #[error("cannot write the settings as JSON: {0}")]
     Settings(#[from] serde_json::Error),
 }
 
 impl RunKey {
-    /// The key of a run.
+    /// A key from its three names.
     pub fn new(
         robot: impl Into<String>,
         session: impl Into<String>,
@@ -98,14 +98,14 @@ impl RunKey {
         }
     }
 
-    /// The same run's key for the rows of another session that it read.
+    /// This run's key for the rows of another session that it read.
     #[must_use]
     pub fn of_session(&self, session: &str) -> Self {
         Self::new(&self.robot, session, &self.run)
     }
 }
 
-/// BLAKE3 of everything that `reader` gives, hexadecimal, and how many bytes it was; in bounded memory.
+/// BLAKE3 of everything that `reader` gives, hexadecimal, and the number of bytes; in bounded memory.
 pub fn digest(reader: impl Read) -> io::Result<(String, u64)> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(reader)?;
@@ -125,10 +125,10 @@ impl Work {
         self.key_by_version(VERSION)
     }
 
-    /// The key of the run that this work makes with that version of the program.
+    /// The key of the run that this work makes with the program version `version`.
     pub fn key_by_version(&self, version: &str) -> RunKey {
         let mut hasher = blake3::Hasher::new();
-        // Each text goes in with its length: ("ab", "c") and ("a", "bc") are different work.
+        // Each text is digested with its length: ("ab", "c") and ("a", "bc") are different work.
         let mut add = |text: &str| {
             hasher.update(&(text.len() as u64).to_le_bytes());
             hasher.update(text.as_bytes());
@@ -179,7 +179,7 @@ pub(crate) mod tests {
 
     #[test]
     fn a_digest_is_blake3_of_the_bytes() {
-        // The first test vector of the BLAKE3 paper: the hash of nothing.
+        // The first test vector of the BLAKE3 paper: the hash of the empty input.
         let nothing = "af1349b9f5f9a1a6a0404dea36dcc9499bcb25c9adc112b7cc9a93cae41f3262";
         assert_eq!(digest(io::empty()).unwrap(), (nothing.to_owned(), 0));
         let long = vec![7; 1 << 20];
@@ -210,7 +210,7 @@ pub(crate) mod tests {
             |work| work.inputs[0].digest = "00".repeat(32),
             |work| work.inputs[0].name = "tracker.mcap".to_owned(),
             |work| work.inputs.clear(),
-            // Learnt from and judged on are different roles of the same session.
+            // Training and judging are different roles of the same session.
             |work| std::mem::swap(&mut work.sessions, &mut work.test_sessions),
         ];
         for change in changes {

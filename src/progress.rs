@@ -1,4 +1,4 @@
-//! What a long stage tells of its progress, without knowing who listens.
+//! Progress of a long stage, reported without knowing who listens.
 
 /// A listener for the progress of one long task.
 ///
@@ -14,7 +14,7 @@ pub trait Progress: Sync {
     fn end(&self);
 }
 
-/// What a task is unwound with when its listener ends it.
+/// The payload with which a listener unwinds a task to end it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stopped;
 

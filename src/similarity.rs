@@ -1,11 +1,11 @@
-//! Similarity: how alike errors are at a separation, in joint space and in space ([`crate::method::similarity`]).
+//! Similarity: how alike errors are at a separation, in joint space and in Cartesian space ([`crate::method::similarity`]).
 //!
 //! Inputs are error vectors with the joint angles and positions they belong to; output is one [`Semivariogram`] per
 //! space and quantity. Steps:
 //! 1. the empirical semivariogram `γ(h) = 1/(2N(h)) Σ (e_i − e_j)²` in bins up to half of the largest separation
 //!    ([`empirical`]);
 //! 2. spherical, exponential and Gaussian models of it ([`variogram`]), by least squares weighted with the pair counts;
-//! 3. a verdict: a rising curve is similarity, a flat one says that there is nothing to interpolate.
+//! 3. a verdict: a rising curve shows similarity, a flat one shows that there is nothing to interpolate.
 
 pub mod empirical;
 pub mod variogram;
@@ -36,7 +36,7 @@ impl Default for SimilaritySettings {
     }
 }
 
-/// One error with the place it was found at.
+/// One error with the joint angles and the position where it was observed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorSample {
     /// Joint angles, rad.
@@ -74,33 +74,33 @@ impl Quantity {
     pub const ALL: [Self; 4] = [Self::X, Self::Y, Self::Z, Self::Norm];
 }
 
-/// What a semivariogram says about interpolation.
+/// The conclusion for interpolation from a semivariogram.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Alikeness {
     /// Near errors are more alike than far ones: there is something to interpolate.
     Rising,
-    /// The curve is flat: neighbours tell nothing.
+    /// The curve is flat: neighbours carry no information.
     Flat,
-    /// Too few pairs to say.
+    /// Too few pairs for a verdict.
     TooFewPairs,
 }
 
 /// The semivariogram of one quantity in one space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Semivariogram {
-    /// How separations are measured.
+    /// The space in which separations are measured.
     pub space: Space,
-    /// What is compared.
+    /// The quantity compared.
     pub quantity: Quantity,
     /// Bins in order of separation; empty ones are left out.
     pub bins: Vec<Bin>,
     /// The fitted models, best first; empty with fewer than four bins.
     pub models: Vec<VariogramModel>,
-    /// What it says.
+    /// Whether near errors are more alike than far ones.
     pub alikeness: Alikeness,
 }
 
-/// Semivariograms of `samples`, per axis and norm, in joint space and in space.
+/// Semivariograms of `samples`, per axis and norm, in joint space and in Cartesian space.
 pub fn semivariograms(
     samples: &[ErrorSample],
     settings: &SimilaritySettings,

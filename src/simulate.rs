@@ -1,12 +1,12 @@
-//! Simulate: a synthetic session with known truth, so that every number the pipeline gives can be checked.
+//! Simulate: a synthetic session with known truth, against which every number of the pipeline can be checked.
 //!
 //! Inputs: a nominal arm and [`SimulateSettings`]. Output: the recording that ingest would read from the session's logs,
 //! and the [`Truth`] behind it. Pure: the seed is a setting, nothing is read or written.
 //!
-//! 1. Draw the arm as it really is ([`ArmErrors`]).
-//! 2. Command the target to poses; the controller solves them on the nominal arm.
-//! 3. Move (minimum jerk) and dwell; the controller stops a little short and reports where it thinks it is.
-//! 4. Observe the target by a tracker with its own clock, its noise across and along the beam, lost beams and outliers.
+//! 1. Draw the errors of the true arm ([`ArmErrors`]).
+//! 2. Command the measured target to poses; the controller computes joint angles with the nominal arm.
+//! 3. Move (minimum jerk) and dwell; the controller stops with a settling error and reports its encoder angles.
+//! 4. Measure the target with a tracker that has its own clock, noise across and along the beam, lost beams and outliers.
 
 pub mod settings;
 pub mod truth;
@@ -38,34 +38,34 @@ pub use visits::{Visit, visits};
 
 use timeline::Timeline;
 
-/// Angles are logged to this, rad: encoders are no finer, and rounding keeps the bytes of a log alike across machines.
+/// Resolution of logged angles, rad: encoders are no finer, and rounding gives logs the same bytes on all machines.
 const ANGLE_RESOLUTION: f64 = 1e-7;
-/// Positions are logged to this, mm.
+/// Resolution of logged positions, mm.
 const POSITION_RESOLUTION_MM: f64 = 1e-4;
-/// Quaternions are logged to this.
+/// Resolution of logged quaternion components.
 const QUATERNION_RESOLUTION: f64 = 1e-9;
-/// Temperatures are logged to this, °C.
+/// Resolution of logged temperatures, °C.
 const TEMPERATURE_RESOLUTION: f64 = 1e-2;
 
-/// The most samples of one kind: three weeks at 20 Hz, and what fits into memory.
+/// The most samples of one kind: three weeks at 20 Hz, which fit into memory.
 const MOST_SAMPLES: u32 = 40_000_000;
 
 /// A synthetic session.
 #[derive(Debug, Clone)]
 pub struct Simulated {
-    /// What the two logs hold.
+    /// The samples of the two logs.
     pub recording: Recording,
-    /// What is behind them.
+    /// The true values behind the samples.
     pub truth: Truth,
 }
 
-/// What is wrong with the settings of a simulation.
+/// A setting of a simulation that is wrong, or poses that cannot be reached.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SimulateError {
     /// A list of angles for another arm.
     #[error("{what}: {found} angles, but the arm has {joints} joints; give one for each joint")]
     Length {
-        /// Which list.
+        /// The list's name.
         what: &'static str,
         /// Joints of the arm.
         joints: usize,
@@ -75,11 +75,11 @@ pub enum SimulateError {
     /// A setting outside its range.
     #[error("{name} = {found}: it has to be {wanted}")]
     Setting {
-        /// Which setting.
+        /// The setting's name.
         name: &'static str,
-        /// What it is.
+        /// Its value.
         found: f64,
-        /// What it may be, in words.
+        /// The allowed values, as text.
         wanted: &'static str,
     },
     /// A box with no node in it.
@@ -100,9 +100,9 @@ pub enum SimulateError {
         "{asked} poses; a session has at most {most}: widen the step, shrink the box or lower the count"
     )]
     TooManyPoses {
-        /// How many were asked for.
+        /// The number asked for.
         asked: f64,
-        /// The most there may be.
+        /// The largest number allowed.
         most: usize,
     },
     /// More samples than a session can have.
@@ -110,11 +110,11 @@ pub enum SimulateError {
         "{asked:.0} samples of {what}; a session has at most {most}: lower the rate, the dwell or the number of poses"
     )]
     TooManySamples {
-        /// Of what.
+        /// The kind of sample.
         what: &'static str,
-        /// How many were asked for.
+        /// The number asked for.
         asked: f64,
-        /// The most there may be.
+        /// The largest number allowed.
         most: u32,
     },
     /// A grid node out of reach.
@@ -124,7 +124,7 @@ pub enum SimulateError {
     Node {
         /// The node in the base frame, mm.
         node: [f64; 3],
-        /// Why.
+        /// The reason.
         source: InverseError,
     },
     /// No random pose in reach.
@@ -133,16 +133,16 @@ pub enum SimulateError {
          move or shrink the box or the cone, or start from another home"
     )]
     Unreachable {
-        /// Its number, from 0.
+        /// The pose's number, from 0.
         number: usize,
-        /// How often it was drawn.
+        /// Number of draws.
         redraws: usize,
-        /// Why the last one was refused.
+        /// The reason why the last draw was refused.
         source: InverseError,
     },
 }
 
-/// Simulates one session of `arm`.
+/// One synthetic session of `arm`, with its truth.
 pub fn simulate(arm: &Arm, settings: &SimulateSettings) -> Result<Simulated, SimulateError> {
     check(arm, settings)?;
     let errors = ArmErrors::draw(arm, settings);
@@ -197,7 +197,7 @@ fn command_samples(settings: &SimulateSettings, timeline: &Timeline) -> CommandS
     }
 }
 
-/// Moments of a regular rate from 0 to `end_s`, s.
+/// Times at a regular rate from 0 to `end_s`, s.
 fn samples(rate_hz: f64, end_s: f64) -> Vec<f64> {
     let mut times = Vec::new();
     let mut next = 0.0;
@@ -212,7 +212,7 @@ fn stamp(settings: &SimulateSettings, t_s: f64) -> Stamp<Controller> {
     Stamp::from_ns(settings.clocks.origin_ns).plus_ns(timeline::ns(t_s))
 }
 
-/// `value` to the nearest multiple of `resolution`, a power of ten.
+/// `value` rounded to the nearest multiple of `resolution`, a power of ten.
 fn rounded(value: f64, resolution: f64) -> f64 {
     // Dividing by the whole number 1/resolution gives the double nearest to the decimal, and no −0.
     let per_unit = (1.0 / resolution).round();

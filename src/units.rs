@@ -56,7 +56,7 @@ impl<C> Stamp<C> {
     }
 }
 
-// Derives would ask the same of the marker `C`.
+// A derive would require the same trait of the marker `C`.
 impl<C> Clone for Stamp<C> {
     fn clone(&self) -> Self {
         *self
@@ -85,7 +85,7 @@ impl<C> fmt::Debug for Stamp<C> {
     }
 }
 
-/// How the two clocks of a session relate, as an equation that goes both ways.
+/// The relation between the two clocks of a session, usable in both directions.
 ///
 /// ```
 /// use posegrid::units::{ClockModel, Stamp};
@@ -102,14 +102,14 @@ impl<C> fmt::Debug for Stamp<C> {
 pub struct ClockModel {
     /// t₀, the first stamp of the controller's log.
     pub origin: Stamp<Controller>,
-    /// What the tracker's clock is ahead at t₀, ns.
+    /// Offset of the tracker's clock from the controller's at t₀, ns; positive when the tracker's is ahead.
     pub offset_ns: f64,
-    /// How much faster the tracker's clock runs (12e-6 is 12 ppm).
+    /// Rate of the tracker's clock relative to the controller's, minus 1 (12e-6 is 12 ppm fast).
     pub drift: f64,
 }
 
 impl ClockModel {
-    /// The tracker's reading at a moment of the controller's clock.
+    /// The time of the tracker's clock at a moment of the controller's clock.
     pub fn to_tracker(&self, stamp: Stamp<Controller>) -> Stamp<Tracker> {
         let elapsed = stamp.since_ns(self.origin);
         let correction = self.drift.mul_add(elapsed as f64, self.offset_ns);
@@ -121,7 +121,7 @@ impl ClockModel {
         )
     }
 
-    /// The controller's reading at a moment of the tracker's clock.
+    /// The time of the controller's clock at a moment of the tracker's clock.
     pub fn to_controller(&self, stamp: Stamp<Tracker>) -> Stamp<Controller> {
         let elapsed = stamp.ns().saturating_sub(self.origin.ns());
         let correction = (self.drift * elapsed as f64 + self.offset_ns) / (1.0 + self.drift);
@@ -139,7 +139,7 @@ pub fn round_ns(ns: f64) -> i64 {
     ns.round() as i64
 }
 
-/// A length of time in words, to two digits or so: seconds, minutes, hours or days.
+/// A duration as text in whole seconds, minutes, hours or days: `"12 min"`.
 pub fn span(time: Duration) -> String {
     const MINUTE: u64 = 60;
     const HOUR: u64 = 60 * MINUTE;

@@ -1,26 +1,26 @@
-//! `command' = target − ê(command')`, iterated until the command stands still.
+//! `command' = target − ê(command')`, iterated until the command converges.
 
 use nalgebra::{Point3, Vector3};
 
 use super::Reason;
 
-/// A command that moves less than this stands still, mm. A micrometre would do; an arm's errors change by a few
-/// micrometres per mm, so a nanometre costs one iteration more, and it leaves no trace of where the iteration began.
-const STANDS_STILL_MM: f64 = 1e-6;
+/// A command that moves less than this has converged, mm. A micrometre would be enough; an arm's errors change by a few
+/// micrometres per mm, so a nanometre costs one iteration more, and the result does not depend on the start.
+const CONVERGED_MM: f64 = 1e-6;
 /// Errors of any real arm converge in three or four iterations.
 const MOST_ITERATIONS: usize = 100;
 
-/// Where a command came to stand still.
+/// A converged command.
 pub(super) struct Converged<F> {
     /// The command.
     pub(super) command: Point3<f64>,
-    /// What was found beside the error there.
+    /// The further results at the command, given with the error.
     pub(super) found: F,
-    /// How often the error was asked for.
+    /// Number of evaluations of the error.
     pub(super) iterations: usize,
 }
 
-/// The command for a target, by the error (mm) that `error_at` has at a command beside whatever else it finds there.
+/// The command for a target; `error_at` returns the error (mm) at a command, with any further results.
 pub(super) fn converge<F>(
     target: &Point3<f64>,
     mut error_at: impl FnMut(&Point3<f64>) -> Result<(Vector3<f64>, F), Reason>,
@@ -32,7 +32,7 @@ pub(super) fn converge<F>(
         let next = target - error;
         move_mm = (next - command).norm();
         command = next;
-        if move_mm < STANDS_STILL_MM {
+        if move_mm < CONVERGED_MM {
             return Ok(Converged {
                 command,
                 found,

@@ -1,13 +1,13 @@
 //! The identified arm: its model at any joint angles → the joint command at which the tool point attains a target.
 //!
-//! Inputs are what a run published of an arm ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
+//! Inputs are the published result of a run ([`IdentifiedArm`]) and targets as joint angles or poses; outputs are
 //! [`Corrected`] commands, joint angles included. Steps:
-//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that bring it there (`pose`);
-//! 2. these are held against the joint ranges and the arm configurations measured: beyond them the model falls back to its
+//! 1. the target becomes a pose of the nominal arm's tool, and joint angles that reach it (`pose`);
+//! 2. these are compared with the joint ranges and the arm configurations measured: beyond them the model falls back to its
 //!    prior;
-//! 3. the command is moved against the error that the model predicts at its joint angles, in the error reference frame of base and target
-//!    ([`crate::method::compensation`]), just as for the nodes of a grid: what both say at a node is the same;
-//! 4. the error's covariance at the joint command is that of the correction.
+//! 3. the command is moved by minus the error that the model predicts at its joint angles, in the error reference frame
+//!    ([`crate::method::compensation`]), as for the nodes of a grid: at a node both give the same command;
+//! 4. the covariance of the error at the joint command is that of the correction.
 
 use std::any::Any;
 
@@ -22,46 +22,46 @@ use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
 
-/// An angle this far beyond the measured ones is as good as measured, rad: half a degree, where the shortest curves of
-/// real joints reach over several. A target at the rim has its correction within it.
+/// An angle beyond the measured ones by up to this counts as measured, rad: half a degree, while the shortest curves of
+/// real joints extend over several. The correction of a target at the rim stays within it.
 const RIM_RAD: f64 = 0.0087;
 
-/// What a run published of an arm: everything that predicts its errors.
+/// The published result of a run for one arm: everything that predicts its errors.
 #[derive(Debug)]
 pub struct IdentifiedArm {
     /// The run's name, carried by targets corrected with it.
     pub table_id: String,
     /// The nominal arm.
     pub arm: Arm,
-    /// Base and target as the nominal arm fits them: the error reference frame. Errors are of one tool point, so of one source and one target.
+    /// The error reference frame: base and measured target. Errors are of one tool point, so of one source and one target.
     pub frames: FramePair,
-    /// The controller's own tool at the flange.
+    /// The controller's own tool in the flange frame, mm.
     pub flange_from_tool: Transform<Flange, Tool>,
-    /// The frame of commands.
+    /// The base in the frame of commands, mm.
     pub command_from_base: Transform<Command, Base>,
-    /// What predicts.
+    /// The model that predicts the errors.
     pub model: ArmModel,
     /// Lowest and highest angle of each joint over the stations used, rad.
     pub measured: Vec<[f64; 2]>,
-    /// The arm configurations of the stations used; none of an arm without six axes.
+    /// The arm configurations of the stations used; empty for an arm without six axes.
     pub configurations: Vec<String>,
-    /// What it is valid for.
+    /// The conditions that it is valid for.
     pub validity: Validity,
 }
 
-/// A model that a run has of an arm.
+/// A run's model of an arm.
 #[derive(Debug)]
 pub struct ArmModel {
-    /// Which of the registry it is.
+    /// The model's entry in the registry.
     pub model: Model,
-    /// What predicts.
+    /// The fitted model that predicts.
     pub predicts: Box<dyn PoseModel>,
-    /// The session in whose error reference frame errors are stated: its place in the model.
+    /// The session (its index in the model) in whose error reference frame errors are stated.
     pub session: usize,
 }
 
 impl ArmModel {
-    /// The model as what it is, for what is asked of one kind of model alone; `None` where it is another.
+    /// The model as the kind `M`, for results that only that kind has; `None` when it is of another kind.
     pub fn is<M: PoseModel>(&self) -> Option<&M> {
         let any: &dyn Any = &*self.predicts;
         any.downcast_ref()
@@ -75,9 +75,9 @@ impl IdentifiedArm {
         ErrorFrame::new(&self.arm, self.frames, Some(tool), false)
     }
 
-    /// The commands at which the tool point attains each of `targets`, as far as the model can tell; in their order.
+    /// The commands at which the tool point attains each of `targets`, in their order, or the reasons why there is none.
     ///
-    /// `allow` names what is not refused.
+    /// `allow` names a reason for which no target is refused.
     pub fn compensate(
         &self,
         targets: &[Target],
@@ -105,7 +105,7 @@ impl IdentifiedArm {
         targets.par_iter().map(one).collect()
     }
 
-    /// Refuses joint angles beyond those measured, naming the joint that is furthest out.
+    /// Refuses joint angles beyond those measured; the reason names the joint that is furthest out.
     fn within_measured(&self, joints: &[f64]) -> Result<(), Reason> {
         let beyond = |&[low, high]: &[f64; 2], q: f64| (low - q).max(q - high);
         let out = self.measured.iter().zip(joints).map(|(r, &q)| beyond(r, q));
@@ -125,7 +125,7 @@ impl IdentifiedArm {
     }
 }
 
-/// Corrections of one arm.
+/// Computes the corrections of one arm.
 struct Correction<'a> {
     identified: &'a IdentifiedArm,
     errors: ToolErrors<'a>,
@@ -171,7 +171,7 @@ impl Correction<'_> {
         })
     }
 
-    /// Whether joint angles, and the arm configuration they are in, were measured; the exception that they need, where it is
+    /// Checks that joint angles and their arm configuration were measured; returns the exception that they need, if it is
     /// allowed.
     fn exception(&self, joints: &[f64]) -> Result<Option<Exception>, Reason> {
         let unless = |exception, measured: Result<(), Reason>| match measured {
@@ -180,12 +180,15 @@ impl Correction<'_> {
         };
         let ranges = self.identified.within_measured(joints);
         let ranges = unless(Exception::JointRange, ranges)?;
-        let configuration = unless(Exception::Configuration, self.in_a_measured_one(joints))?;
+        let configuration = unless(
+            Exception::Configuration,
+            self.in_measured_configuration(joints),
+        )?;
         Ok(ranges.or(configuration))
     }
 
     /// Refuses an arm configuration that no station was in.
-    fn in_a_measured_one(&self, joints: &[f64]) -> Result<(), Reason> {
+    fn in_measured_configuration(&self, joints: &[f64]) -> Result<(), Reason> {
         let Some(found) = self.reach.configuration(joints) else {
             return Ok(());
         };

@@ -1,6 +1,6 @@
-//! A target → the pose of the nominal arm's tool that it asks for, and joint angles that bring it there.
+//! A target → the pose of the nominal arm's tool that it stands for, and joint angles that reach the pose.
 //!
-//! Joint angles say both; a position beside them is the target itself, and they only say which way the arm reaches it.
+//! Joint angles give both; with a position in addition, the position is the target and they select how the arm reaches it.
 //! A pose without joint angles is reached in the arm configuration it states: inverse kinematics from many joint angles of
 //! that configuration, spread over the ranges measured, the nearest to the pose first.
 
@@ -16,24 +16,24 @@ use crate::kinematics::Configuration;
 
 /// Joint angles that a search may begin at.
 const SEEDS: u32 = 2048;
-/// Of these, as many of the nearest to a pose are tried, and then as many of all.
+/// Seeds tried per pose: first as many of the nearest ones, then as many spread over all.
 const TRIED: usize = 12;
-/// What a turn of the tool by one radian is worth when poses are compared, mm.
+/// Weight of a turn of the tool by one radian when poses are compared, mm.
 const LEVER_MM: f64 = 500.0;
-/// A position and joint angles further apart than this are not of one target, mm: angles in whole hundredths of a degree
-/// leave half a millimetre on a large arm, a wrong tool or unit centimetres.
+/// A position and joint angles further apart than this contradict each other, mm: angles in whole hundredths of a degree
+/// make half a millimetre on a large arm, a wrong tool or unit makes centimetres.
 const APART_MM: f64 = 2.0;
 
-/// What a target asks for.
+/// The pose and the joint angles that a target stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Wanted {
-    /// The pose of the tool in the base frame.
+    /// The pose of the tool in the base frame, mm.
     pub(super) base_from_tool: Isometry3<f64>,
-    /// Joint angles at which the nominal arm has it, rad.
+    /// Joint angles at which the nominal arm has this pose, rad.
     pub(super) joints: Vec<f64>,
 }
 
-/// Finds what targets ask of one arm.
+/// Finds the poses and joint angles of targets for one arm.
 pub(super) struct Poses<'a> {
     identified: &'a IdentifiedArm,
     error_frame: &'a ErrorFrame<'a>,
@@ -86,7 +86,7 @@ impl<'a> Poses<'a> {
         if apart_mm > APART_MM {
             return Err(Reason::Apart { apart_mm });
         }
-        // Also where there is nothing to solve: limits and singularities are looked at.
+        // Even when the angles already reach the pose, this checks limits and singularities.
         let joints = self.reach.solve(&base_from_tool, &joints)?;
         Ok(Wanted {
             base_from_tool,
@@ -94,7 +94,7 @@ impl<'a> Poses<'a> {
         })
     }
 
-    /// The pose that a target states; what it leaves out is that of its joint angles.
+    /// The pose that a target states; a part that it does not state is taken from its joint angles.
     fn pose(
         &self,
         target: &Target,
@@ -167,7 +167,7 @@ impl<'a> Poses<'a> {
         Err(first.map_or(Reason::NoConfiguration, Reason::Arm))
     }
 
-    /// The seeds of the configuration wanted to begin at, the nearest to a pose first.
+    /// Seeds of the wanted configuration, the nearest to a pose first.
     fn nearest(
         &self,
         wanted: Option<&str>,
@@ -194,7 +194,7 @@ impl<'a> Poses<'a> {
             });
         }
         seeds.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Where the nearest lead into a dead end, others of the configuration may not.
+        // When the search fails from the nearest, it may succeed from others of the configuration.
         let stride = seeds.len() / TRIED + 1;
         let order = (0..TRIED).chain((TRIED..).step_by(stride));
         let tried = order.map_while(move |place| seeds.get(place).map(|(_, seed)| *seed));
@@ -209,7 +209,7 @@ impl<'a> Poses<'a> {
         all.iter().map(Configuration::to_string).collect()
     }
 
-    /// The same angles, each by whole turns as near to the middle of the measured ones as its limits allow.
+    /// The angles, each moved by whole turns as near to the middle of the measured range as its limits allow.
     fn on_measured_turn(&self, joints: Vec<f64>) -> Vec<f64> {
         let limits = self.identified.arm.joints();
         let ranges = self.identified.measured.iter().zip(limits);
@@ -222,7 +222,7 @@ impl<'a> Poses<'a> {
     }
 }
 
-/// How far apart two poses are, a turn counted by its lever, mm.
+/// Distance of two poses, mm; a turn counts with [`LEVER_MM`].
 fn apart_mm(a: &Isometry3<f64>, b: &Isometry3<f64>) -> f64 {
     let place = (a.translation.vector - b.translation.vector).norm();
     place + LEVER_MM * a.rotation.angle_to(&b.rotation)

@@ -1,4 +1,4 @@
-//! Why a target is not corrected, by how much, and what to try.
+//! The reasons why a target is not corrected: the limit, by how much it is exceeded, and what to try.
 
 use thiserror::Error;
 
@@ -11,52 +11,52 @@ use crate::kinematics::InverseError;
 pub struct Refused {
     /// The target's name.
     pub target: String,
-    /// Why.
+    /// The reason.
     pub reason: Reason,
 }
 
-/// Why a target has no corrected command.
+/// The reason why a target has no corrected command.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Reason {
     /// The model has no prediction at the target.
     #[error("{}; {}", .0, advice(.0))]
     Target(Gap),
-    /// The table surrounds the target, but not the command that would attain it.
+    /// The target is inside the table, but the command that would attain it is not.
     #[error(
         "would need a command that {0}; move the target inwards by that much, or use a larger table"
     )]
     Command(Gap),
-    /// Another arm configuration.
+    /// An arm configuration other than the table's.
     #[error("asks for arm configuration {wanted:?}, the table is for {}", match table {
         Some(table) => format!("{table:?}"),
         None => "an arm that has no configurations; leave the targets' configuration out".to_owned(),
     })]
     Configuration {
-        /// The target's.
+        /// The target's configuration.
         wanted: String,
-        /// The table's, where its arm has any.
+        /// The table's configuration; `None` when its arm has none.
         table: Option<String>,
     },
-    /// Another tool.
+    /// A tool other than the table's.
     #[error("is for tool {wanted:?}, the table is for {}", match table {
         Some(tool) => format!("{tool:?}"),
         None => "a tool it does not name; name it in the pipeline file, or leave the targets' tool out".to_owned(),
     })]
     Tool {
-        /// The target's.
+        /// The target's tool.
         wanted: String,
-        /// The table's, where it names one.
+        /// The table's tool; `None` when it names none.
         table: Option<String>,
     },
-    /// A grid knows positions, and the target has none.
+    /// A compensation table has positions only, and the target has no position.
     #[error(
-        "has joint angles but no position, and a compensation table knows positions only; correct it with table \
+        "has joint angles but no position, and a compensation table has positions only; correct it with table \
          `calibrations` of the same run"
     )]
     NoPosition,
     /// Neither joint angles nor an orientation.
     #[error(
-        "states neither joint angles nor an orientation, and an arm's error depends on how it stands; give q1_rad … or \
+        "states neither joint angles nor an orientation, and an arm's error depends on its joint angles; give q1_rad … or \
          qx qy qz qw"
     )]
     NoOrientation,
@@ -68,48 +68,48 @@ pub enum Reason {
     NoConfiguration,
     /// An arm configuration that no joint angles within the measured ranges have.
     #[error(
-        "asks for arm configuration {wanted:?}; within the joint ranges measured there is {}; measure there, or reach it in \
+        "asks for arm configuration {wanted:?}; the joint ranges measured contain {}; measure there, or reach it in \
          another",
         measured.join(", ")
     )]
     Unmeasured {
-        /// The target's.
+        /// The target's configuration.
         wanted: String,
-        /// Those there are.
+        /// The configurations within the joint ranges measured.
         measured: Vec<String>,
     },
     /// An arm configuration that no station was in.
     #[error(
-        "stands in arm configuration {found:?}, and stations were measured in {}; measure there, or reach it in another",
+        "is in arm configuration {found:?}, but stations were measured in {}; measure there, or reach it in another",
         measured.join(", ")
     )]
     NeverMeasured {
-        /// The target's, or its command's.
+        /// The configuration of the target or of its command.
         found: String,
-        /// Those of the stations.
+        /// The configurations of the stations.
         measured: Vec<String>,
     },
     /// Joint angles of another arm.
     #[error("has {found}, the arm has joints {}; give one for each, in this order or by these names", expected.join(", "))]
     Joints {
-        /// What was found.
+        /// The joint angles found, as text.
         found: String,
-        /// The arm's joints.
+        /// The names of the arm's joints.
         expected: Vec<String>,
     },
-    /// Position and joint angles of different places.
+    /// Position and joint angles that contradict each other.
     #[error(
         "has a position {apart_mm:.3} mm from where the nominal arm has the tool at its joint angles; check tool, frame and \
          unit of both, or leave one out"
     )]
     Apart {
-        /// How far apart they are, mm.
+        /// Their distance, mm.
         apart_mm: f64,
     },
     /// Joint angles that were not measured.
     #[error(
-        "needs joint {joint:?} at {angle_deg:.3}°, {beyond_deg:.3}° beyond the {:.3}° to {:.3}° that were measured, where the \
-         model knows nothing of it; measure there, or reach the target with angles inside",
+        "needs joint {joint:?} at {angle_deg:.3}°, {beyond_deg:.3}° beyond the {:.3}° to {:.3}° that were measured: the \
+         model has no information there; measure there, or reach the target with angles inside",
         measured_deg[0], measured_deg[1]
     )]
     JointRange {
@@ -117,31 +117,31 @@ pub enum Reason {
         joint: String,
         /// The angle needed, degrees.
         angle_deg: f64,
-        /// By how much that is beyond the measured range, degrees.
+        /// Distance of the angle from the measured range, degrees.
         beyond_deg: f64,
         /// The measured range, degrees.
         measured_deg: [f64; 2],
     },
-    /// The nominal arm does not stand there.
+    /// The nominal arm cannot reach the target.
     #[error("is not for this arm: {0}")]
     Arm(#[from] InverseError),
     /// No command attains the target.
     #[error(
-        "has no command: after {iterations} iterations it still moves by {move_mm:.6} mm, as the error jumps there (errors \
-         interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"
+        "has no command: after {iterations} iterations the command still moves by {move_mm:.6} mm, as the error jumps there \
+         (errors interpolated by `idw` do where two cells meet); move the target by that much, or use a trilinear table"
     )]
     NoConvergence {
-        /// How often the table was asked.
+        /// Number of evaluations of the table.
         iterations: usize,
-        /// What the command moved by at last, mm.
+        /// Size of the last move of the command, mm.
         move_mm: f64,
     },
 }
 
-/// What to try where a model has no prediction at a target.
+/// The advice for a target at which a model has no prediction.
 const fn advice(gap: &Gap) -> &'static str {
     match gap {
         Gap::Orientation { .. } => "use a table made for the target's orientation",
-        _ => "the table cannot tell the error there, and nothing is extrapolated",
+        _ => "the table has no error there, and nothing is extrapolated",
     }
 }

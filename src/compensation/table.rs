@@ -1,8 +1,8 @@
 //! The compensation table: errors at the nodes of a lattice → the error at a command inside it.
 //!
-//! Between nodes `ê = Σ w_i e_i` with the weights of the interpolation the table was judged with. The covariance given
-//! is `Σ w_i C_i`: node errors come from one model and are alike, how much is not in the table, and as the weights are
-//! positive and sum to one this is an upper bound of the covariance of `ê` whatever their correlation (Jensen).
+//! Between nodes `ê = Σ w_i e_i` with the weights of the interpolation that the table was judged with. The covariance given
+//! is `Σ w_i C_i`: node errors come from one model and are correlated; the table does not state how much. As the weights are
+//! positive and sum to one, this is an upper bound of the covariance of `ê` for any correlation (Jensen).
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use thiserror::Error;
@@ -16,7 +16,7 @@ use crate::grid::node::on_one_branch;
 use crate::grid::{self, Interpolation, Lattice, Refusal};
 use crate::kinematics::Arm;
 
-/// What a table says of itself beside its nodes.
+/// The properties of a table in addition to its nodes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
     /// The table's identifier, carried by targets corrected with it.
@@ -27,18 +27,18 @@ pub struct Terms {
     pub orientation_tolerance_rad: f64,
     /// The arm configuration at every node; `None` for arms without six axes.
     pub configuration: Option<String>,
-    /// How values inside a cell follow.
+    /// The interpolation of values inside a cell.
     pub interpolation: Interpolation,
-    /// IDW's power; of no effect on trilinear interpolation.
+    /// The power of inverse distance weighting (IDW); trilinear interpolation does not use it.
     pub idw_power: f64,
-    /// What it is valid for.
+    /// The conditions that it is valid for.
     pub validity: Validity,
 }
 
-/// A node with a value.
+/// The values of a node that has a prediction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Known {
-    /// Joint angles there, rad.
+    /// Joint angles at the node, rad.
     pub joints: Vec<f64>,
     /// Attained minus commanded position in the frame of commands, mm.
     pub error: Vector3<f64>,
@@ -59,13 +59,13 @@ pub struct CompensationTable {
 /// no more than a cell can follow, so over this share of it by next to nothing.
 const BEYOND_RIM: f64 = 0.1;
 
-/// Why nodes and a lattice make no table.
+/// Nodes that do not make a table with a lattice.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Misfit {
     /// Another number of nodes than the lattice has.
     #[error("{found} nodes do not fill a lattice of {x} × {y} × {z} nodes", x = counts[0], y = counts[1], z = counts[2])]
     NodeCount {
-        /// Nodes given.
+        /// Number of nodes given.
         found: usize,
         /// Nodes of the lattice along each axis.
         counts: [usize; 3],
@@ -73,11 +73,11 @@ pub enum Misfit {
     /// Nodes of arms with different numbers of joints.
     #[error("node {node} has {found} joint angles, the nodes before it have {expected}")]
     JointCount {
-        /// The node.
+        /// The node's number.
         node: usize,
-        /// Its joint angles.
+        /// Number of its joint angles.
         found: usize,
-        /// Those of the nodes before it.
+        /// Number of joint angles of the nodes before it.
         expected: usize,
     },
 }
@@ -87,12 +87,12 @@ pub enum Misfit {
 pub struct Estimate {
     /// Attained minus commanded position in the frame of commands, mm.
     pub error: Vector3<f64>,
-    /// An upper bound of its covariance as far as the nodes' goes, mm².
+    /// An upper bound of its covariance from the nodes' covariances, mm².
     pub covariance: Matrix3<f64>,
 }
 
 impl Terms {
-    /// Whether a target asks for what the table is valid for.
+    /// Refuses a target that the table is not valid for.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
         if let Some(wanted) = target
             .configuration
@@ -109,7 +109,7 @@ impl Terms {
         turned.map_err(Reason::Target)
     }
 
-    /// Whether a tool's orientation, where it is stated, is near enough to the table's.
+    /// Refuses a tool orientation too far from the table's; `None` is accepted.
     fn serves(&self, orientation: Option<&UnitQuaternion<f64>>) -> Result<(), Gap> {
         let angle = orientation.map_or(0.0, |turned| self.orientation.angle_to(turned));
         if angle > self.orientation_tolerance_rad {
@@ -156,7 +156,7 @@ impl CompensationTable {
         })
     }
 
-    /// The table that the grid stage chose, carried from the base frame into the frame of commands.
+    /// The table that the grid stage chose, transformed from the base frame into the frame of commands.
     pub fn of_grid(
         table: &grid::Table,
         command_from_base: &Transform<Command, Base>,
@@ -190,27 +190,27 @@ impl CompensationTable {
         )
     }
 
-    /// What the table says of itself.
+    /// The properties of the table.
     pub const fn terms(&self) -> &Terms {
         &self.terms
     }
 
-    /// The nodes in the lattice's order: their values, or why they have none.
+    /// The nodes in the lattice's order: their values, or the reasons why they have none.
     pub fn nodes(&self) -> &[Result<Known, Refusal>] {
         &self.nodes
     }
 
-    /// Where the nodes lie, in the base frame.
+    /// The lattice of the nodes, in the base frame.
     pub const fn lattice(&self) -> &Lattice {
         &self.lattice
     }
 
-    /// Where node `number` lies.
+    /// The position of the node `number`, mm.
     pub fn position(&self, number: usize) -> Position<Command> {
         self.command_from_base * Position::claim(self.lattice.position(number))
     }
 
-    /// The error of the arm at a command, or why the table cannot tell.
+    /// The error of the arm at a command, or the reason why the table has none.
     pub fn error_at(&self, command: &Position<Command>) -> Result<Estimate, Gap> {
         let place = *(self.command_from_base.inverse() * *command).point();
         let cell = self
@@ -290,7 +290,7 @@ impl CompensationTable {
 }
 
 impl PoseModel for CompensationTable {
-    /// None: a table knows the frame of commands and no tracker.
+    /// None: a table has the frame of commands and no tracker.
     fn frames(&self) -> &[Frames] {
         &[]
     }

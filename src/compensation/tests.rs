@@ -1,4 +1,4 @@
-//! Tables of known fields: their fixed points by hand, their rims, their holes.
+//! Tables of known error fields: fixed points calculated by hand, the tables' rims and missing nodes.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -13,7 +13,7 @@ use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
 const STEP_MM: f64 = 100.0;
 
-/// 4 × 3 × 3 nodes from (600, −100, 400), the error at a node as `field` says, each component's variance 0.0004 mm².
+/// 4 × 3 × 3 nodes from (600, −100, 400); the error at a node is `field` there, each component's variance 0.0004 mm².
 fn grid_table(
     interpolation: Interpolation,
     field: impl Fn(&Point3<f64>) -> Vector3<f64>,
@@ -85,7 +85,7 @@ fn stretch(at: &Point3<f64>) -> Vector3<f64> {
 }
 
 #[test]
-fn a_linear_field_is_undone_exactly() {
+fn a_linear_error_field_is_corrected_exactly() {
     let found = compensate(
         &table(Interpolation::Trilinear, stretch),
         &target(751.0, 20.0, 450.0),
@@ -103,7 +103,7 @@ fn a_linear_field_is_undone_exactly() {
 }
 
 #[test]
-fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_nothing_else() {
+fn a_table_predicts_only_for_its_orientation_inside_its_box() {
     let table = table(Interpolation::Trilinear, stretch);
     let at = |x: f64, turned_deg: f64| At::Tool {
         position: Point3::new(x, 20.0, 450.0),
@@ -175,9 +175,9 @@ fn a_frame_of_commands_turned_against_the_base_gives_the_same_correction_there()
 }
 
 #[test]
-fn the_standard_deviation_between_equally_sure_nodes_is_theirs() {
-    // √0.0004 = 0.02 mm per axis. Were the nodes' errors independent it would be 0.02 / √8 in the middle; nothing
-    // says that they are.
+fn between_nodes_of_equal_standard_deviation_the_correction_has_it_too() {
+    // √0.0004 = 0.02 mm per axis. With independent errors of the nodes it would be 0.02 / √8 in the middle, but the table
+    // does not state that they are independent.
     let found = compensate(
         &table(Interpolation::Idw, |_| Vector3::zeros()),
         &target(650.0, -50.0, 450.0),
@@ -188,7 +188,7 @@ fn the_standard_deviation_between_equally_sure_nodes_is_theirs() {
 }
 
 #[test]
-fn a_target_outside_is_refused_by_how_far() {
+fn a_target_outside_is_refused_with_its_distance() {
     let table = table(Interpolation::Trilinear, stretch);
     // The box is 600…900, −100…100, 400…600.
     let outside = refusal(&table, &target(912.5, 0.0, 399.0));
@@ -260,7 +260,7 @@ fn nodes_on_different_branches_are_not_interpolated() {
 }
 
 #[test]
-fn targets_that_ask_for_what_the_table_is_not_for_are_refused() {
+fn targets_outside_the_validity_of_a_table_are_refused() {
     let table = table(Interpolation::Trilinear, stretch);
     let inside = target(751.0, 20.0, 450.0);
     let turned = |degrees: f64| Target {
@@ -297,7 +297,7 @@ fn targets_that_ask_for_what_the_table_is_not_for_are_refused() {
 }
 
 #[test]
-fn a_field_that_pushes_back_what_it_gives_does_not_converge() {
+fn an_error_field_that_changes_too_fast_does_not_converge() {
     // ê = −2 (x − 750): every step throws the command to the other side, twice as far.
     let runaway = table(Interpolation::Trilinear, |at| {
         Vector3::new(-2.0 * (at.x - 750.0), 0.0, 0.0)
@@ -306,7 +306,7 @@ fn a_field_that_pushes_back_what_it_gives_does_not_converge() {
         refusal(&runaway, &target(750.1, 0.0, 500.0)),
         Reason::Command(Gap::Outside { .. })
     ));
-    // Two cells that meet at x = 700: near it, both give a command in the other. Nodes at 600 say −1, at 800 +1 (of the
+    // Two cells that meet at x = 700: near it, each gives a command in the other. Nodes at 600 have −1, at 800 +1 (of the
     // other cell); the plane between is 0 everywhere, so `idw` jumps there.
     let jump = table(Interpolation::Idw, |at| {
         Vector3::new(((at.x - 700.0) / 100.0).clamp(-1.0, 1.0), 0.0, 0.0)

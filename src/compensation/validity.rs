@@ -1,13 +1,13 @@
-//! What a table is valid for, against what corrected targets will be run with.
+//! The conditions that a table is valid for, compared with those that corrected targets will be run with.
 //!
-//! Three answers for each term: it holds, it is outside, or it was not checked, as one of the two sides does not state it.
+//! Each term has one of three results: within, outside, or not checked because one of the two sides does not state it.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Reason, Target};
 
-/// What an arm is run with, but for the temperature. `None`: not said.
+/// The conditions an arm is run with, without the temperature. `None`: not stated.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Conditions {
@@ -25,25 +25,25 @@ pub struct Conditions {
     pub absolute_accuracy_option: Option<bool>,
 }
 
-/// What a table was measured with, and is valid for.
+/// The conditions that a table was measured with, and is valid for.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Validity {
-    /// As the pipeline file says.
+    /// The conditions stated in the pipeline file.
     pub conditions: Conditions,
-    /// Lowest and highest temperature met while measuring, °C. `None`: the logs did not say.
+    /// Lowest and highest temperature during the measurement, °C. `None`: the logs do not state it.
     pub temperature_c: Option<[f64; 2]>,
 }
 
-/// What targets will be run with.
+/// The conditions that targets will be run with.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct UsedWith {
-    /// As the caller says.
+    /// The conditions stated by the caller.
     pub conditions: Conditions,
-    /// The temperature, °C. `None`: not said.
+    /// The temperature, °C. `None`: not stated.
     pub temperature_c: Option<f64>,
 }
 
-/// One thing that a table is valid for.
+/// One condition in a table's validity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Term {
     /// The tool.
@@ -62,30 +62,30 @@ pub enum Term {
     Temperature,
 }
 
-/// Something that targets will be run with, and the table is not valid for.
+/// A condition of the targets that the table is not valid for.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{words}")]
 pub struct Outside {
-    /// What.
+    /// The condition.
     pub term: Term,
-    /// Which, and by how much.
+    /// The condition with both values and their difference, as text.
     pub words: String,
 }
 
-/// What became of each term.
+/// The result of the comparison for each condition.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Held {
-    /// Within.
+    /// Conditions that the table is valid for.
     pub within: Vec<Term>,
-    /// Not within.
+    /// Conditions that the table is not valid for.
     pub outside: Vec<Outside>,
-    /// The table states it, the caller does not.
+    /// Conditions that the table states and the caller does not.
     pub not_said: Vec<Term>,
-    /// The table does not state it.
+    /// Conditions that the table does not state.
     pub not_stated: Vec<Term>,
 }
 
-/// Payloads are the same up to rounding, kg: a gram.
+/// Payloads that differ by no more than a gram are equal, kg.
 const ROUNDING_KG: f64 = 1e-3;
 
 impl Term {
@@ -104,7 +104,7 @@ impl Term {
 }
 
 impl Validity {
-    /// Whether a target is for the same tool.
+    /// Refuses a target for another tool.
     pub(super) fn admit(&self, target: &Target) -> Result<(), Reason> {
         match &target.tool {
             Some(wanted) if target.tool != self.conditions.tool => Err(Reason::Tool {
@@ -115,7 +115,7 @@ impl Validity {
         }
     }
 
-    /// Holds each term against what targets will be run with.
+    /// Compares each condition with what targets will be run with.
     pub fn hold(&self, used: &UsedWith) -> Held {
         let mut held = Held::default();
         let (own, said) = (&self.conditions, &used.conditions);
@@ -156,7 +156,8 @@ impl Validity {
 }
 
 impl Held {
-    /// `outside` says of the table's value and the caller's by how much they differ, if they do.
+    /// Adds the result for `term`. `outside` describes the difference of the table's value and the caller's; `None` if they
+    /// agree.
     fn take<T, U>(
         &mut self,
         term: Term,
@@ -186,7 +187,7 @@ fn other_name(own: &str, said: &str) -> Option<String> {
 fn other_payload(own: f64, said: f64) -> Option<String> {
     let more = said - own;
     let how = if more > 0.0 { "more" } else { "less" };
-    // Also where the difference is no number.
+    // A NaN difference counts as different, too.
     let same = more.abs() <= ROUNDING_KG;
     (!same).then(|| {
         format!(
@@ -250,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_outside_is_reported_by_how_much() {
+    fn conditions_outside_are_reported_with_the_difference() {
         let used = UsedWith {
             conditions: Conditions {
                 tool: Some("rivet".to_owned()),

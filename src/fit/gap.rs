@@ -22,10 +22,10 @@ pub enum Refusal {
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Gap {
     /// A tool pose alone, asked of a model of the arm.
-    #[error("states no joint angles, and an arm's error depends on how it stands")]
+    #[error("states no joint angles, and an arm's error depends on them")]
     NoJoints,
     /// Joint angles alone, asked of a table of tool poses.
-    #[error("states joint angles alone, and a compensation table knows positions only")]
+    #[error("states joint angles alone, and a compensation table has positions only")]
     NoPosition,
     /// A tool turned further from a table's orientation than the table serves.
     #[error(

@@ -8,20 +8,20 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// Where the placed frame's origin lies, mm.
+    /// Origin of the placed frame, mm.
     pub xyz_mm: [f64; 3],
     /// Rotation as a quaternion x y z w.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion_xyzw: Option<[f64; 4]>,
-    /// Rotation as three angles, degrees; `euler_order` says about what.
+    /// Rotation as three angles, degrees; `euler_order` names their axes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub euler_deg: Option<[f64; 3]>,
-    /// The order of the three angles; it has no default.
+    /// The axes of the three angles, in order; it has no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub euler_order: Option<EulerOrder>,
 }
 
-/// Conventions of three angles in use.
+/// Conventions for three rotation angles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EulerOrder {
@@ -33,7 +33,7 @@ pub enum EulerOrder {
     MovingZyz,
 }
 
-/// What is wrong with a placement.
+/// A fault of a placement.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PlacementError {
     /// Angles without a convention.
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn kuka_and_urdf_angles_name_the_same_turn_in_reverse() {
+    fn kuka_and_urdf_angles_state_the_same_rotation_in_reverse_order() {
         let kuka = turned([30.0, 20.0, 10.0], Some(EulerOrder::MovingZyx))
             .isometry()
             .expect("complete");

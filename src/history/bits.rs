@@ -1,4 +1,4 @@
-//! Numbers to the last bit: what is read back is what was written, and what follows from it has the same bytes.
+//! Numbers saved to the last bit: a number read back is the number written, and results from it have the same bytes.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -72,7 +72,7 @@ pub mod matrix {
     }
 }
 
-/// A frame that may be absent: its place, then its quaternion.
+/// A frame that may be absent: its position, then its quaternion.
 pub mod frame {
     use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
     use serde::de::Error as _;
@@ -102,7 +102,7 @@ pub mod frame {
         if (quaternion.norm() - 1.0).abs() > 1e-9 {
             return Err(D::Error::custom("a frame's quaternion has norm 1"));
         }
-        // Made unit again it would differ in the last bit.
+        // Normalising it a second time would change the last bit.
         let rotation = UnitQuaternion::new_unchecked(quaternion);
         Ok(Some(Isometry3::from_parts(
             Translation3::new(x, y, z),

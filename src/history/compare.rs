@@ -1,11 +1,11 @@
-//! Two estimates of one arm → what a change between them explains.
+//! Two estimates of one arm → the change between them and its significance.
 //!
-//! Let x be the truth at the first estimate and x + δ at the second, `Λ_i`, `η_i` what the stations of each say. With x integrated
-//! out under a weak prior P, the log likelihood of δ is quadratic: score `u = η₂ − Λ₂ A⁻¹ (η₁ + η₂)` at δ = 0 and information
-//! `V = Λ₂ − Λ₂ A⁻¹ Λ₂`, `A = Λ₁ + Λ₂ + P` (the parallel sum of Λ₁ and Λ₂: what both determine). Without a change `u ~ N(0, V)`.
-//! That only the columns G changed explains `u_Gᵀ V_GG⁺ u_G`, chi-square with as many degrees of freedom as `V_GG` has rank; the shift
-//! is `V_GG⁺ u_G` with covariance `V_GG⁺`. Directions in which a change of a whole unit (3 mm, 3 mrad, 0.3 mrad of a curve)
-//! would be less than one standard deviation count as not determined.
+//! Let x be the truth at the first estimate and x + δ at the second, `Λ_i`, `η_i` information and moment of each. With x
+//! integrated out under a weak prior P, the log likelihood of δ is quadratic: score `u = η₂ − Λ₂ A⁻¹ (η₁ + η₂)` at δ = 0 and
+//! information `V = Λ₂ − Λ₂ A⁻¹ Λ₂`, `A = Λ₁ + Λ₂ + P` (the parallel sum of Λ₁ and Λ₂: what both determine). Without a change
+//! `u ~ N(0, V)`. A change of the columns G alone explains `u_Gᵀ V_GG⁺ u_G`, chi-square with as many degrees of freedom as
+//! `V_GG` has rank; the shift is `V_GG⁺ u_G` with covariance `V_GG⁺`. Directions in which a change of a whole unit (3 mm, 3
+//! mrad, 0.3 mrad of a curve) would be less than one standard deviation count as not determined.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -15,20 +15,20 @@ use super::bits;
 use super::estimate::{Column, Estimate};
 use super::inverse_above;
 
-/// Information of a direction below which it is not determined: one standard deviation a unit.
+/// Information below which a direction is not determined: a standard deviation of one unit.
 const DETERMINED: f64 = 1.0;
 
-/// A second estimate held against a first.
+/// The comparison of a later estimate with an earlier one.
 #[derive(Debug, Clone)]
 pub struct Comparison {
     columns: Vec<Column>,
-    /// u.
+    /// The score u.
     score: DVector<f64>,
-    /// V.
+    /// The information V.
     information: DMatrix<f64>,
 }
 
-/// What a change of some columns explains.
+/// The test and the size of a change of some columns.
 #[derive(Debug, Clone)]
 pub struct Explained {
     /// Chi-square and its degrees of freedom.
@@ -49,21 +49,21 @@ pub struct ChiSquare {
     pub freedom: usize,
 }
 
-/// How far one column moved.
+/// The shift of one column.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
     /// The column.
     pub column: Column,
-    /// By how much, mm or rad.
+    /// The shift, mm or rad.
     #[serde(with = "bits::number")]
     pub value: f64,
-    /// Its standard deviation.
+    /// The shift's standard deviation, mm or rad.
     #[serde(with = "bits::number")]
     pub sd: f64,
 }
 
 impl ChiSquare {
-    /// Probability of so much or more where nothing changed.
+    /// The p-value: the probability of this statistic or a larger one without a change.
     pub fn p_value(self) -> f64 {
         match ChiSquared::new(self.freedom as f64) {
             Ok(law) if self.statistic > 0.0 => law.sf(self.statistic),
@@ -72,7 +72,7 @@ impl ChiSquare {
         }
     }
 
-    /// What remains of `all` beside this.
+    /// The part of `all` that this statistic does not explain.
     #[must_use]
     pub fn remainder(self, all: Self) -> Self {
         Self {
@@ -83,7 +83,7 @@ impl ChiSquare {
 }
 
 impl Comparison {
-    /// Holds `later` against `earlier`.
+    /// Compares `later` with `earlier`.
     pub fn new(earlier: &Estimate, later: &Estimate) -> Self {
         let both = earlier.plus(later);
         let (base, target) = both.frames();
@@ -92,7 +92,7 @@ impl Comparison {
         let (second, second_moment) = later.spread(&columns, base, target);
         let size = columns.len();
         let all = &first + &second + DMatrix::identity(size, size);
-        // Positive definite but for rounding; then nothing can be said.
+        // Only rounding can make it not positive definite; then nothing is determined.
         let Some(factor) = all.cholesky() else {
             return Self {
                 columns,
@@ -109,19 +109,19 @@ impl Comparison {
         }
     }
 
-    /// The columns that either knows something of.
+    /// The columns of which either estimate has information.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Places of the columns that `is_asked`.
+    /// Places of the columns for which `is_asked` is true.
     pub fn places(&self, is_asked: impl Fn(&Column) -> bool) -> Vec<usize> {
         (0..self.columns.len())
             .filter(|&place| is_asked(&self.columns[place]))
             .collect()
     }
 
-    /// What a change of the columns at `places` explains.
+    /// The test and the size of a change of the columns at `places` alone.
     pub fn explained(&self, places: &[usize]) -> Explained {
         let size = places.len();
         let block = DMatrix::from_fn(size, size, |i, j| self.information[(places[i], places[j])]);
@@ -140,7 +140,7 @@ impl Comparison {
 }
 
 impl Explained {
-    /// The shifts of the columns at `places`, those left out that are not determined at all.
+    /// The shifts of the columns at `places`, without columns that are not determined at all.
     pub fn shifts(&self, comparison: &Comparison, places: &[usize]) -> Vec<Shift> {
         let shift = |(i, &place): (usize, &usize)| {
             let column = comparison.columns[place];

@@ -1,13 +1,14 @@
-//! Control charts: one figure over the sessions → whether it keeps to its ordinary level and spread.
+//! Control charts: one figure over the sessions → whether it stays within its ordinary level and spread.
 //!
-//! An exponentially weighted moving average (EWMA, weight 0.2) of self-starting scores: the n-th value is held against mean and
-//! standard deviation of the n − 1 before it, and Student's t made normal by its distribution function,
+//! An exponentially weighted moving average (EWMA, weight 0.2) of self-starting scores: the n-th value is compared with mean
+//! and standard deviation of the n − 1 before it, and Student's t made normal by its distribution function,
 //! `Q_n = Φ⁻¹ F_{n−2}(√((n−1)/n) (x_n − x̄)/s)` (Hawkins 1987). Where sessions are independent and normal the scores are
 //! independent standard normal, whatever level and spread are, so the run length of the average follows from its limit
 //! alone. The limit is found by the Markov chain of Brook and Evans (1972).
 //!
 //! A robot has 30 charts at most: base and target with six components each, ten joints, eight accuracy figures. Each has a run
-//! length of 30 000 sessions without a change: of all together one in 1000 sessions alarms by chance, at most. After an alarm a chart begins anew with the value that raised it.
+//! length of 30 000 sessions without a change, so all together alarm by chance in one of 1000 sessions at most. After an
+//! alarm a chart restarts with the value that raised it.
 
 use std::sync::LazyLock;
 
@@ -24,10 +25,10 @@ pub const WEIGHT: f64 = 0.2;
 const CHARTS: usize = 30;
 /// States of the Markov chain: the limit is good to a thousandth.
 const STATES: usize = 81;
-/// A score is no larger than this.
+/// Scores are limited to this, to either side.
 const LARGEST_SCORE: f64 = 30.0;
 
-/// What a chart knows before its next value.
+/// The state of a chart before its next value.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
     count: usize,
@@ -43,21 +44,21 @@ pub struct Chart {
 /// One value on its chart.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Charted {
-    /// The figure.
+    /// The name of the figure.
     pub name: String,
-    /// Its value, mm or rad.
+    /// The figure's value, mm or rad.
     #[serde(with = "bits::number")]
     pub value: f64,
-    /// Its own standard deviation where it is known.
+    /// The value's standard deviation; absent when it is not known.
     #[serde(with = "bits::optional")]
     pub sd: Option<f64>,
-    /// Its score; none before the third value, or where all before are the same.
+    /// The value's score; absent before the third value, or when all earlier values are equal.
     #[serde(with = "bits::optional")]
     pub score: Option<f64>,
-    /// The moving average.
+    /// The moving average of the scores; absent when there is no score yet.
     #[serde(with = "bits::optional")]
     pub average: Option<f64>,
-    /// What the average may reach, to either side.
+    /// The control limit of the average, to either side.
     #[serde(with = "bits::number")]
     pub limit: f64,
 }
@@ -106,7 +107,7 @@ impl Chart {
         let sd = (self.squares / (before - 1.0)).sqrt();
         let t = (before / (before + 1.0)).sqrt() * (value - self.mean) / sd;
         let law = StudentsT::new(0.0, 1.0, before - 1.0).ok()?;
-        // By the tail: near one the distribution function has no digits left.
+        // Computed in the tail: near 1 the distribution function has lost its digits.
         let tail = law.cdf(-t.abs());
         let size = -Normal::standard().inverse_cdf(tail);
         Some(size.min(LARGEST_SCORE).copysign(t))
@@ -133,7 +134,7 @@ fn limit_of(sessions: f64) -> f64 {
     high
 }
 
-/// Sessions until the average leaves ±`limit`, on average and without a change, from zero on.
+/// Mean number of sessions until the average, starting at zero, leaves ±`limit` without a change.
 pub fn run_length(limit: f64) -> f64 {
     let normal = Normal::standard();
     let width = 2.0 * limit / STATES as f64;
@@ -162,13 +163,13 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_out_and_the_chart_begins_anew_on_it() {
+    fn a_step_is_out_and_the_chart_restarts_with_it() {
         let mut chart = Chart::default();
         let values = (0..20).map(|i| f64::from(i % 3)).chain([9.0; 6]);
         let out: Vec<bool> = values
             .map(|value| chart.next("x", value, None).is_out() == Some(true))
             .collect();
-        // Up to the step all is in; by the limit that thirty charts share its second value raises one alarm, and is then the level.
+        // Before the step no value is out; the second value after it raises one alarm, and the chart restarts from it.
         assert_eq!(out.iter().position(|out| *out), Some(21));
         assert_eq!(out.iter().filter(|out| **out).count(), 1, "{out:?}");
     }

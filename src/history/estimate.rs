@@ -1,13 +1,13 @@
-//! What one session determined by its own stations: the model's posterior, with the prior taken out again.
+//! The information of one session's own stations: the model's posterior with the prior removed.
 //!
-//! With posterior covariance C, mean m and prior precision P the stations alone say `Λ = C⁻¹ − P` about the columns, with the
+//! With posterior covariance C, mean m and prior precision P, the stations alone have the information `Λ = C⁻¹ − P` and the
 //! moment `η = C⁻¹ m` (the prior expects zero offsets). Two sessions of one arm have one truth but independent
 //! stations, so Λ and η add up, while posteriors, which share their prior, do not.
 //!
-//! Kept are the columns that sessions share and that one may want to hold against each other: geometry, base and target, gravity, and
-//! the slow part of each joint's curve. Everything else (the fast part of curves, gear lines, drift within the session, the way
-//! from reported to commanded angle) is integrated out under its prior in each session by itself: a test gets
-//! less sharp by it, never too sharp. Columns are in units of what a change of them can be at most ([`Column::unit`]).
+//! Kept are the columns that sessions share and that can be compared: geometry, base and target, gravity, and
+//! the slow part of each joint's curve. Everything else (the fast part of curves, gear lines, drift within the session, the
+//! settling error) is integrated out under its prior in each session by itself: a test gets
+//! less sharp by it, never too sharp. The unit of a column is the largest change expected of it ([`Column::unit`]).
 
 mod column;
 mod posterior;
@@ -22,17 +22,17 @@ use super::{bits, inverse_above};
 use crate::kinematics::{Motion, Parameter};
 pub use column::Column;
 
-/// Information of a forgotten part below which it says nothing.
+/// Information below which a forgotten part counts as empty.
 const NOTHING: f64 = 1e-9;
 
-/// What stations determined of the columns.
+/// The information of stations about the columns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     columns: Vec<Column>,
     /// Λ, in the columns' units.
     #[serde(with = "bits::matrix")]
     information: DMatrix<f64>,
-    /// η: Λ times the offsets; base and target are offsets from the frames here.
+    /// η: Λ times the offsets; those of base and target are offsets from the frames of this estimate.
     #[serde(with = "bits::vector")]
     moment: DVector<f64>,
     #[serde(with = "bits::frame")]
@@ -42,22 +42,22 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The columns.
+    /// The columns, in the order of the rows of Λ and η.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Whether it still knows where a base stood.
+    /// Whether it still has information on the base.
     pub(super) const fn has_base(&self) -> bool {
         self.base.is_some()
     }
 
-    /// Whether it still knows where a target sat.
+    /// Whether it still has information on the target.
     pub(super) const fn has_target(&self) -> bool {
         self.target.is_some()
     }
 
-    /// Whether base or target stands `limit` mm or mrad and more from where the other has it; false where one has none.
+    /// Whether base or target is `limit` mm or mrad or more from its place in `other`; false when one has none.
     pub(super) fn is_far_from(&self, other: &Self, part: Hypothesis, limit: f64) -> bool {
         let pair = match part {
             Hypothesis::Base => (other.base, self.base),
@@ -87,7 +87,7 @@ impl Estimate {
         self.columns.iter().any(turns)
     }
 
-    /// The same without the columns that `is_forgotten`, which stay free.
+    /// A copy without the information on the columns for which `is_forgotten` is true; these stay free.
     #[must_use]
     pub fn without(&self, is_forgotten: impl Fn(&Column) -> bool) -> Self {
         let (gone, kept): (Vec<usize>, Vec<usize>) =
@@ -123,7 +123,7 @@ impl Estimate {
         }
     }
 
-    /// Both together, about the frames of `self`.
+    /// The sum of both estimates, relative to the frames of `self`.
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         let all: BTreeSet<Column> = self.columns.iter().chain(&other.columns).copied().collect();
@@ -140,7 +140,7 @@ impl Estimate {
         }
     }
 
-    /// Λ and η over `columns`, offsets taken from these frames; columns that it has not it knows nothing of.
+    /// Λ and η over `columns`, with offsets from the given frames; zero for columns that the estimate does not have.
     pub(super) fn spread(
         &self,
         columns: &[Column],
@@ -163,7 +163,7 @@ impl Estimate {
         (DMatrix::from_fn(size, size, at), moment)
     }
 
-    /// How far a column's own frame stands from the one given, in the column's unit.
+    /// Offset of a column's own frame from the given one, in the column's unit.
     fn moved(
         &self,
         place: usize,
@@ -183,8 +183,8 @@ impl Estimate {
         }
     }
 
-    /// What the stations of a session at the same poses would say of an arm whose columns are off by `truth` (mm, rad), base
-    /// and target from the same frames: Λ stays, and η is drawn with `normals`, one standard normal number for each column.
+    /// A random estimate from a session at the same poses, of an arm whose columns have the offsets `truth` (mm, rad), base
+    /// and target from the same frames: Λ is kept, and η is drawn with `normals`, one standard normal number per column.
     #[must_use]
     pub fn drawn(&self, truth: &[(Column, f64)], normals: &[f64]) -> Self {
         let offset = |column: &Column| {

@@ -1,14 +1,14 @@
-//! Which part moved: each hypothesis is asked what its change alone explains.
+//! The part that moved: for each hypothesis, a test of what its change alone explains.
 //!
-//! 1. Hypotheses are the base, the target, each joint's offset, each joint's offset and curve together, each link, and everything.
-//!    The last link moves the target and the first link's offset the base, whatever the poses, so these are not asked again.
-//!    The alarm is the smallest p-value times their number (Bonferroni) against `FALSE_ALARM`.
-//! 2. A hypothesis suffices if no other (nor everything) explains significantly more together with it than it does alone. Of
-//!    those that suffice the likeliest is a candidate, and each that is less likely by a factor of twenty at most, the chi-square
-//!    that noise would add by degrees of freedom taken off. Of candidates within each other the smallest stays. Several
-//!    that stay cannot be distinguished.
-//! 3. Where there is no candidate several parts moved: the one that explains most is taken for sure, and the
-//!    question is asked again beside it, up to four parts.
+//! 1. Hypotheses are the base, the target, each joint's offset, each joint's offset and curve together, each link, and
+//!    everything. The last link acts like the target and the first joint's offset like the base at any poses, so these two are
+//!    not tested. The alarm is the smallest p-value times their number (Bonferroni) against `FALSE_ALARM`.
+//! 2. A hypothesis suffices if no other one (nor everything) explains significantly more together with it than it does alone.
+//!    Of those that suffice, the likeliest is a candidate, and so is each that is less likely by a factor of twenty at most;
+//!    the chi-square that noise adds per degree of freedom is subtracted. Of candidates that contain each other the smallest
+//!    stays. Several that stay cannot be distinguished.
+//! 3. Without a candidate, several parts moved: the one that explains most is taken as moved, and the
+//!    tests are repeated with it, up to four parts.
 
 mod test_of_all;
 
@@ -40,46 +40,46 @@ pub enum Hypothesis {
 /// The verdict on a hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HypothesisVerdict {
-    /// It did not change, as far as the covariances show.
+    /// It did not change by more than the covariances allow.
     NoChange,
     /// It moved.
     Moved,
     /// One of several moved, which cannot be distinguished.
     OneOfSeveral,
-    /// It was set up anew and was not asked.
+    /// It was set up anew and was not tested.
     SetUpAnew,
-    /// There is nothing to hold it against.
+    /// There is nothing to compare it with.
     NotShown,
 }
 
-/// What a hypothesis explains.
+/// The test of one hypothesis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Asked {
     /// The hypothesis.
     pub hypothesis: Hypothesis,
-    /// That it alone changed, against no change.
+    /// Chi-square of a change of this part alone, against no change.
     pub alone: ChiSquare,
-    /// What remains beside it.
+    /// Chi-square that remains when this part changed.
     pub remainder: ChiSquare,
 }
 
-/// What moved.
+/// The parts that moved.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Finding {
-    /// Nothing that the covariances would show.
+    /// No change beyond the covariances.
     #[default]
     Nothing,
-    /// These parts.
+    /// Some parts moved.
     Moved {
-        /// Each of these.
+        /// Parts that moved, each of them.
         surely: Vec<Hypothesis>,
-        /// And one of these, which cannot be distinguished.
+        /// Further parts of which one moved; they cannot be distinguished.
         one_of: Vec<Hypothesis>,
     },
 }
 
 impl Hypothesis {
-    /// Whether a column is of the part.
+    /// Whether a column belongs to the part.
     pub const fn has(self, column: &Column) -> bool {
         match (self, column) {
             (Self::Anything, _)
@@ -98,7 +98,7 @@ impl Hypothesis {
         }
     }
 
-    /// The joint, from 1.
+    /// The joint of the part, from 1; `None` for base, target and anything.
     pub const fn joint(self) -> Option<usize> {
         match self {
             Self::JointOffset(joint) | Self::JointCurve(joint) | Self::Link(joint) => Some(joint),
@@ -106,7 +106,7 @@ impl Hypothesis {
         }
     }
 
-    /// The word of the table.
+    /// The name in tables.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Base => "base",
@@ -141,11 +141,11 @@ impl Finding {
         }
     }
 
-    /// What it says of one part, in the word of the table.
+    /// The verdict on one part.
     pub fn verdict_of(&self, part: Hypothesis) -> HypothesisVerdict {
         match self {
             Self::Moved { .. } if part == Hypothesis::Anything => HypothesisVerdict::Moved,
-            // More than can be distinguished: each part may have.
+            // More than can be distinguished: each part may have moved.
             Self::Moved { one_of, .. } if one_of.contains(&Hypothesis::Anything) => {
                 HypothesisVerdict::OneOfSeveral
             }
@@ -169,7 +169,7 @@ impl Finding {
     }
 }
 
-/// The hypotheses that have a column among `columns`, in the order in which they are named.
+/// The hypotheses that have a column among `columns`, in the order of the tables.
 pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
     let joints = columns.iter().filter_map(Column::joint).max().unwrap_or(0);
     let of_joints = |hypothesis: fn(usize) -> Hypothesis| (1..=joints).map(hypothesis);
@@ -180,7 +180,7 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
         .chain((1..joints).map(Hypothesis::Link))
         .filter(|hypothesis| columns.iter().any(|column| hypothesis.has(column)))
         .filter(|hypothesis| match hypothesis {
-            // Without a curve it is the offset again.
+            // Without curve columns it would repeat the offset.
             Hypothesis::JointCurve(_) => columns
                 .iter()
                 .any(|column| matches!(column, Column::Curve { .. }) && hypothesis.has(column)),
@@ -190,7 +190,7 @@ pub fn hypotheses(columns: &[Column]) -> Vec<Hypothesis> {
         .collect()
 }
 
-/// What each hypothesis explains, and what moved.
+/// The test of each hypothesis, and the parts that moved.
 pub fn find(comparison: &Comparison, hypotheses: &[Hypothesis]) -> (Vec<Asked>, Finding) {
     let test_of_all = TestOfAll::new(comparison, hypotheses);
     let all = test_of_all.explains(&[Hypothesis::Anything]);

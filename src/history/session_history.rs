@@ -1,4 +1,4 @@
-//! The state between sessions: what is pooled, what stands from when, and the charts.
+//! The state between sessions: the pool, the references of base and target, and the charts.
 
 use std::collections::BTreeMap;
 
@@ -11,19 +11,19 @@ use super::hypotheses::{Finding, Hypothesis, find, hypotheses};
 use super::{Basis, Judged, SET_UP_ANEW, SessionFigures};
 use crate::kinematics::{LinkQuantity, Parameter};
 
-/// The sessions so far, as far as the next one needs them.
+/// The state after all sessions so far that the next one needs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SessionHistory {
     segment: usize,
     basis: Option<Basis>,
-    /// All sessions since each part last moved.
+    /// The sum of all sessions, of each part since it last moved.
     pool: Option<Estimate>,
     pooled: usize,
-    /// The pool before a change that is not settled yet.
+    /// The pool before a change that is not confirmed yet, and its number of sessions.
     before: Option<(Estimate, usize)>,
     /// The first session of the segment.
     first: Option<Estimate>,
-    /// The session in which base or target was set up anew last.
+    /// The last session in which base or target was set up anew.
     set_up: BTreeMap<Hypothesis, Estimate>,
     charts: BTreeMap<String, Chart>,
 }
@@ -48,7 +48,7 @@ impl SessionHistory {
         judged
     }
 
-    /// Begins a new segment where the basis is another; gives what differs.
+    /// Begins a new segment where the basis differs; returns the differences.
     fn turn_to(&mut self, basis: &Basis) -> Vec<String> {
         let began = match &self.basis {
             Some(own) if own == basis => return Vec::new(),
@@ -65,7 +65,7 @@ impl SessionHistory {
 
     fn held_against(&mut self, pool: Estimate, own: &Estimate) -> Judged {
         let (pool, against, settles) = self.settled(pool, own);
-        let (known, anew) = without_what_is_new(&pool, own);
+        let (known, anew) = without_parts_set_up_anew(&pool, own);
         let comparison = Comparison::new(&known, own);
         let groups = hypotheses(comparison.columns());
         let (asked, finding) = find(&comparison, &groups);
@@ -87,12 +87,12 @@ impl SessionHistory {
         }
     }
 
-    /// The pool to compare with, once the session has told whether the change before it lasts.
+    /// The pool to compare with, its number of sessions, and whether the change before this session lasts.
     fn settled(&mut self, pool: Estimate, own: &Estimate) -> (Estimate, usize, Option<bool>) {
         let Some((before, count)) = self.before.take() else {
             return (pool, self.pooled, None);
         };
-        let (known, _) = without_what_is_new(&before, own);
+        let (known, _) = without_parts_set_up_anew(&before, own);
         let comparison = Comparison::new(&known, own);
         let (_, finding) = find(&comparison, &hypotheses(comparison.columns()));
         if finding == Finding::Nothing {
@@ -116,7 +116,7 @@ impl SessionHistory {
         charted
     }
 
-    /// How far base, target and joints stand from the first session, or from where base or target were set up anew.
+    /// Shifts of base, target and joints since the first session, or since base or target was set up anew.
     fn since_first(&self, own: &Estimate) -> Vec<Shift> {
         let is_own = |reference: &Estimate| reference == own;
         let Some(first) = self.first.as_ref().filter(|first| !is_own(first)) else {
@@ -137,7 +137,7 @@ impl SessionHistory {
         since
     }
 
-    /// Base or target that stand elsewhere are charted anew from here.
+    /// Restarts the charts of a base or target that was set up anew.
     fn refer(&mut self, anew: &[Hypothesis], own: &Estimate) {
         for part in anew {
             self.set_up.insert(*part, own.clone());
@@ -147,13 +147,13 @@ impl SessionHistory {
     }
 }
 
-/// What moved between two estimates of one arm.
+/// The change between two estimates of one arm.
 pub fn between(earlier: &Estimate, later: &Estimate) -> Judged {
     SessionHistory::default().held_against(earlier.clone(), later)
 }
 
-/// The pool without base or target where those stand elsewhere in this session, and which.
-fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
+/// The pool without a base or target that was set up anew in this session, and which were.
+fn without_parts_set_up_anew(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypothesis>) {
     let anew: Vec<Hypothesis> = [Hypothesis::Base, Hypothesis::Target]
         .into_iter()
         .filter(|hypothesis| own.is_far_from(pool, *hypothesis, SET_UP_ANEW))
@@ -161,7 +161,7 @@ fn without_what_is_new(pool: &Estimate, own: &Estimate) -> (Estimate, Vec<Hypoth
     (forgetting(pool, &anew), anew)
 }
 
-/// The pool without what it knows of these parts.
+/// The pool without its information on these parts.
 fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
     if parts.contains(&Hypothesis::Anything) {
         return pool.without(|_| true);
@@ -169,7 +169,7 @@ fn forgetting(pool: &Estimate, parts: &[Hypothesis]) -> Estimate {
     pool.without(|column| parts.iter().any(|part| part.has(column)))
 }
 
-/// How far the parts named have moved, all at once.
+/// The shifts of the parts named, all estimated together.
 fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
     let named = finding.named();
     let places = comparison.places(|column| {
@@ -178,10 +178,10 @@ fn moved_by(comparison: &Comparison, finding: &Finding) -> Vec<Shift> {
     comparison.explained(&places).shifts(comparison, &places)
 }
 
-/// Base, target and joint offsets against another session, all free at once. The first joint's offset is the base's turn
-/// about its axis, the last joint's the target's: those are charted there.
+/// Shifts of base, target and joint offsets since another session, all estimated together. The first joint's offset acts as
+/// a turn of the base and the last joint's as a turn of the target, so those two are charted there.
 fn since(first: &Estimate, own: &Estimate) -> Vec<Shift> {
-    let (known, _) = without_what_is_new(first, own);
+    let (known, _) = without_parts_set_up_anew(first, own);
     let comparison = Comparison::new(&known, own);
     let last = comparison.columns().iter().filter_map(Column::joint).max();
     let charted = |column: &Column| match column {

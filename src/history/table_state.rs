@@ -1,15 +1,15 @@
-//! Whether a table still holds, by the session that it drove.
+//! Whether a table still holds, decided by a session that it drove.
 //!
-//! Inputs: the promise of the table's run held against the errors measured after ([`PromiseKept`]), how the corrections were applied, what
-//! the session was run with that the table is not for, and the arm as the table's run and the session identified it.
-//! Output: a [`TableState`]. Steps:
-//! 1. a table used outside what it is valid for says so, whatever was measured;
-//! 2. corrections that were not applied as meant show nothing of the table, and neither do too few stations;
-//! 3. a promise that the binomial interval contradicts is one that has expired. The base of a driven session is found from its
-//!    first stations, so where it stood is no matter; that it moved since is told where most of what is left, and the
-//!    contradiction with it, goes with a motion of the base at some station ([`base_motion`]);
-//! 4. otherwise both estimates of the arm are held against each other with their covariances ([`super::between`]), as they are
-//!    where the promise is kept: what moved may be little beside what was promised.
+//! Inputs: the promise of the table's run compared with the errors measured after ([`PromiseKept`]), the way the corrections were
+//! applied, conditions of the session that the table is not valid for, and the arm as the table's run and the session
+//! identified it. Output: a [`TableState`]. Steps:
+//! 1. a table used outside its validity is reported as such, whatever was measured;
+//! 2. corrections that were not applied as meant show nothing about the table, and neither do too few stations;
+//! 3. a promise that the binomial interval contradicts has expired. The base of a driven session is found from its
+//!    first stations, so its place does not matter; a motion since then is reported where a motion of the base at some
+//!    station explains most of the remaining errors and removes the contradiction ([`base_motion`]);
+//! 4. otherwise both estimates of the arm are compared with their covariances ([`super::between`]); so they are where the
+//!    promise is kept, since a part may have moved by little compared with the promised bound.
 
 use std::fmt;
 
@@ -21,43 +21,43 @@ use crate::report::ResidualSet;
 use crate::report::driven::{Application, BaseMotion, base_motion, kept};
 use crate::report::promise::{Promise, PromiseKept};
 
-/// Whether a table still holds.
+/// The state of a table: whether it still holds.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TableState {
-    /// Enough stations were measured after, and they do not contradict the promise. What moved all the same, it covers.
+    /// Enough stations were measured after, and they do not contradict the promise; it covers any part that moved.
     Holds(Drifted),
     /// Its promise is contradicted: something has drifted or was changed.
     Expired(Drifted),
-    /// The session was run with what the table is not for: temperature, tool, payload and so on.
+    /// The session was run under conditions that the table is not valid for: temperature, tool, payload and so on.
     Outside {
-        /// What.
+        /// The conditions outside.
         terms: Vec<Outside>,
-        /// Whether its promise is contradicted; `None` where it could not be held against the session.
+        /// Whether its promise is contradicted; `None` where it could not be compared with the session.
         broken: Option<bool>,
     },
-    /// The session shows nothing of it.
+    /// The session shows nothing about the table.
     NotShown(NotShown),
 }
 
-/// What drifted, as far as the session tells.
+/// The part that drifted, by the session's evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drifted {
     /// The base, or the tracker, while the session was measured.
     Base(BaseMotion),
-    /// Parts of the arm or its target: what moved between the two sessions.
+    /// Parts of the arm or its target that moved between the two sessions.
     Parts(Box<Judged>),
-    /// Nothing that the covariances would show.
+    /// No change beyond the covariances.
     Nothing,
-    /// It cannot be told: why.
+    /// It cannot be determined, for this reason.
     Untold(String),
 }
 
-/// Why a session shows nothing of a table.
+/// The reason why a session shows nothing about a table.
 #[derive(Debug, Clone, PartialEq)]
 pub enum NotShown {
     /// The lake does not have the table's run.
     NoRun,
-    /// The table's run cannot be read: why.
+    /// The table's run cannot be read, for this reason.
     Unreadable(String),
     /// The table's run predicted no bound.
     NoPromise,
@@ -65,30 +65,30 @@ pub enum NotShown {
     NoBase,
     /// The corrections were not applied as meant.
     Misapplied,
-    /// Too few poses judge.
+    /// Too few poses judge the promise.
     TooFew {
-        /// As many do.
+        /// Number of poses that judge.
         judged: usize,
-        /// As many as the promise's share and confidence need.
+        /// Number of poses that the promise's share and confidence need.
         needed: usize,
     },
 }
 
-/// What a session shows of the table that drove it.
+/// The evidence of a session about the table that drove it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shown<'s> {
-    /// How the corrections were applied.
+    /// The way the corrections were applied.
     pub application: &'s Application,
-    /// What the table's run promised, or why nothing is held against the session.
+    /// The promise of the table's run, or the reason why there is none to compare.
     pub promise: Result<&'s Promise, NotShown>,
-    /// Attained minus wanted; `None` where the stations do not span space.
+    /// Errors after compensation, attained minus target position; `None` where the stations do not span space.
     pub after: Option<&'s ResidualSet>,
-    /// What the session was run with that the table is not for.
+    /// Conditions of the session that the table is not valid for.
     pub outside: Vec<Outside>,
 }
 
 impl Shown<'_> {
-    /// The table's state; `compare` holds the two estimates of the arm against each other, or says why it cannot.
+    /// The table's state; `compare` compares the two estimates of the arm, or returns the reason why it cannot.
     pub fn state(&self, compare: impl FnOnce() -> Result<Judged, String>) -> TableState {
         let kept = self.kept();
         if !self.outside.is_empty() {
@@ -111,7 +111,7 @@ impl Shown<'_> {
         TableState::Holds(arm_drifted(compare()))
     }
 
-    /// The promise held against the stations that judge, or why it is not.
+    /// The promise compared with the stations that judge, or the reason why it is not.
     pub fn kept(&self) -> Result<PromiseKept, NotShown> {
         let promise = self.promise.clone()?;
         let misapplied = matches!(
@@ -147,7 +147,7 @@ fn arm_drifted(compared: Result<Judged, String>) -> Drifted {
     }
 }
 
-/// Whether more moved than the base, which is found anew in every session: where that may be all, nothing is said of the arm.
+/// Whether parts other than the base moved. The base is found anew in every session, so a change of it alone does not count.
 fn of_the_arm(finding: &Finding) -> bool {
     match finding {
         Finding::Nothing => false,
@@ -158,10 +158,10 @@ fn of_the_arm(finding: &Finding) -> bool {
     }
 }
 
-/// A motion of the base during the session has to explain this share of the squares of what is left.
+/// A motion of the base during the session has to explain this share of the sum of squared errors.
 const MOST: f64 = 0.5;
 
-/// How far the base moved during the session, where that is what contradicts the promise.
+/// The motion of the base during the session, if it explains the contradiction of the promise.
 fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> {
     let (own, motion) = base_motion(after)?;
     let squares = |set: &ResidualSet| -> f64 {
@@ -172,7 +172,7 @@ fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> 
     (most && !kept(*promise, &own)?.is_broken()).then_some(motion)
 }
 
-/// As many stations as can show the promise's share with its confidence.
+/// The least number of poses that can show the promise's share with its confidence.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -198,18 +198,18 @@ impl fmt::Display for TableState {
             }
             Self::Expired(drifted) => write!(
                 f,
-                "the table has EXPIRED by drift: its promise is contradicted, {drifted}; measure and correct anew"
+                "the table has EXPIRED by drift: its promise is contradicted, {drifted}; measure the arm and make a new table"
             ),
             Self::Outside { terms, broken } => {
                 let terms: Vec<String> = terms.iter().map(ToString::to_string).collect();
                 let promise = match broken {
-                    None => "its promise was not held against the session",
+                    None => "its promise was not compared with the session",
                     Some(true) => "its promise is contradicted",
-                    Some(false) => "its promise is not contradicted even so",
+                    Some(false) => "its promise is nevertheless not contradicted",
                 };
                 write!(
                     f,
-                    "the table DOES NOT HOLD for what the session was run with: {}; {promise}",
+                    "the table DOES NOT HOLD for the conditions of the session: {}; {promise}",
                     terms.join("; ")
                 )
             }
@@ -232,7 +232,7 @@ impl fmt::Display for Drifted {
                 1e3 * rad
             ),
             Self::Parts(judged) if judged.finding.parts().contains(&Hypothesis::Anything) => f.write_str(
-                "and more of the arm is another than can be distinguished: it was changed, or the table is another arm's",
+                "and more parts of the arm differ than can be distinguished: it was changed, or the table is another arm's",
             ),
             Self::Parts(judged) => {
                 let moved = judged.in_words().unwrap_or_default();
@@ -240,11 +240,11 @@ impl fmt::Display for Drifted {
             }
             Self::Nothing => write!(
                 f,
-                "but nothing of the arm shows to have moved (one false alarm in {:.0}): it promised too much, or what moved is \
-                 less than one session shows",
+                "but no part of the arm shows a change (one false alarm in {:.0}): the table promised too much, or the change is \
+                 smaller than one session shows",
                 1.0 / FALSE_ALARM
             ),
-            Self::Untold(why) => write!(f, "and what moved cannot be told: {why}"),
+            Self::Untold(why) => write!(f, "and the part that moved cannot be determined: {why}"),
         }
     }
 }
@@ -252,9 +252,9 @@ impl fmt::Display for Drifted {
 impl fmt::Display for NotShown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoRun => {
-                f.write_str("the lake does not have the table's run or not its tables, and its promise with them")
-            }
+            Self::NoRun => f.write_str(
+                "the lake does not have the table's run, or not its tables with the promise",
+            ),
             Self::Unreadable(why) => write!(f, "the table's run cannot be read: {why}"),
             Self::NoPromise => f.write_str("the table's run predicted no bound"),
             Self::NoBase => {
@@ -287,7 +287,7 @@ mod tests {
     };
     const MEANT: Application = Application::AsMeant(0.9);
 
-    /// What is left at `count` stations, the first 50 of which find the base: `left` of each station's number.
+    /// Errors after compensation at `count` stations, the first 50 of which find the base; `left` gives each station's error.
     fn after(count: usize, left: impl Fn(usize, &Point3<f64>) -> Vector3<f64>) -> ResidualSet {
         let station = |station: usize| {
             let [x, y, z] = [station % 5, station / 5 % 5, station / 25].map(|k| 200.0 * k as f64);
@@ -309,7 +309,7 @@ mod tests {
             .after
     }
 
-    /// 0.1 mm to and fro.
+    /// An error of 0.1 mm with alternating sign.
     fn small(station: usize) -> Vector3<f64> {
         Vector3::new(0.1, 0.0, 0.0) * if station.is_multiple_of(2) { 1.0 } else { -1.0 }
     }
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_that_is_kept_holds_wherever_the_base_stands() {
+    fn a_promise_that_is_kept_holds_at_any_place_of_the_base() {
         let moved = after(150, |station, _| {
             small(station) + Vector3::new(3.0, -2.0, 1.0)
         });
@@ -337,7 +337,7 @@ mod tests {
         let pooled = shown(&moved, &MEANT).state(|| Err("pooled".to_owned()));
         assert!(
             matches!(&pooled, TableState::Holds(Drifted::Untold(_)))
-                && pooled.to_string().ends_with("told: pooled"),
+                && pooled.to_string().ends_with("determined: pooled"),
             "{pooled}"
         );
     }
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_base_that_moves_during_the_session_is_named_with_how_far() {
+    fn a_base_that_moves_during_the_session_is_named_with_its_motion() {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 1e-3);
         let moved = after(150, |station, target| {
             let moved = turn * target - target + Vector3::new(0.4, 0.0, 0.0);
@@ -381,8 +381,8 @@ mod tests {
     }
 
     #[test]
-    fn what_no_motion_of_the_base_explains_is_asked_of_the_arm() {
-        // Twice as large to and fro: a motion of the base takes nothing away.
+    fn errors_that_no_motion_of_the_base_explains_are_compared_with_the_arm() {
+        // Three times as large with alternating sign: a motion of the base explains nothing of it.
         let worse = after(150, |station, _| small(station) * 3.0);
         let found = |compare: Result<Judged, String>| shown(&worse, &MEANT).state(|| compare);
         let nothing = found(Ok(Judged::default()));
@@ -394,7 +394,7 @@ mod tests {
             },
             ..Judged::default()
         };
-        // That the base stands elsewhere is no matter.
+        // Another place of the base does not matter.
         let base = found(Ok(of(vec![Hypothesis::Base])));
         assert_eq!(base, TableState::Expired(Drifted::Nothing));
         let base_or_link = Judged {
@@ -413,7 +413,7 @@ mod tests {
             "{joint}"
         );
         let untold = found(Err("pooled".to_owned()));
-        assert!(untold.to_string().contains("cannot be told: pooled"));
+        assert!(untold.to_string().contains("cannot be determined: pooled"));
     }
 
     #[test]

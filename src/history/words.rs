@@ -1,4 +1,4 @@
-//! What moved, in words.
+//! The parts that moved, as text.
 
 use super::Judged;
 use super::compare::Shift;
@@ -7,7 +7,7 @@ use super::hypotheses::{Finding, Hypothesis};
 use crate::kinematics::{Motion, Parameter};
 
 impl Judged {
-    /// What moved, how far, and what it cannot be distinguished from; nothing where nothing did.
+    /// The parts that moved, by how much, and the parts they cannot be distinguished from; `None` when none moved.
     pub fn in_words(&self) -> Option<String> {
         let mut said: Vec<String> = self
             .set_up_anew
@@ -59,7 +59,7 @@ impl Judged {
     }
 }
 
-/// How far a frame moved and turned.
+/// The size of a frame's translation and rotation, as text.
 fn motion(shifts: &[&Shift]) -> String {
     let (mut moved, mut turned) = (0.0_f64, 0.0_f64);
     for shift in shifts {

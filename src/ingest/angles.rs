@@ -1,9 +1,9 @@
-//! Joint angles of many samples, one behind the other as messages have them and as tables store them.
+//! Joint angles of many samples, one row after the other as in messages and in tables.
 
 use std::ops::Range;
 use std::slice::ChunksExact;
 
-/// A row of joint angles for each sample, in the arm's order.
+/// A row of joint angles for each sample, in the arm's order; in rad, except in decoded blocks (the log's unit).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointAngles {
     joints: usize,
@@ -11,7 +11,7 @@ pub struct JointAngles {
 }
 
 impl JointAngles {
-    /// No rows yet, of so many joints.
+    /// An empty table for rows of `joints` angles.
     pub const fn of(joints: usize) -> Self {
         Self {
             joints,
@@ -19,12 +19,12 @@ impl JointAngles {
         }
     }
 
-    /// How many joints the arm has.
+    /// Angles per row.
     pub const fn joints(&self) -> usize {
         self.joints
     }
 
-    /// How many rows there are.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.values.len().checked_div(self.joints).unwrap_or(0)
     }
@@ -34,45 +34,45 @@ impl JointAngles {
         self.values.is_empty()
     }
 
-    /// Row by row.
+    /// The rows in order, a slice each.
     pub fn rows(&self) -> ChunksExact<'_, f64> {
         self.values.chunks_exact(self.joints.max(1))
     }
 
-    /// The angles of one sample, which there is.
+    /// The angles of the sample `row`, which must be below [`Self::len`].
     pub fn row(&self, row: usize) -> &[f64] {
         &self.values[self.places(row..row + 1)]
     }
 
-    /// The same, to be written.
+    /// The angles of the sample `row`, for writing.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         let places = self.places(row..row + 1);
         &mut self.values[places]
     }
 
-    /// All angles, row behind row.
+    /// All angles, row after row.
     pub fn all(&self) -> &[f64] {
         &self.values
     }
 
-    /// Those of some rows.
+    /// The angles of some rows, row after row.
     pub(super) fn of_rows(&self, rows: Range<usize>) -> &[f64] {
         &self.values[self.places(rows)]
     }
 
-    /// Those of one joint, a sample each.
+    /// The angles of one joint, one for each sample.
     pub fn of_joint(&self, joint: usize) -> Vec<f64> {
         self.rows().map(|row| row[joint]).collect()
     }
 
-    /// Adds a row, which has an angle for each joint.
+    /// Appends a row, which has an angle for each joint.
     #[inline]
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         self.values.extend(row);
         debug_assert!(self.values.len().is_multiple_of(self.joints.max(1)));
     }
 
-    /// The same, or nothing where an angle of it has a fault.
+    /// Appends a row unless one of its angles is an error; then nothing is appended.
     pub fn try_push<E>(&mut self, row: impl IntoIterator<Item = Result<f64, E>>) -> Result<(), E> {
         let held = self.values.len();
         for angle in row {
@@ -87,12 +87,12 @@ impl JointAngles {
         Ok(())
     }
 
-    /// Adds rows of as many joints, row behind row.
+    /// Appends whole rows, row after row.
     pub fn append(&mut self, rows: &[f64]) {
         self.values.extend_from_slice(rows);
     }
 
-    /// These rows in this order.
+    /// A copy of the rows with these numbers, in this order.
     #[must_use]
     pub fn picked(&self, rows: &[usize]) -> Self {
         let mut picked = Self::of(self.joints);
@@ -103,7 +103,7 @@ impl JointAngles {
         picked
     }
 
-    /// Multiplies the rows from `first` on.
+    /// Multiplies all angles of the rows from `first` on by `factor`.
     pub(super) fn scale_from(&mut self, first: usize, factor: f64) {
         let places = self.places(first..self.len());
         self.values[places]
@@ -111,17 +111,17 @@ impl JointAngles {
             .for_each(|angle| *angle *= factor);
     }
 
-    /// Keeps the first rows only.
+    /// Keeps the first `rows` rows only.
     pub fn truncate(&mut self, rows: usize) {
         self.values.truncate(rows * self.joints);
     }
 
-    /// Removes the first rows.
+    /// Removes the first `rows` rows.
     pub(super) fn evict(&mut self, rows: usize) {
         self.values.drain(..rows * self.joints);
     }
 
-    /// Empties it for rows of so many joints.
+    /// Removes all rows; the next ones have `joints` angles.
     pub fn clear(&mut self, joints: usize) {
         self.values.clear();
         self.joints = joints;
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_row_with_a_fault_nothing_stays() {
+    fn a_row_with_a_fault_is_not_appended() {
         let mut angles = three_rows();
         assert_eq!(
             angles.try_push([Ok(4.0), Err("no number")]),

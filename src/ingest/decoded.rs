@@ -7,7 +7,7 @@ use super::JointAngles;
 pub struct DecodedJoints {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// In the same order.
+    /// Joint angles of each row.
     pub angles: JointAngles,
 }
 
@@ -16,11 +16,11 @@ pub struct DecodedJoints {
 pub struct DecodedPoses {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// x y z.
+    /// Position x y z of each row.
     pub positions: Vec<[f64; 3]>,
-    /// x y z w as logged, where the message type has them.
+    /// Quaternion x y z w as logged; absent where the message type has none.
     pub orientations: Option<Vec<[f64; 4]>>,
-    /// xx xy xz yy yz zz in the log's unit squared, where the message type has them.
+    /// Covariance xx xy xz yy yz zz of the position, in the log's unit squared; absent where the message type has none.
     pub covariances: Option<Vec<[f64; 6]>>,
 }
 
@@ -29,6 +29,6 @@ pub struct DecodedPoses {
 pub struct DecodedTemperatures {
     /// Time of each row, ns of the source that the pipeline file names.
     pub stamps: Vec<i64>,
-    /// °C.
+    /// Temperature of each row, °C.
     pub celsius: Vec<f64>,
 }

@@ -2,13 +2,13 @@
 //! read.
 //!
 //! 1. The rows of a block are judged and those kept are buffered, in the crate's units ([`Buffer`]).
-//! 2. Samples that none can come before any more are emitted, a piece at a time; the latest stay buffered, so that a stamp
-//!    that goes back finds its place among them.
-//! 3. At the end the others are emitted, and the [`StreamSummary`] says what became of every message. It also says where a
-//!    stamp belonged before a sample that had been emitted already: the logs then have to be read again with all samples
-//!    buffered. What is emitted then is the same as with any smaller buffer that is large enough.
+//! 2. The earliest samples are emitted, a piece at a time; the latest stay buffered, so that a stamp that goes back can
+//!    still be put in its place among them.
+//! 3. At the end the others are emitted, and the [`StreamSummary`] counts every message. It also reports when a stamp
+//!    belonged before a sample already emitted: the logs must then be read a second time with all samples
+//!    buffered. Every buffer that is large enough gives the same output.
 //!
-//! Equal stamps stay in the order of the file; of several files that with the earliest stamp comes first.
+//! Equal stamps stay in the order of the file; of several files the one with the earliest stamp comes first.
 
 mod joints;
 mod poses;
@@ -24,15 +24,15 @@ use super::LogReject;
 use super::rows::{Place, Rows};
 use super::summary::{StreamCounts, StreamSummary};
 
-/// Samples of one stream that were not emitted yet, in the crate's units.
+/// Samples of one stream that are not emitted yet, in the crate's units.
 pub trait Buffer {
     /// The columns that the rows of a block are decoded into.
     type Block;
     /// Time of each row of a block, ns.
     fn stamps_of(block: &Self::Block) -> &[i64];
-    /// Which rows of a block are kept.
+    /// The rows of a block that are kept.
     fn judge(&self, block: &Self::Block, place: &Place<'_>) -> Rows;
-    /// Adds the kept rows of a block; `false`, and none is added, where it has other columns than those before.
+    /// Adds the kept rows of a block; returns `false` and adds none when its columns differ from the earlier blocks'.
     fn take(&mut self, rows: &Rows, block: &Self::Block) -> bool;
     /// Time of each sample, ns.
     fn stamps(&self) -> &[i64];
@@ -40,7 +40,7 @@ pub trait Buffer {
     fn reorder(&mut self, order: &[usize]);
     /// Removes the first samples.
     fn evict(&mut self, count: usize);
-    /// Further counts of the whole stream, with their names.
+    /// Further counts of the whole stream, as (name, number).
     fn further_counts(&self) -> Vec<(&'static str, u64)> {
         Vec::new()
     }
@@ -60,9 +60,9 @@ pub struct InOrder<B> {
     buffered: usize,
     /// Whether samples in the buffer are out of order.
     unsorted: bool,
-    /// How many samples were emitted, and the stamp of the last one.
+    /// The number of samples emitted, and the last one's stamp, ns.
     emitted: (usize, Option<i64>),
-    /// Whether a sample belonged before one that had been emitted.
+    /// Whether a sample belonged before one already emitted.
     late: bool,
     alike: bool,
     counts: StreamCounts,
@@ -74,9 +74,9 @@ pub struct InOrder<B> {
 #[derive(Debug)]
 struct FileRows {
     name: String,
-    /// Those kept, among all that were kept of the stream.
+    /// The places of its kept rows among all kept rows of the stream.
     kept: Range<usize>,
-    /// `None` without rows.
+    /// Stamps of its rows; `None` without rows.
     span: Option<Span>,
 }
 
@@ -90,8 +90,8 @@ struct Span {
 }
 
 impl<B: Buffer> InOrder<B> {
-    /// Nothing read of the topic yet, so that `buffer` is empty. Samples will be emitted in pieces of so many, but for the
-    /// last piece; `buffered` of them stay in the buffer until the end.
+    /// The state before anything of the topic is read, with an empty `buffer`. Samples are emitted `piece` at a time, the last
+    /// piece excepted; `buffered` samples stay in the buffer until the end.
     pub fn new(buffer: B, topic: &str, piece: usize, buffered: usize) -> Self {
         Self {
             topic: topic.to_owned(),
@@ -108,7 +108,7 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
-    /// The blocks that follow are of this file.
+    /// Begins a file: the blocks that follow are of it.
     pub fn begin_file(&mut self, name: &str) {
         if self.files.last().is_none_or(|file| file.name != name) {
             let kept = self.emitted.0 + self.buffer.stamps().len();
@@ -120,8 +120,8 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
-    /// Takes the rows of one block of the file that was begun, from byte to byte, and calls `emit` with those rows of the
-    /// buffer that no later one can come before.
+    /// Takes the rows of one block of the current file, stored at `bytes` (first, one past the last), and calls `emit` with
+    /// the rows of the buffer that are due.
     ///
     /// # Panics
     /// When no file was begun.
@@ -185,7 +185,7 @@ impl<B: Buffer> InOrder<B> {
         }
     }
 
-    /// Earliest first, those without rows before all.
+    /// The files by their earliest stamp, those without rows first.
     fn files_by_time(&self) -> Vec<&FileRows> {
         let mut files: Vec<&FileRows> = self.files.iter().collect();
         files.sort_by_key(|file| file.span.map(|span| (span.earliest, span.latest)));
@@ -204,7 +204,7 @@ impl<B: Buffer> InOrder<B> {
         self.late |= before.is_some_and(|before| first < before);
         let repeated = stamps.windows(2).filter(|pair| pair[0] == pair[1]).count();
         self.counts.duplicate_stamps += repeated as u64 + u64::from(before == Some(first));
-        // Where it is known that the logs have to be read again, nobody needs more samples.
+        // Once the logs have to be read a second time, further samples are of no use.
         if self.alike && !self.late {
             for from in (0..count).step_by(self.piece) {
                 emit(&self.buffer, from..(from + self.piece).min(count));
@@ -214,7 +214,7 @@ impl<B: Buffer> InOrder<B> {
         self.buffer.evict(count);
     }
 
-    /// By stamp; equal ones stay in the order of the files.
+    /// Sorts the buffer by stamp; equal stamps stay in the order of the files.
     fn sort(&mut self) {
         if !std::mem::take(&mut self.unsorted) {
             return;
@@ -232,7 +232,7 @@ impl<B: Buffer> InOrder<B> {
 }
 
 impl FileRows {
-    /// Adds the rows of a further block; whether its first stamp is before the last one so far.
+    /// Adds the rows of a further block; returns whether its first stamp is before the last one so far.
     fn add(&mut self, block: Span) -> bool {
         let Some(span) = &mut self.span else {
             self.span = Some(block);
@@ -260,7 +260,7 @@ impl Span {
     }
 }
 
-/// A column in another order.
+/// A column, put in the order `order`.
 fn reordered<T: Copy>(column: &[T], order: &[usize]) -> Vec<T> {
     order.iter().map(|&row| column[row]).collect()
 }
@@ -275,10 +275,10 @@ mod tests {
     use super::super::DecodedTemperatures;
     use super::*;
 
-    /// The rows of a file: stamps and temperatures; one that is no number is rejected.
+    /// The rows of a file: stamps and temperatures; NaN is rejected.
     type File = Vec<(i64, f64)>;
 
-    /// The rows of all files, one behind the other.
+    /// The rows of all files, one file after the other.
     fn whole(files: &[File]) -> impl Iterator<Item = (i64, f64)> {
         let mut files: Vec<&File> = files.iter().collect();
         files.sort_by_key(|file| {
@@ -288,7 +288,7 @@ mod tests {
         files.into_iter().flatten().copied()
     }
 
-    /// What the samples and counts have to be, straight from the definition.
+    /// The expected samples and counts, computed directly from the definition.
     fn expected(files: &[File]) -> (File, StreamCounts) {
         let rows: File = whole(files).collect();
         let mut kept = rows.clone();
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_and_counts_are_those_of_the_whole_stream_whatever_the_buffer() {
+    fn samples_and_counts_are_those_of_the_whole_stream_with_any_buffer() {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut outcomes = BTreeMap::new();
         for _ in 0..2000 {
@@ -365,7 +365,7 @@ mod tests {
                 assert_eq!(rejected.sum::<u64>(), counts.rejected);
             }
         }
-        // Whatever is buffered whole can be put in order; with less buffered both happens.
+        // A stream that is buffered whole can be put in order; with a smaller buffer both outcomes occur.
         let often = |buffered, in_order| outcomes.get(&(buffered, in_order)).copied().unwrap_or(0);
         assert_eq!(often(usize::MAX, true), 2000);
         for buffered in [0, 20, 60] {
@@ -376,12 +376,12 @@ mod tests {
 
     #[test]
     fn equal_stamps_stay_in_the_order_of_the_files_by_time() {
-        // The later file has the earlier row, if one that is rejected: its samples come first.
+        // The later file has the earliest row, although a rejected one: its samples come first.
         let files = [vec![(10, 1.0), (20, 2.0)], vec![(5, f64::NAN), (20, 3.0)]];
         let (found, summary) = emitted(&files, usize::MAX, 100);
         assert_eq!(found, [(10, 1.0), (20, 3.0), (20, 2.0)]);
         assert_eq!(summary.files, ["1", "0"]);
-        // From the 20 of the one to the 10 of the other.
+        // From the 20 of the first file to the 10 of the second.
         assert_eq!(summary.counts.backward_stamps, 1);
         assert_eq!(summary.counts.duplicate_stamps, 1);
     }

@@ -1,4 +1,4 @@
-//! Poses in order of time, wherever they are kept: the commanded ones and the target's readings.
+//! Poses in order of time, in memory or on disk: commanded poses and readings of the measured target.
 
 use std::fmt::Debug;
 use std::io;
@@ -11,23 +11,23 @@ use crate::units::{Controller, Stamp, Tracker};
 /// Poses or points over the time of a clock; columns of equal length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseSamples<C> {
-    /// Not decreasing.
+    /// Time of each sample, not decreasing.
     pub stamps: Vec<Stamp<C>>,
-    /// mm.
+    /// Position x y z of each sample, mm.
     pub positions: Vec<[f64; 3]>,
-    /// Unit quaternions x y z w, where the messages have orientations.
+    /// Unit quaternions x y z w; absent where the messages have no orientations.
     pub orientations: Option<Vec<[f64; 4]>>,
-    /// xx xy xz yy yz zz, mm², where the messages state covariances.
+    /// Covariances xx xy xz yy yz zz of the positions, mm²; absent where the messages state none.
     pub covariances: Option<Vec<[f64; 6]>>,
 }
 
-/// Commanded tool poses, as the controller stated them: of the tool point, in the command frame. Covariances are not
-/// taken of them.
+/// Commanded tool poses, as the controller stated them: poses of the tool point in the command frame. They have no
+/// covariances.
 pub type CommandSamples = PoseSamples<Controller>;
-/// Readings of the target, in the tracker frame.
+/// Readings of the measured target, in the tracker frame.
 pub type TargetReadings = PoseSamples<Tracker>;
 
-/// Without samples.
+/// No samples.
 impl<C> Default for PoseSamples<C> {
     fn default() -> Self {
         Self {
@@ -39,11 +39,11 @@ impl<C> Default for PoseSamples<C> {
     }
 }
 
-/// Why poses that were there cannot be had again.
+/// Poses spilled to disk cannot be read back.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("poses that were spilled to disk while the logs were read cannot be read back: {why}")]
 pub struct PosesError {
-    /// What the operating system says, or that there is no such row.
+    /// The operating system's message, or that a row does not exist.
     why: String,
 }
 
@@ -61,15 +61,15 @@ impl From<io::Error> for PosesError {
     }
 }
 
-/// Poses in order of time, of which a few are looked at at a time: a log of a night need not fit into memory.
+/// Poses in order of time, read a few at a time: a log of a night need not fit into memory.
 pub trait Poses<C>: Debug + Send + Sync {
-    /// How many there are.
+    /// Number of poses.
     fn count(&self) -> usize;
-    /// Those of some rows. Rows that there are not are an error, as is a place that they cannot be read from any more.
+    /// The poses of some rows. An error when a row does not exist or the storage can no longer be read.
     fn read(&self, rows: Range<usize>) -> Result<PoseSamples<C>, PosesError>;
-    /// When one of them was taken.
+    /// The stamp of the pose of `row`.
     fn stamp(&self, row: usize) -> Result<Stamp<C>, PosesError>;
-    /// How many come first whose stamps are `before`.
+    /// The number of first poses for whose stamps `before` is true.
     fn count_while(&self, before: &dyn Fn(Stamp<C>) -> bool) -> Result<usize, PosesError> {
         let (mut from, mut to) = (0, self.count());
         while from < to {
@@ -84,7 +84,7 @@ pub trait Poses<C>: Debug + Send + Sync {
     }
 }
 
-/// All in memory.
+/// Poses that are all in memory.
 impl<C: Debug + Send + Sync> Poses<C> for PoseSamples<C> {
     fn count(&self) -> usize {
         self.stamps.len()

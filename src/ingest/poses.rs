@@ -1,11 +1,11 @@
-//! Poses and points: what is wrong with a row, and its numbers in the crate's units.
+//! Poses and points: faults of a row, and conversion to the crate's units.
 
 use super::rows::RowFault;
 
 /// The count of quaternions that were not of unit length.
 pub(super) const NOT_UNIT: &str = "quaternions_not_unit";
 
-/// What is wrong with a row of a position and, where there are such, a quaternion x y z w and a covariance.
+/// The fault of a row that has a position and, where present, a quaternion x y z w and a covariance; `None` without one.
 pub(super) fn fault(
     position: [f64; 3],
     quaternion: Option<&[f64; 4]>,
@@ -19,7 +19,7 @@ pub(super) fn fault(
     if !quaternion.iter().all(|x| x.is_finite()) {
         return Some(RowFault::Orientation);
     }
-    // All zeros is how a missing reflector is written; the join wants to see and count it.
+    // A missing reflector is logged as all zeros; the join has to see and count it.
     let reads_something = position.iter().any(|&x| x != 0.0);
     let zero = quaternion
         .iter()
@@ -34,13 +34,13 @@ pub(super) fn scale<const N: usize>(column: &mut [[f64; N]], factor: f64) {
     }
 }
 
-/// Makes unit quaternions and tells how many were off by more than a thousandth.
+/// Normalises the quaternions; returns how many had a norm that differs from 1 by more than a thousandth.
 pub(super) fn normalise_all(column: &mut [[f64; 4]]) -> u64 {
     let norms = column.iter_mut().filter_map(normalise);
     norms.filter(|norm| (norm - 1.0).abs() > 1e-3).count() as u64
 }
 
-/// Makes a unit quaternion and tells the norm it had; a zero one becomes the identity.
+/// Normalises a quaternion and returns its norm before; a zero quaternion becomes the identity and gives `None`.
 fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
     let largest = quaternion
         .iter()
@@ -49,7 +49,7 @@ fn normalise(quaternion: &mut [f64; 4]) -> Option<f64> {
         *quaternion = [0.0, 0.0, 0.0, 1.0];
         return None;
     }
-    // Scaled first: squares of very large components overflow.
+    // Components are scaled first: squares of very large ones overflow.
     let norm = largest
         * quaternion
             .iter()

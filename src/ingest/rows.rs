@@ -1,11 +1,11 @@
-//! Which rows of a block are kept, and in which order.
+//! The rows of a block that are kept, and their order.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use super::{JointAngles, LogReject, LossKind, SpanClock};
 
-/// Why a decoded row is left out.
+/// The reason why a decoded row is left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum RowFault {
     /// A joint angle is NaN or infinite.
@@ -21,14 +21,14 @@ pub(super) enum RowFault {
 }
 
 impl RowFault {
-    /// What is wrong with a row of joint angles.
+    /// The fault of a row of joint angles; `None` without one.
     pub(super) fn of_angles(angles: &JointAngles, row: usize) -> Option<Self> {
         let finite = angles.row(row).iter().all(|angle| angle.is_finite());
         (!finite).then_some(Self::Angle)
     }
 
-    /// Whether a row of joint angles has anything wrong. Looks at all exponents at once: only those of infinities and of
-    /// what is no number are all ones.
+    /// Whether any row of joint angles has a fault. It tests all exponents at once: only the exponents of infinities and
+    /// NaN are all ones.
     pub(super) fn in_angles(angles: &JointAngles) -> bool {
         const EXPONENT: u64 = 0x7FF << 52;
         const CARRY: u64 = 1 << 52;
@@ -41,8 +41,8 @@ impl fmt::Display for RowFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Angle => "a joint angle is not a finite number",
-            Self::Position => "the position is not finite numbers",
-            Self::Orientation => "the orientation is not finite numbers",
+            Self::Position => "a coordinate of the position is not a finite number",
+            Self::Orientation => "a component of the orientation is not a finite number",
             Self::ZeroQuaternion => {
                 "the quaternion is zero (for a reflector without orientation set ignore_orientation = true)"
             }
@@ -51,29 +51,29 @@ impl fmt::Display for RowFault {
     }
 }
 
-/// Where the rows of a block come from.
+/// The place in a log from which the rows of a block come.
 #[derive(Debug, Clone, Copy)]
 pub struct Place<'a> {
     /// The file, as the pipeline names it.
     pub file: &'a str,
     pub topic: &'a str,
-    /// First byte in the file as stored, and one past the last one.
+    /// First byte of the block in the file as stored, and one past its last byte.
     pub bytes: (u64, u64),
 }
 
 /// The rows of one block that are kept, ordered in time.
 pub struct Rows {
-    /// `None`: all of them, in the order they stand in.
+    /// Row numbers by stamp; `None` when all rows are kept and already in order.
     order: Option<Vec<usize>>,
     pub(super) kept: usize,
     pub(super) rejected: usize,
-    /// Rows whose stamp is before that of the row before.
+    /// Number of rows whose stamp is earlier than the previous row's.
     pub(super) backward_stamps: usize,
     pub(super) rejects: Vec<LogReject>,
 }
 
 impl Rows {
-    /// Judges each row, then orders the kept ones by stamp; equal stamps stay in the order of the file.
+    /// Checks each row for faults, then orders the kept ones by stamp; equal stamps stay in the order of the file.
     pub(super) fn judge(
         stamps: &[i64],
         place: &Place<'_>,
@@ -94,7 +94,7 @@ impl Rows {
         }
     }
 
-    /// Adds the kept rows of a column, in order.
+    /// Appends the kept rows of a column, in order.
     pub(super) fn append<T: Copy>(&self, column: &[T], to: &mut Vec<T>) {
         match &self.order {
             None => to.extend_from_slice(column),
@@ -102,7 +102,7 @@ impl Rows {
         }
     }
 
-    /// Adds the kept rows of joint angles, in order.
+    /// Appends the kept rows of joint angles, in order.
     pub(super) fn append_angles(&self, angles: &JointAngles, to: &mut JointAngles) {
         match &self.order {
             None => to.append(angles.all()),

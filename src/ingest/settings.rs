@@ -1,7 +1,7 @@
-//! What the pipeline file says of the two logs: topics, clocks, units.
+//! The pipeline file's sections about the two logs: topics, clocks, units.
 //!
-//! Units and time sources are conventions that a log does not state, so they have no default. The common message types
-//! need no more; for any other, `fields` names where in a message things are.
+//! Units and time sources are conventions that a log does not state, so they have no default. Common message types need
+//! nothing else; for any other type, `fields` gives the paths inside a message.
 
 mod fields;
 
@@ -23,11 +23,11 @@ pub use fields::{
 pub struct ControllerSettings {
     /// Topic of the joint states.
     pub topic: String,
-    /// Which time of a message is its time.
+    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
     /// Unit of the joint angles.
     pub unit: AngleUnit,
-    /// Where a message has them, unless its type is a common one.
+    /// Paths of the fields in a message; empty for a common message type.
     #[serde(skip_serializing_if = "JointFields::is_empty")]
     pub fields: JointFields,
 }
@@ -38,50 +38,50 @@ pub struct ControllerSettings {
 pub struct CommandedSettings {
     /// Topic of the commanded poses.
     pub topic: String,
-    /// Which time of a message is its time.
+    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
     /// Unit of the positions.
     pub unit: LengthUnit,
-    /// Where a message has them, unless its type is a common one.
+    /// Paths of the fields in a message; empty for a common message type.
     #[serde(skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
-    /// The frame that messages must name to be used; others are left out. Absent: none is asked for.
+    /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
 }
 
-/// `[tracker]`: readings of the target, in the tracker's log.
+/// `[tracker]`: readings of the measured target, in the tracker's log.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "TrackerFile")]
 pub struct TrackerSettings {
     /// Topic of the readings.
     pub topic: String,
-    /// Which time of a message is its time.
+    /// The time of a message that is used as its stamp.
     pub time: TimeSource,
     /// Unit of the positions.
     pub unit: LengthUnit,
-    /// Topic of the temperatures (°C, same time source), where the log has them.
+    /// Topic of the temperatures (°C, with the time source of the readings); absent without temperatures.
     pub temperature: Option<String>,
-    /// Leave orientations out: a plain reflector whose driver fills in a pose message all the same.
+    /// Leave orientations out: for a plain reflector whose driver nevertheless writes whole pose messages.
     pub ignore_orientation: bool,
-    /// Where a message has them, unless its type is a common one.
+    /// Paths of the fields in a message; empty for a common message type.
     #[serde(skip_serializing_if = "PoseFields::is_empty")]
     pub fields: PoseFields,
-    /// The frame that messages must name to be used; others are left out. Absent: none is asked for.
+    /// The frame that messages must name to be used; others are left out. Absent: any frame is accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
 }
 
-/// Which of a message's three times is its time.
+/// The one of a message's three times that is used as its stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TimeSource {
     /// The message's own stamp (`header.stamp`, `timestamp`, or what `fields` names): when it was measured, in the
     /// instrument's clock.
     Header,
-    /// When it was published, in the publisher's clock.
+    /// The time of publication, in the publisher's clock.
     Publish,
-    /// When the recorder got it, in the recorder's clock.
+    /// The time when the recorder received it, in the recorder's clock.
     Log,
 }
 
@@ -105,12 +105,12 @@ pub enum LengthUnit {
     Mm,
 }
 
-/// Everything needed to read the samples of a session from its logs.
+/// All settings needed to read the samples of a session from its logs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mapping {
     /// `[controller]`.
     pub controller: ControllerSettings,
-    /// `[commanded]`, where the log has commands.
+    /// `[commanded]`; absent when the log has no commanded poses.
     pub commanded: Option<CommandedSettings>,
     /// `[tracker]`.
     pub tracker: TrackerSettings,
@@ -119,7 +119,7 @@ pub struct Mapping {
 }
 
 impl AngleUnit {
-    /// rad in one of it.
+    /// Radians in one of this unit.
     pub(super) const fn to_rad(self) -> f64 {
         match self {
             Self::Rad => 1.0,
@@ -129,7 +129,7 @@ impl AngleUnit {
 }
 
 impl LengthUnit {
-    /// mm in one of it.
+    /// Millimetres in one of this unit.
     pub const fn to_mm(self) -> f64 {
         match self {
             Self::M => MM_PER_M,
@@ -138,7 +138,7 @@ impl LengthUnit {
     }
 }
 
-/// `[controller]` as it stands in the file.
+/// `[controller]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ControllerFile {
@@ -149,7 +149,7 @@ struct ControllerFile {
     fields: JointFields,
 }
 
-/// `[commanded]` as it stands in the file.
+/// `[commanded]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CommandedFile {
@@ -161,7 +161,7 @@ pub(crate) struct CommandedFile {
     pub(crate) frame: Option<String>,
 }
 
-/// `[tracker]` as it stands in the file.
+/// `[tracker]` as written in the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TrackerFile {
@@ -178,9 +178,7 @@ pub(crate) struct TrackerFile {
 
 /// A convention that the pipeline file leaves out.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error(
-    "[{section}] has no `{key}`, which no log states and nothing is assumed for: choose {choices}"
-)]
+#[error("[{section}] has no `{key}`: no log states it and it has no default; choose {choices}")]
 pub struct MissingConvention {
     section: &'static str,
     key: &'static str,
@@ -188,7 +186,7 @@ pub struct MissingConvention {
 }
 
 impl MissingConvention {
-    /// That `[section]` leaves out `key`.
+    /// The error that `[section]` leaves out `key`, with the choices for it.
     pub(crate) const fn new(
         section: &'static str,
         key: &'static str,

@@ -1,4 +1,4 @@
-//! The read summary of one stream: what became of each of its messages.
+//! The read summary of one stream: the counts of its messages by outcome.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::LogReject;
 
-/// How many rows of a stream were kept and why not all.
+/// Numbers of rows of a stream: kept, rejected, and with irregular stamps.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct StreamCounts {
     pub kept: u64,
@@ -15,27 +15,27 @@ pub(super) struct StreamCounts {
     pub duplicate_stamps: u64,
 }
 
-/// What became of the messages of one stream, once all of them were read.
+/// The outcome of all messages of one stream, once they are read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StreamSummary {
     pub(super) topic: String,
-    /// Those that have the topic, earliest first.
+    /// The files that have the topic, earliest first.
     pub(super) files: Vec<String>,
     pub(super) counts: StreamCounts,
-    /// Name and number of further counts.
+    /// Further counts, as (name, number).
     pub(super) further: Vec<(&'static str, u64)>,
     pub(super) rejects: Vec<LogReject>,
-    /// Whether some stamp is not 0.
+    /// Whether any stamp differs from 0.
     pub(super) stamped: bool,
     /// Whether all rows have the same columns.
     pub(super) alike: bool,
     pub(super) in_order: bool,
 }
 
-/// Why a stream cannot be used.
+/// The reason why a stream cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum IngestError {
-    /// Nothing of a stream is left.
+    /// A stream has no usable message.
     #[error(
         "{file}: topic {topic:?} has no usable message: {decoded} decoded, all rejected{first_reason}; \
          see `posegrid inspect`"
@@ -45,12 +45,12 @@ pub enum IngestError {
         file: String,
         /// The topic.
         topic: String,
-        /// Rows that were decoded.
+        /// Number of decoded rows.
         decoded: u64,
         /// The reason of the first reject with a colon before it; empty where nothing was rejected.
         first_reason: String,
     },
-    /// Header stamps that nobody set.
+    /// Header stamps that the publisher did not set.
     #[error(
         "{file}: all {messages} messages of topic {topic:?} have the header stamp 0: the publisher does not set it; \
          try time = \"publish\" or time = \"log\""
@@ -60,7 +60,7 @@ pub enum IngestError {
         file: String,
         /// The topic.
         topic: String,
-        /// How many messages.
+        /// Number of messages.
         messages: u64,
     },
     /// A topic with messages of several kinds.
@@ -77,13 +77,13 @@ pub enum IngestError {
 }
 
 impl StreamSummary {
-    /// Whether every sample was emitted in its place: none was further out of order than the buffer reaches.
+    /// Whether the samples were emitted in order: none was further out of order than the buffer reaches.
     pub const fn is_in_order(&self) -> bool {
         self.in_order
     }
 
-    /// That there are samples, all with a stamp and the same columns; `undecoded` are the rejects of messages that did not
-    /// become rows.
+    /// Checks that there are samples, that stamps are set and that all have the same columns; `undecoded` are the rejects of
+    /// messages that could not be decoded.
     pub fn check(&self, undecoded: &[LogReject]) -> Result<(), IngestError> {
         let (file, topic) = (self.files.join(", "), self.topic.clone());
         if !self.alike {
@@ -115,7 +115,7 @@ impl StreamSummary {
         })
     }
 
-    /// Adds its numbers to the counts of a session, as those of `stream`, and moves its rejects to those of the session.
+    /// Adds the stream's numbers to the counts of a session, under `stream`, and moves its rejects to the session's.
     pub fn add_to(
         self,
         stream: &str,

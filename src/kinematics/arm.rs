@@ -1,7 +1,7 @@
 //! A robot file made into a chain: links in standard DH, joint names, limits and coupling.
 //!
 //! Standard DH (the seed paper's Eq. 2): `A_i = Rot(z,θ_i) Trans(z,d_i) Trans(x,a_i) Rot(x,α_i)`, `θ_i = s_i q_i + offset_i`.
-//! Where the next axis is nominally parallel, `d_i` is held and Hayati's `Rot(y,β_i)` is added.
+//! Where the next axis is nominally parallel, `d_i` is fixed and Hayati's `Rot(y,β_i)` is added.
 
 use nalgebra::{DMatrix, Isometry3};
 use serde::{Deserialize, Serialize};
@@ -21,15 +21,15 @@ const PARALLEL_SINE: f64 = 0.0087;
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RobotFile {
-    /// The model, for people: `"KUKA KR 210 R2700 extra"`.
+    /// The robot model's name for display: `"KUKA KR 210 R2700 extra"`.
     pub model: String,
-    /// Where the numbers come from.
+    /// The source of the numbers: a data sheet or drawing.
     pub source: String,
-    /// The convention of the links.
+    /// The convention that the link values follow.
     pub convention: Convention,
     /// The joints from base to flange.
     pub joint: Vec<JointFile>,
-    /// For coupled axes: row i says how axis i follows from the reported joint angles. Identity when absent.
+    /// Coupling of the axes: row i gives axis i as a linear combination of the reported joint angles. Identity when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint_map: Option<Vec<Vec<f64>>>,
 }
@@ -62,7 +62,7 @@ pub struct JointFile {
     pub limits_deg: [f64; 2],
 }
 
-/// One joint: what the controller calls it and how far it goes.
+/// One joint: its name in the controller and its limits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// The name under which the controller reports it.
@@ -83,7 +83,7 @@ pub struct Arm {
     parallel: Vec<usize>,
 }
 
-/// What is wrong with a robot file.
+/// A fault of a robot file.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum ArmError {
     /// No joints, or too many to be an arm.
@@ -91,7 +91,7 @@ pub enum ArmError {
         "the robot file has {found} joints; an arm has 1 to 16: add a [[joint]] table for each"
     )]
     JointCount {
-        /// How many were found.
+        /// Number of joints found.
         found: usize,
     },
     /// A sign other than ±1.
@@ -99,7 +99,7 @@ pub enum ArmError {
     Sign {
         /// The joint's name.
         joint: String,
-        /// What was found.
+        /// The sign found.
         found: i8,
     },
     /// Limits in the wrong order or not finite.
@@ -119,11 +119,11 @@ pub enum ArmError {
     NotFinite {
         /// The joint's name.
         joint: String,
-        /// Which value.
+        /// The key of the value.
         quantity: &'static str,
     },
-    /// The same name twice.
-    #[error("joint {joint:?} stands twice in the robot file; each joint needs a name of its own")]
+    /// A joint's name appears twice.
+    #[error("joint {joint:?} appears twice in the robot file; each joint needs a name of its own")]
     DuplicateJoint {
         /// The joint's name.
         joint: String,
@@ -131,13 +131,13 @@ pub enum ArmError {
     /// A joint map of the wrong shape, or one that cannot be inverted.
     #[error("joint_map has to be an invertible matrix of {joints} rows of {joints} numbers")]
     JointMap {
-        /// How many joints there are.
+        /// Number of joints in the file.
         joints: usize,
     },
 }
 
 impl RobotFile {
-    /// Checks the file and builds its arm.
+    /// The arm that the file describes; an error where a value is wrong.
     pub fn arm(&self) -> Result<Arm, ArmError> {
         if self.joint.is_empty() || self.joint.len() > 16 {
             return Err(ArmError::JointCount {
@@ -188,7 +188,7 @@ impl RobotFile {
     }
 }
 
-/// The joint map of these rows, if it can be inverted; `None` for the identity.
+/// The joint map as a matrix, `None` for the identity; an error unless it is square and invertible.
 fn joint_map(rows: &[Vec<f64>], joints: usize) -> Result<Option<DMatrix<f64>>, ArmError> {
     let wrong = ArmError::JointMap { joints };
     if rows.len() != joints || rows.iter().any(|row| row.len() != joints) {
@@ -202,7 +202,7 @@ fn joint_map(rows: &[Vec<f64>], joints: usize) -> Result<Option<DMatrix<f64>>, A
     Ok((map != DMatrix::identity(joints, joints)).then_some(map))
 }
 
-/// The joint that a parameter gives Hayati's angle.
+/// The joint (counted from 1) whose Hayati angle this parameter is; `None` for any other parameter.
 const fn with_beta(parameter: Parameter) -> Option<usize> {
     match parameter {
         Parameter::Link {
@@ -297,7 +297,7 @@ impl JointFile {
 }
 
 impl Arm {
-    /// An arm of joints and a chain as a saved model has them; `map` is the joint map, row by row.
+    /// An arm built from the joints and the chain of a saved model; `map` is the joint map, row by row.
     ///
     /// The chain must read as many joint variables as there are joints.
     pub fn new(
@@ -336,7 +336,7 @@ impl Arm {
         &self.parallel
     }
 
-    /// The axis variables that follow from reported joint angles: the joint map applied, or the angles themselves.
+    /// The axis variables at reported joint angles: the joint map applied, or the angles themselves without one.
     ///
     /// # Panics
     /// When the number of angles is not the number of joints.
@@ -350,7 +350,7 @@ impl Arm {
         }
     }
 
-    /// Twists per axis variable turned into twists per reported joint angle.
+    /// Twists per reported joint angle, from twists per axis variable.
     pub fn joint_twists(&self, axis_twists: &[Twist]) -> Vec<Twist> {
         let Some(map) = &self.map else {
             return axis_twists.to_vec();
@@ -367,7 +367,7 @@ impl Arm {
         (0..self.joints.len()).map(column).collect()
     }
 
-    /// The nominal flange at reported joint angles.
+    /// The flange pose in the base frame of the nominal arm at reported joint angles, rad.
     ///
     /// # Panics
     /// When the number of angles is not the number of joints.

@@ -6,10 +6,10 @@
 //! 1. What is constant between two joints becomes one transform; each joint is turned so that it acts about or along z.
 //! 2. Between two turning joints that transform's rotation is `Rot(z,φ) Rot(x,α) Rot(z,ψ)`: φ and ψ join the two angles,
 //!    and only a turn about x is left (what makes four numbers a link in Denavit and Hartenberg 1955).
-//! 3. From the end back to the root, the end's point and two of its axes pass joint after joint, for a block of poses at
-//!    a time; the third axis is their cross product.
+//! 3. From the end back to the root, the end's point and two of its axes are carried through joint after joint, a block at
+//!    a time; the third axis is the cross product of the two.
 //!
-//! Sums are in a fixed order and free of fused multiply-adds: a pose gives the same bytes wherever it stands.
+//! Sums are in a fixed order and free of fused multiply-adds: a pose gives the same bytes at any place in the columns.
 
 mod columns;
 mod dh;
@@ -26,9 +26,9 @@ use dh::{Joint, Link};
 /// A chain at given offsets, ready for many poses.
 #[derive(Debug, Clone)]
 pub struct BatchChain {
-    /// From the root to the end, each joint with the link before it.
+    /// The joints from the root to the end, each with the link before it.
     joints: Vec<(Link, Joint)>,
-    /// From the last joint to the end.
+    /// The transform from the last joint to the end.
     end: Isometry3<f64>,
     axes: usize,
 }
@@ -69,7 +69,7 @@ impl BatchChain {
         positions
     }
 
-    /// The same into columns that are there already.
+    /// [`Self::positions`], written into existing columns.
     pub fn positions_into<C: AsRef<[f64]>>(&self, axes: &[C], positions: &mut [Vec<f64>; 3]) {
         let count = self.pose_count(axes);
         for column in positions.iter_mut() {
@@ -91,7 +91,7 @@ impl BatchChain {
         poses
     }
 
-    /// The same into columns that are there already.
+    /// [`Self::poses`], written into existing columns.
     pub fn poses_into<C: AsRef<[f64]>>(&self, axes: &[C], poses: &mut Poses) {
         let count = self.pose_count(axes);
         let columns = poses.rotation.iter_mut().flatten();
@@ -107,7 +107,7 @@ impl BatchChain {
         }
     }
 
-    /// Checked number of poses in `axes`.
+    /// The number of poses in `axes`, after a check that there are enough columns and that they are of one length.
     fn pose_count<C: AsRef<[f64]>>(&self, axes: &[C]) -> usize {
         assert!(axes.len() >= self.axes, "one column for each axis variable");
         let count = axes.first().map_or(0, |column| column.as_ref().len());
@@ -129,7 +129,7 @@ impl BatchChain {
         vectors
     }
 
-    /// Origin, x axis and y axis of the end, as the last joint's frame sees them.
+    /// Origin, x axis and y axis of the end, in the last joint's frame.
     fn at_end<const N: usize>(&self) -> Vectors<N> {
         let rotation = self.end.rotation.to_rotation_matrix();
         let vector = |place: usize| -> Vector3<f64> {
@@ -143,20 +143,20 @@ impl BatchChain {
 }
 
 impl Poses {
-    /// How many poses there are.
+    /// Number of poses.
     pub fn len(&self) -> usize {
         self.position[0].len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no poses.
     pub fn is_empty(&self) -> bool {
         self.position[0].is_empty()
     }
 
-    /// Pose i.
+    /// The pose of row `i`, mm.
     ///
     /// # Panics
-    /// When there are not so many.
+    /// When `i` is not below the number of poses.
     pub fn isometry(&self, i: usize) -> Isometry3<f64> {
         let rotation = Matrix3::from_fn(|row, column| self.rotation[column][row][i]);
         Isometry3::from_parts(
@@ -167,7 +167,7 @@ impl Poses {
 }
 
 impl Joint {
-    /// Carries vectors from behind the joint to before it.
+    /// Transforms vectors from the frame after the joint to the frame before it.
     fn pass<const N: usize>(&self, variable: &Block, vectors: &mut Vectors<N>) {
         let amount: Block = std::array::from_fn(|i| self.sign * variable[i] + self.shift);
         if self.slides {
@@ -189,7 +189,7 @@ impl Joint {
 }
 
 impl Link {
-    /// Carries vectors from behind the link to before it; only the first is a point and moves with the link's origin.
+    /// Transforms vectors from the frame after the link to the frame before it; only the first is a point, and is shifted.
     fn pass<const N: usize>(&self, vectors: &mut Vectors<N>) {
         for (place, vector) in vectors.iter_mut().enumerate() {
             let shift = if place == 0 { self.origin() } else { [0.0; 3] };
@@ -227,7 +227,7 @@ fn cross([a, b, c]: &[Block; 3], [d, e, f]: &[Block; 3]) -> [Block; 3] {
     ]
 }
 
-/// The block of `column` that begins at `first`; zeros behind the column's end.
+/// The block of `column` that begins at `first`; zeros after the column's end.
 fn read(column: &[f64], first: usize) -> Block {
     let rest = &column[first..];
     if let Some(block) = rest.first_chunk() {
@@ -238,7 +238,7 @@ fn read(column: &[f64], first: usize) -> Block {
     block
 }
 
-/// Writes a block from `first` on, as far as the columns go.
+/// Writes a block to the columns from `first` on, up to their end.
 fn write(columns: &mut [Vec<f64>; 3], first: usize, block: &[Block; 3]) {
     for (column, block) in columns.iter_mut().zip(block) {
         let rest = &mut column[first..];

@@ -17,28 +17,28 @@ pub enum Element {
     Fixed(Isometry3<f64>),
     /// A joint variable: the motion by `sign · q[joint]`.
     Joint {
-        /// Along or about which axis.
+        /// Translation along or rotation about an axis.
         motion: Motion,
-        /// Which axis variable, counted from 0.
+        /// Index of the axis variable, counted from 0.
         joint: usize,
         /// +1 or −1.
         sign: f64,
     },
     /// A constant with a free parameter: the motion by `nominal + offset`.
     Free {
-        /// Along or about which axis.
+        /// Translation along or rotation about an axis.
         motion: Motion,
         /// The nominal value, mm or rad.
         nominal: f64,
-        /// What it is called.
+        /// The parameter that `offset` is.
         parameter: Parameter,
     },
 }
 
-/// Where the chain ends, and how that end moves with every joint and every free parameter.
+/// The pose of the chain's end, and the end's motion with every joint and every free parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Differential {
-    /// The end in the root frame.
+    /// The end in the root frame, mm.
     pub end: Isometry3<f64>,
     /// One twist per joint variable.
     pub joints: Vec<Twist>,
@@ -69,7 +69,7 @@ impl Chain {
         &self.elements
     }
 
-    /// How many joint variables the chain reads.
+    /// Number of joint variables that the chain reads.
     pub const fn joint_count(&self) -> usize {
         self.joints
     }
@@ -82,7 +82,7 @@ impl Chain {
             .collect()
     }
 
-    /// The same chain with `before` in front of it and `after` behind it.
+    /// This chain with `before` in front of it and `after` behind it.
     #[must_use]
     pub fn extended(&self, before: Vec<Element>, after: Vec<Element>) -> Self {
         let mut elements = before;
@@ -91,7 +91,7 @@ impl Chain {
         Self::new(elements)
     }
 
-    /// The same chain with `offsets` (in [`Self::parameters`]' order) taken into its nominal values.
+    /// This chain with `offsets` (in [`Self::parameters`]' order) added to its nominal values.
     ///
     /// # Panics
     /// When there are fewer offsets than parameters.
@@ -122,7 +122,7 @@ impl Chain {
     /// The end in the root frame at the axis variables `q` (rad or mm) with `offsets` added to the free parameters.
     ///
     /// # Panics
-    /// When `q` or `offsets` is shorter than the chain asks for.
+    /// When `q` or `offsets` is shorter than the chain needs.
     pub fn forward(&self, q: &[f64], offsets: &[f64]) -> Isometry3<f64> {
         self.walk(q, offsets, |_, _| {})
     }
@@ -148,7 +148,7 @@ impl Chain {
     /// The end and its twists at the axis variables `q` with `offsets` added to the free parameters.
     ///
     /// # Panics
-    /// When `q` or `offsets` is shorter than the chain asks for.
+    /// When `q` or `offsets` is shorter than the chain needs.
     pub fn differential(&self, q: &[f64], offsets: &[f64]) -> Differential {
         let mut joints = Vec::with_capacity(self.joints);
         let mut parameters = Vec::with_capacity(offsets.len());
@@ -174,7 +174,7 @@ impl Chain {
         }
     }
 
-    /// Goes from the root to the end, shows `at` each element with the frame it stands in, and gives the end.
+    /// Walks from the root to the end, calls `at` with each element and the frame it acts in, and returns the end.
     fn walk(
         &self,
         q: &[f64],

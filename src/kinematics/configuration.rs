@@ -1,7 +1,7 @@
-//! Which of its eight ways a six-axis arm reaches a pose, and how far it is from changing to another.
+//! Arm configuration (one of eight) of a six-axis arm at a pose, and its distance from the singularities between them.
 //!
 //! Inputs: an arm, parameter offsets, reported joint angles. Outputs: three signs, and three factors whose zeros are
-//! the arm's singularities. With `z_i` the unit vector of axis i and `o_i` a point of it:
+//! the arm's singularities. With `z_i` the unit vector of axis i and `o_i` a point on it:
 //!
 //! 1. wrist: `(z4 × z5) · z6`, zero where axes 4 and 6 align.
 //! 2. elbow: `z2 · ((o3 − o2) × (o5 − o3))`, zero where the arm is stretched or folded.
@@ -78,8 +78,8 @@ impl fmt::Display for Configuration {
 }
 
 impl SingularityFactors {
-    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes, or whose
-    /// first three axes leave no upper arm or forearm to speak of.
+    /// The factors at reported joint angles (rad) with parameter offsets; `None` for an arm without six axes, or one whose
+    /// upper arm or forearm has no length.
     ///
     /// # Panics
     /// When the number of angles or offsets does not fit the arm.
@@ -92,7 +92,7 @@ impl SingularityFactors {
         let z = |axis: usize| axes[axis - 1].1;
         let upper_arm = axes[2].0 - axes[1].0;
         let forearm = axes[4].0 - axes[2].0;
-        // Only what is perpendicular to axis 2 bends at the elbow: a shift of the wrist along it does not.
+        // Only components perpendicular to axis 2 count: a shift of the wrist along that axis does not bend the elbow.
         let across = |v: Vector3<f64>| v - z(2) * v.dot(&z(2));
         let (upper, fore) = (across(upper_arm).norm(), across(forearm).norm());
         if upper * fore < f64::EPSILON {
@@ -102,7 +102,7 @@ impl SingularityFactors {
         let elbow_mm2 = z(2).dot(&upper_arm.cross(&forearm));
         let determinant = determinant(&arm.chain().differential(&q, offsets).joints);
         let elbow = elbow_mm2 / (upper * fore);
-        // On a singularity of elbow or wrist the quotient says nothing, and the pose is singular anyway.
+        // On a singularity of elbow or wrist the quotient is undefined, and the pose is singular anyway.
         let shoulder = if (elbow * wrist).abs() < 1e-12 {
             0.0
         } else {
@@ -161,8 +161,8 @@ mod tests {
     use super::*;
     use crate::kinematics::RobotFile;
 
-    /// The smallest singular value of the Jacobian per axis, its angular rows multiplied by `lever_mm`: mm that the end moves
-    /// at least per rad, in the direction where it moves least. For any arm; of as many directions as it has axes, at most six.
+    /// The smallest singular value of the Jacobian, its angular rows multiplied by `lever_mm`: mm that the end moves per rad
+    /// in the direction where it moves least. It works for any arm; the directions are as many as the axes, at most six.
     fn smallest_singular_value(arm: &Arm, offsets: &[f64], joints: &[f64], lever_mm: f64) -> f64 {
         let twists = arm.chain().differential(&arm.axes(joints), offsets).joints;
         DMatrix::from_fn(6, twists.len(), |row, column| {
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn factors_of_the_kr210_are_what_its_drawing_says() {
+    fn factors_of_the_kr210_agree_with_its_drawing() {
         // Arm 90° up, forearm level: wrist 1200 mm ahead of axis 2 and 41 mm above axis 3. q5 = 30° gives sin 30°.
         let found = factors(&kr210(), [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]);
         let forearm = 1200.0_f64.hypot(41.0);
@@ -220,7 +220,7 @@ mod tests {
     }
 
     /// Walks each joint through its whole range from many poses: wherever the smallest singular value says the arm is
-    /// well away from every singularity, no factor may be near zero, and wherever it touches one, a factor must be.
+    /// well away from every singularity, no factor may be near zero, and wherever it is on one, a factor must be.
     fn factors_vanish_exactly_at_singularities(arm: &Arm) {
         let offsets = vec![0.0; arm.chain().parameters().len()];
         let mut seen = [0_usize; 2];
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn every_zero_is_a_singularity_and_every_singularity_a_zero() {
+    fn factors_are_zero_exactly_at_singularities() {
         factors_vanish_exactly_at_singularities(&ur10());
         factors_vanish_exactly_at_singularities(&kr210());
     }

@@ -1,7 +1,7 @@
-//! A chain whose parameters are held: everything constant between two joints is one transform, so that a pose costs a
+//! A chain at given parameter offsets: everything constant between two joints is one transform, so that a pose costs a
 //! turn per joint and a few products, however many elements the chain has.
 //!
-//! Same kinematics as [`Chain::differential`], for many poses at the same offsets.
+//! The kinematics are those of [`Chain::differential`], for many poses at the same offsets.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -16,10 +16,10 @@ pub struct HeldChain {
     joints: usize,
 }
 
-/// What stands between a joint (or the root) and the next joint (or the end).
+/// The constant part between a joint (or the root) and the next joint (or the end).
 #[derive(Debug, Clone)]
 struct Segment {
-    /// Free elements: which unknown moves each, and how, in the frame the segment begins in.
+    /// Free elements: the unknown that moves each, and its unit motion in the frame where the segment begins.
     free: Vec<(usize, UnitMotion)>,
     rotation: Matrix3<f64>,
     origin: Vector3<f64>,
@@ -27,12 +27,12 @@ struct Segment {
     joint: Option<(Motion, usize, f64)>,
 }
 
-/// A point of the chain's end at one pose and how it moves, in the root frame.
+/// A point of the chain's end at one pose and its motion, in the root frame.
 #[derive(Debug, Clone)]
 pub struct ChainView {
-    /// The point, turned as the end.
+    /// The point with the end's orientation, mm.
     pub end: Isometry3<f64>,
-    /// The point's motion per unit of each unknown that moves it.
+    /// The point's motion per unit of each unknown that moves it: the unknown's index and the twist.
     pub unknowns: Vec<(usize, Twist)>,
     /// The point's motion per unit of each axis variable.
     pub joints: Vec<Twist>,
@@ -41,7 +41,7 @@ pub struct ChainView {
 }
 
 impl HeldChain {
-    /// `chain` with `offsets` added to its free parameters; `unknowns` says which unknown moves each of them, if any.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed one.
     ///
     /// # Panics
     /// When there are fewer offsets or unknowns than parameters.
@@ -91,12 +91,12 @@ impl HeldChain {
         frame.isometry()
     }
 
-    /// The end and how it moves at the axis variables `q` (rad or mm).
+    /// The end and its motion at the axis variables `q` (rad or mm).
     pub fn view(&self, q: &[f64]) -> ChainView {
         self.view_of(q, &Vector3::zeros())
     }
 
-    /// The point that sits `lever` (mm, along the end's own axes) beside the end, and how it moves.
+    /// The point at `lever` (mm, in the end's own axes) from the end, and its motion.
     pub fn view_of(&self, q: &[f64], lever: &Vector3<f64>) -> ChainView {
         let mut frame = Frame::root();
         let mut unknowns = Vec::with_capacity(self.segments.iter().map(|s| s.free.len()).sum());
@@ -168,7 +168,7 @@ impl Frame {
         self.rotation *= segment.rotation;
     }
 
-    /// Moves along or turns about an own axis: only the two other columns turn.
+    /// Moves along or turns about one of its own axes: only the two other axes turn.
     fn turn(&mut self, motion: Motion, amount: f64) {
         let (first, second) = match motion {
             Motion::Translation(_) => {
@@ -187,7 +187,7 @@ impl Frame {
         }
     }
 
-    /// A motion in this frame as one in the root.
+    /// A motion given in this frame, expressed in the root frame.
     fn unit(&self, motion: &UnitMotion) -> UnitMotion {
         match motion {
             UnitMotion::Translation(direction) => {
@@ -214,7 +214,7 @@ mod tests {
     use crate::kinematics::parameter::{LinkQuantity, Parameter};
 
     #[test]
-    fn a_held_chain_is_its_chain() {
+    fn a_held_chain_equals_its_chain() {
         let free = |motion, nominal, link| Element::Free {
             motion,
             nominal,
@@ -242,7 +242,7 @@ mod tests {
             free(Motion::Translation(Axis::Z), 80.0, 4),
         ]);
         let (q, offsets) = ([0.8, 25.0, -1.3], [0.5, 1e-3, -0.2, 2e-3, 0.1]);
-        // The third parameter is nobody's unknown.
+        // The third parameter is fixed.
         let unknowns = [Some(7), Some(3), None, Some(0), Some(5)];
         let lever = Vector3::new(30.0, -20.0, 10.0);
         let view = HeldChain::new(&chain, &offsets, &unknowns).view_of(&q, &lever);

@@ -1,6 +1,6 @@
 //! Inverse kinematics of any chain: joint angles that bring the end to a pose, near a seed and in its arm configuration.
 //!
-//! Inputs: an arm with parameter offsets, the pose of the end, where the end sits on the flange, a seed. Output: reported
+//! Inputs: an arm with parameter offsets, the pose of the end, the end's pose on the flange, a seed. Output: reported
 //! joint angles, or why there are none.
 //!
 //! 1. Newton's method damped as Levenberg and Marquardt do, on the six-row residual (mm; rotation vector times a lever),
@@ -19,12 +19,12 @@ mod search;
 
 use search::Search;
 
-/// When the search stops and what it refuses.
+/// Settings of the search: when it stops and which solutions it refuses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InverseSettings {
-    /// Position is reached when it is nearer than this, mm.
+    /// The position is reached when its error is below this, mm.
     pub position_tolerance_mm: f64,
-    /// Orientation is reached when it is nearer than this, rad.
+    /// The orientation is reached when its error is below this, rad.
     pub orientation_tolerance_rad: f64,
     /// Length that makes rad and mm comparable, mm. It changes the path of the search, not its result.
     pub lever_mm: f64,
@@ -46,43 +46,44 @@ impl Default for InverseSettings {
     }
 }
 
-/// Why there are no joint angles for a pose.
+/// The reason why there are no joint angles for a pose.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum InverseError {
     /// The search ended away from the pose.
     #[error(
         "the pose is not reachable from the seed: the nearest found is off by {position_mm:.3} mm and {orientation_rad:.6} rad; \
-         seed nearer to it, or check that it lies in the working space"
+         use a seed nearer to the pose, or check that the pose lies in the working space"
     )]
     NotReachable {
-        /// What is left of the position, mm.
+        /// Remaining position error, mm.
         position_mm: f64,
-        /// What is left of the orientation, rad.
+        /// Remaining orientation error, rad.
         orientation_rad: f64,
     },
-    /// The pose asks for an angle beyond a limit.
+    /// The pose needs an angle beyond a joint limit.
     #[error(
-        "joint {joint:?} would have to go to {angle_deg:.3}°, its limits are {lower_deg}° and {upper_deg}°; \
+        "joint {joint:?} would have to turn to {angle_deg:.3}°, its limits are {lower_deg}° and {upper_deg}°; \
          move the pose, or correct limits_deg in the robot file"
     )]
     LimitReached {
         /// The joint's name.
         joint: String,
-        /// The angle asked for, degrees.
+        /// The angle that the pose needs, degrees.
         angle_deg: f64,
         /// The lower limit, degrees.
         lower_deg: f64,
         /// The upper limit, degrees.
         upper_deg: f64,
     },
-    /// The only way found leads through a singularity into another arm configuration.
+    /// The search reached the pose only across a singularity, in another arm configuration.
     #[error(
-        "the pose was only reached as {found}, the seed is {seed}; seed it in the arm configuration that is wanted"
+        "the pose was reached only in arm configuration {found}, but the seed has {seed}; \
+         use a seed in the wanted arm configuration"
     )]
     ConfigurationChanged {
         /// Configuration of the seed.
         seed: Configuration,
-        /// Configuration of what was found.
+        /// Configuration of the solution found.
         found: Configuration,
     },
     /// The solution lies too near a singularity.
@@ -91,20 +92,20 @@ pub enum InverseError {
          turn or move the pose away from it"
     )]
     NearSingularity {
-        /// The smallest singularity factor there.
+        /// The smallest singularity factor of the solution.
         factor: f64,
-        /// What the settings ask for.
+        /// The least factor that the settings accept.
         least: f64,
-        /// The arm configuration there.
+        /// The arm configuration of the solution.
         configuration: Configuration,
     },
 }
 
-/// How often a failed search is retried, in steps from the seed's pose to the target.
+/// Numbers of steps from the seed's pose to the target pose, tried in turn until the search succeeds.
 const APPROACHES: [u32; 3] = [1, 8, 64];
 
-/// Reported joint angles (rad) that bring `base_from_end = arm(q) · flange_from_end`, the one in the arm configuration of
-/// `seed` that the search reaches from it.
+/// Reported joint angles (rad) at which `arm(q) · flange_from_end` is `base_from_end`: the solution that the search reaches
+/// from `seed`, in the arm configuration of `seed`.
 ///
 /// `offsets` are those of the arm's free parameters, in [`super::Chain::parameters`]' order; zeros for the nominal arm.
 /// Angles of coupled axes are the reported ones, as everywhere.
@@ -268,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn out_of_reach_says_by_how_much() {
+    fn out_of_reach_states_the_remaining_error() {
         let arm = kr210();
         // The stretched arm reaches 350 + 1150 + 1200.7 + 215 mm from axis 1: 2916 mm. 3500 mm is beyond.
         let target = isometry_from_rpy(
@@ -313,7 +314,7 @@ mod tests {
     fn another_configuration_is_refused() {
         let arm = kr210();
         let seed = radians([0.0, -90.0, 90.0, 0.0, 1.0, 0.0]);
-        // Across the wrist singularity: what is reached from a seed with q5 > 0 has q5 < 0.
+        // Across the wrist singularity: the solution reached from a seed with q5 > 0 has q5 < 0.
         let target = *arm
             .flange(&radians([0.0, -90.0, 90.0, 0.0, -1.0, 0.0]))
             .isometry();

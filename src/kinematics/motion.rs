@@ -2,14 +2,14 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, UnitVector3, Vector3};
 
-/// An axis of the frame an element stands in.
+/// An axis of the frame that an element acts in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Axis {
-    /// x.
+    /// The x axis.
     X,
-    /// y.
+    /// The y axis.
     Y,
-    /// z.
+    /// The z axis.
     Z,
 }
 
@@ -47,7 +47,7 @@ impl Motion {
         Self::Rotation(Axis::Z),
     ];
 
-    /// Its name in tables and saved models: `x` along x, `rx` about x.
+    /// The motion's name in tables and saved models: `x` along x, `rx` about x.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Translation(Axis::X) => "x",
@@ -59,12 +59,12 @@ impl Motion {
         }
     }
 
-    /// The motion of a name.
+    /// The motion with this name; `None` when no motion has it.
     pub fn of_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|motion| motion.name() == name)
     }
 
-    /// The axis it is along or about, as a unit vector of its own frame.
+    /// The motion's axis, as a unit vector of its own frame.
     pub fn axis(self) -> Vector3<f64> {
         match self {
             Self::Translation(axis) | Self::Rotation(axis) => axis.unit().into_inner(),

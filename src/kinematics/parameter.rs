@@ -1,4 +1,4 @@
-//! What can be identified, by name: never by a string or an index.
+//! The parameters that can be identified, as an enum: never a string or an index.
 
 use std::fmt;
 
@@ -13,10 +13,10 @@ pub enum Parameter {
     Link {
         /// The joint that moves the link, counted from 1 as in the literature.
         joint: usize,
-        /// Which quantity.
+        /// The quantity of that link.
         quantity: LinkQuantity,
     },
-    /// A small motion of the target at the flange.
+    /// A small motion of the measured target on the flange.
     Target(Motion),
 }
 
@@ -36,10 +36,10 @@ pub enum LinkQuantity {
 }
 
 impl LinkQuantity {
-    /// All quantities, in the order in which a link's elements stand.
+    /// All quantities, in the order of a link's elements.
     pub const ALL: [Self; 5] = [Self::Theta, Self::D, Self::A, Self::Alpha, Self::Beta];
 
-    /// Its name in tables and saved models.
+    /// The quantity's name in tables and saved models.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Theta => "theta",
@@ -60,7 +60,7 @@ impl Parameter {
         }
     }
 
-    /// The unit inside the crate and in the tables.
+    /// The parameter's unit inside the crate and in the tables.
     pub const fn unit(self) -> &'static str {
         if self.is_angle() { "rad" } else { "mm" }
     }

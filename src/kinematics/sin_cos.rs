@@ -1,11 +1,11 @@
 //! Sine and cosine of a block of angles at once, by polynomials that the compiler turns into vector instructions.
 //!
 //! 1. `x = k π/2 + r` with `|r| ≤ π/4`: π/2 in three parts, of which the first two times k are exact (Cody and Waite 1980).
-//! 2. `sin r` and `cos r` by polynomials in r², interpolated at Chebyshev nodes with 60 digits; what they leave out is
+//! 2. `sin r` and `cos r` by polynomials in r², interpolated at Chebyshev nodes with 60 digits; their truncation error is
 //!    below 2⁻⁵⁶ of the result.
-//! 3. k modulo 4 says which of the two is which and their signs.
+//! 3. k modulo 4 decides which polynomial is the sine, which the cosine, and their signs.
 //!
-//! Errors stay below one unit in the last place; angles beyond [`LARGEST`] take the standard library's way. Products and
+//! Errors stay below one unit in the last place; angles beyond [`LARGEST`] go to the standard library. Products and
 //! sums are rounded one by one (no fused multiply-add), so the bytes do not depend on the processor.
 
 /// Poses computed together: enough for the vector units, few enough that all of a block stays in the fastest cache.
@@ -14,13 +14,13 @@ pub const BLOCK: usize = 64;
 /// One number for each pose of a block.
 pub type Block = [f64; BLOCK];
 
-/// Up to here (rad) k has 17 bits and its products with the parts of π/2 are exact.
+/// The largest angle (rad) computed here: up to it, k has 17 bits and its products with the parts of π/2 are exact.
 const LARGEST: f64 = 1e5;
 
-/// Adding it rounds to a whole number, which then stands in the lowest bits: 1.5 · 2⁵².
+/// Adding 1.5 · 2⁵² rounds to a whole number, which the lowest bits then hold.
 const TO_WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// π/2: its first 33 bits, the next 33, and the rest.
+/// π/2 in three parts: its first 33 bits, the next 33, and the remainder.
 const HALF_PI: [f64; 3] = [
     1.570_796_326_734_125_6,
     6.077_100_506_303_966e-11,
@@ -68,7 +68,7 @@ fn one_by_one(angles: &Block, sin: &mut Block, cos: &mut Block) {
     }
 }
 
-/// Too large, or not a number.
+/// Whether an angle is too large for the polynomials, or not a number.
 #[inline]
 fn is_beyond(angle: f64) -> bool {
     angle.abs() > LARGEST || angle.is_nan()
@@ -79,7 +79,7 @@ fn by_polynomials(x: f64) -> (f64, f64) {
     let rounded = x * std::f64::consts::FRAC_2_PI + TO_WHOLE;
     let quadrant = rounded.to_bits();
     let k = rounded - TO_WHOLE;
-    // r and what rounding it left over.
+    // r and its rounding error.
     let coarse = x - k * HALF_PI[0];
     let step = k * HALF_PI[1];
     let middle = coarse - step;
@@ -125,8 +125,8 @@ mod tests {
         (found - wanted).abs() / unit
     }
 
-    /// Angles through several turns, near every multiple of π/4 and tiny ones; the standard library's own error is below
-    /// one unit, so two units apart hold ours below the same with room for neither to be a digit off.
+    /// Angles through several turns, near every multiple of π/4, and tiny ones. The standard library's error is below one unit
+    /// in the last place and so is ours: the two may differ by up to two units.
     #[test]
     fn sine_and_cosine_are_within_two_units_of_the_standard_library() {
         let mut worst = 0.0_f64;
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_beyond_reason_take_the_standard_librarys_way() {
+    fn very_large_angles_use_the_standard_library() {
         let mut angles = [0.25; BLOCK];
         (angles[3], angles[4], angles[5]) = (1e9, f64::NAN, f64::INFINITY);
         let (sin, cos) = both(&angles);

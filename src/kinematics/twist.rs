@@ -40,7 +40,7 @@ pub(super) enum UnitMotion {
 }
 
 impl UnitMotion {
-    /// A motion of an element that stands in `frame`.
+    /// The unit motion, in the root frame, of an element that acts in `frame`.
     pub(super) fn of(motion: Motion, frame: &Isometry3<f64>) -> Self {
         let axis = frame.rotation * motion.axis();
         Self::along(motion, axis, frame.translation.vector)
@@ -54,7 +54,7 @@ impl UnitMotion {
         }
     }
 
-    /// How `end` moves by it.
+    /// The twist of the point `end` under this motion.
     pub(super) fn carried_to(self, end: &Vector3<f64>) -> Twist {
         match self {
             Self::Translation(direction) => Twist {

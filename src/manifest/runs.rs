@@ -1,4 +1,4 @@
-//! What a run counts and writes, and the machine that computes it.
+//! A run's counts and written files, and the machine that computes it.
 
 use std::collections::BTreeMap;
 
@@ -6,45 +6,45 @@ use serde::Serialize;
 
 use super::ManifestError;
 
-/// What came into a stage and what became of it.
+/// The inputs of a stage, counted by outcome.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct StageCount {
-    /// The stage.
+    /// The stage's name.
     pub stage: &'static str,
-    /// What is counted: messages, readings, dwells.
+    /// The kind of thing counted: messages, readings, dwells.
     pub of: &'static str,
-    /// How many came in.
+    /// Number read.
     pub read: u64,
-    /// How many were kept.
+    /// Number kept.
     pub kept: u64,
-    /// How many were rejected, by reason.
+    /// Number rejected, by reason.
     pub rejected: BTreeMap<String, u64>,
 }
 
 /// One table file that a run wrote.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Written {
-    /// The table.
+    /// The table's name.
     pub table: String,
-    /// The session whose file it is.
+    /// The session that the file belongs to.
     pub session: String,
-    /// Rows in it.
+    /// Number of rows.
     pub rows: u64,
     /// BLAKE3 of the file, hexadecimal.
     pub digest: String,
 }
 
-/// A run that another takes the place of.
+/// A run that another run replaces.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Replaced {
-    /// Its name.
+    /// The replaced run's name.
     pub run: String,
     /// The digest of its row in `runs`, as [`crate::io::tables::runs::row_digest`] gives it.
     pub row_digest: String,
 }
 
 impl StageCount {
-    /// That what came in was kept or rejected.
+    /// Checks that everything read was kept or rejected.
     pub fn check(&self) -> Result<(), ManifestError> {
         let rejected = self.rejected.values().sum();
         if self.kept.checked_add(rejected) == Some(self.read) {
@@ -65,7 +65,7 @@ pub fn platform() -> String {
     format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
-/// The processor features by which this build and its libraries choose their arithmetic, sorted.
+/// The processor features that select the arithmetic of this build and its libraries, sorted.
 pub fn cpu_features() -> Vec<&'static str> {
     #[cfg(target_arch = "x86_64")]
     let known = [

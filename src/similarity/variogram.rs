@@ -35,7 +35,7 @@ impl Shape {
 /// A fitted model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariogramModel {
-    /// Its shape.
+    /// The shape of the curve.
     pub shape: Shape,
     /// Semivariance at separation zero: noise and what varies below the least separation, mm².
     pub nugget: f64,
@@ -51,7 +51,7 @@ pub struct VariogramModel {
 const LEAST_BINS: usize = 4;
 /// Ranges tried between the first and twice the last separation.
 const RANGES: u32 = 200;
-/// Ranges begin at this share of a bin's width or above it.
+/// The least range tried, as a share of a bin's width.
 const SHARE_OF_A_BIN: f64 = 0.01;
 /// A rising curve explains at least this share of the bins' weighted variance.
 const RISING_SHARE: f64 = 0.5;
@@ -104,8 +104,8 @@ fn fit(shape: Shape, bins: &[Bin]) -> Option<VariogramModel> {
         .min_by(|a, b| a.misfit.total_cmp(&b.misfit))
 }
 
-/// The first range that is tried: the separation of the first bin. Repeated visits may have none at all, and a range of zero is no
-/// range: a bin tells nothing of ranges far below its own width.
+/// The first range that is tried: the separation of the first bin. That of repeated visits may be zero, which is not a valid
+/// range; a bin shows nothing about ranges far below its own width.
 fn shortest_range(bins: &[Bin]) -> Option<f64> {
     let first = bins.first()?;
     Some(
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spherical_curve_is_found_again() {
+    fn a_spherical_curve_is_recovered() {
         let bins = bins_of(|h| 0.01 + 0.2 * Shape::Spherical.at(h / 80.0));
         let models = fit_all(&bins);
         assert_eq!(models[0].shape, Shape::Spherical);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn pairs_that_were_measured_twice_at_one_place_have_a_model_too() {
+    fn repeated_visits_have_a_model_too() {
         let mut bins = bins_of(|h| 0.01 + 0.2 * Shape::Exponential.at(h / 80.0));
         bins[0].separation = 0.0;
         bins[0].gamma = 0.0;
@@ -199,7 +199,7 @@ mod tests {
             assert!(model.range > 0.0);
         }
         assert_eq!(alikeness(&bins, &models), Alikeness::Rising);
-        // The same errors everywhere, at one place alone or not.
+        // Equal errors everywhere: no semivariance in any bin.
         for bin in &mut bins {
             bin.gamma = 0.0;
         }
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_curve_says_there_is_nothing_to_interpolate() {
+    fn a_flat_curve_shows_that_there_is_nothing_to_interpolate() {
         let bins = bins_of(|h| 0.2 + 0.001 * (h * 0.7).sin());
         assert_eq!(alikeness(&bins, &fit_all(&bins)), Alikeness::Flat);
         assert_eq!(

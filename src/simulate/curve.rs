@@ -59,7 +59,7 @@ impl JointCurve {
         }
     }
 
-    /// The error at a joint angle, rad.
+    /// The error at the joint angle `q` (rad), rad.
     pub fn at(&self, q: f64) -> f64 {
         let (sine, cosine) = q.sin_cos();
         let (mut s, mut c) = (sine, cosine);
@@ -73,7 +73,7 @@ impl JointCurve {
 }
 
 impl GearLine {
-    /// No error.
+    /// A line without error.
     pub(super) const fn none() -> Self {
         Self {
             cycles: 1.0,
@@ -82,7 +82,7 @@ impl GearLine {
         }
     }
 
-    /// `cos · cos(cycles q) + sin · sin(cycles q)`.
+    /// The line `cos_rad · cos(cycles q) + sin_rad · sin(cycles q)`.
     pub fn of(cycles: f64, cos_rad: f64, sin_rad: f64) -> Self {
         Self {
             cycles,
@@ -99,7 +99,7 @@ impl GearLine {
         }
     }
 
-    /// The error at a joint angle, rad.
+    /// The error at the joint angle `q` (rad), rad.
     pub fn at(&self, q: f64) -> f64 {
         self.amplitude_rad * (self.cycles * q + self.phase_rad).sin()
     }

@@ -1,5 +1,5 @@
-//! Errors of an arm's axes as an identified error model has them: curves of any period, any number of gear lines, what
-//! each axis gives way, and where it comes to stand against its command.
+//! Errors of an arm's axes in the form of an identified error model: curves of any period, any number of gear lines, the
+//! deflection of each axis under weight, and the offset from the command after an approach.
 
 use nalgebra::{Point3, Vector3};
 use serde::Serialize;
@@ -10,43 +10,43 @@ use crate::units::MM_PER_M;
 /// Errors of every axis beyond geometry.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisErrors {
-    /// One for each axis, in the arm's order.
+    /// The errors of each axis, in the arm's order.
     pub axes: Vec<AxisError>,
-    /// After how many turns curves repeat.
+    /// Period of the curves, in turns.
     pub period_turns: f64,
-    /// Where joints come to stand against their commands; `None` where the model does not know.
+    /// Approach-direction offset of each joint; `None` when the model does not have it.
     pub approach: Option<Vec<ApproachOffset>>,
-    /// What a visit of each joint does not repeat, as standard deviations, rad.
+    /// Repeatability of each joint from visit to visit, a standard deviation, rad.
     pub repeatability_rad: Vec<f64>,
 }
 
 /// Errors of one axis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct AxisError {
-    /// The same everywhere, rad.
+    /// Constant part, rad.
     pub constant_rad: f64,
-    /// Curves that add up, of the angle over the period.
+    /// Curves, to be summed, as functions of the angle divided by the period.
     pub curves: Vec<JointCurve>,
     /// Gear lines.
     pub lines: Vec<GearLine>,
-    /// What it gives way to a mass at each later axis' origin and, last, at the target: rad per m of lever.
+    /// Compliance to a mass at each later axis' origin and, last, at the measured target: rad per m of lever.
     pub gives_way: Vec<f64>,
 }
 
-/// Where a joint comes to stand.
+/// The true angle of a joint after an approach, relative to its reported and commanded angle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ApproachOffset {
-    /// Share of the way from reported to commanded angle.
+    /// Command–feedback weight: the share of the way from reported to commanded angle.
     pub nearer_command: f64,
-    /// Beyond that, on the side of the command, rad: all of it once the joint is `within_rad` short, less in proportion
-    /// before.
+    /// Offset beyond that share, towards the command, rad. It is whole when the settling error is at least `within_rad`, and
+    /// in proportion below.
     pub beyond_rad: f64,
-    /// See `beyond_rad`.
+    /// The settling error, rad, from which on `beyond_rad` applies in full.
     pub within_rad: f64,
 }
 
 impl AxisErrors {
-    /// What each axis is off at reported axis variables (rad) without weight.
+    /// Error of each axis at reported axis variables (rad), without the effect of weight, rad.
     pub(super) fn unloaded(&self, axes: &[f64]) -> Vec<f64> {
         let off = |(error, q): (&AxisError, &f64)| {
             let curves = error
@@ -59,8 +59,8 @@ impl AxisErrors {
         self.axes.iter().zip(axes).map(off).collect()
     }
 
-    /// What each axis gives way, rad: `origins` are the axes' (origin, direction), then the target's, mm.
-    pub(super) fn given_way(
+    /// Deflection of each axis under weight, rad: `origins` are the axes' (origin, direction), then the target's, mm.
+    pub(super) fn deflections(
         &self,
         origins: &[(Point3<f64>, Vector3<f64>)],
         target: Point3<f64>,
@@ -80,8 +80,8 @@ impl AxisErrors {
 }
 
 impl ApproachOffset {
-    /// True minus reported angle of a joint that reports to be `short_rad` short of its command.
-    pub(super) fn beside_reported(&self, short_rad: f64) -> f64 {
+    /// True minus reported angle of a joint whose settling error is `short_rad`, rad.
+    pub(super) fn true_minus_reported(&self, short_rad: f64) -> f64 {
         let share = (short_rad / self.within_rad).clamp(-1.0, 1.0);
         self.nearer_command * short_rad + self.beyond_rad * share
     }

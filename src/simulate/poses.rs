@@ -1,4 +1,4 @@
-//! Where the session measures: commanded target poses and the joint angles that the controller computes for them.
+//! The poses of a session: commanded poses of the measured target, and the joint angles that the controller computes.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -8,12 +8,12 @@ use super::settings::{Poses, SimulateSettings};
 use crate::geometry::isometry_from_rpy;
 use crate::kinematics::{Arm, InverseError, InverseSettings, inverse};
 
-/// A commanded pose of the target in the base frame, and the nominal arm's angles for it.
+/// A commanded pose of the measured target in the base frame, and the nominal arm's joint angles for it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commanded {
-    /// The target in the base frame of the nominal arm.
+    /// Pose of the measured target in the base frame of the nominal arm, mm.
     pub base_from_target: Isometry3<f64>,
-    /// The nominal arm's reported angles there, rad.
+    /// The nominal arm's reported angles at the pose, rad.
     pub joints: Vec<f64>,
 }
 
@@ -61,7 +61,7 @@ pub(super) fn commanded(
     }
 }
 
-/// Nodes of a grid in the order x fastest, each line and layer back the way the last one came.
+/// Nodes of a grid, x fastest; each line and layer runs in the direction opposite to the last one.
 fn serpentine(
     lower: [f64; 3],
     upper: [f64; 3],
@@ -85,7 +85,7 @@ fn serpentine(
 
 /// `⌊Δ/L⌋ + 1` nodes along each axis ([`crate::method::grids`]), at least one and together no more than a session can have.
 fn node_counts(lower: [f64; 3], upper: [f64; 3], step: f64) -> Result<[usize; 3], SimulateError> {
-    // The tolerance forgives a size that is a whole number of steps but for rounding.
+    // The tolerance allows for the rounding of a size that is a whole number of steps.
     let steps = |axis: usize| ((upper[axis] - lower[axis]) / step + 1e-9).floor();
     let counts: [f64; 3] = std::array::from_fn(|axis| steps(axis) + 1.0);
     if !counts.iter().all(|&count| count >= 1.0) || step <= 0.0 {
@@ -111,7 +111,7 @@ fn check_count(asked: f64) -> Result<(), SimulateError> {
     }
 }
 
-/// The controller: it knows the nominal arm and where the target is meant to be.
+/// The controller: it knows the nominal arm and the nominal place of the measured target.
 struct Controller<'a> {
     arm: &'a Arm,
     nominal: Vec<f64>,
@@ -135,7 +135,7 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Angles for a pose, from the last pose or else from home.
+    /// Joint angles for a pose, searched from the last pose and, where that fails, from home.
     fn angles(&self, pose: &Isometry3<f64>, last: &[f64]) -> Result<Vec<f64>, InverseError> {
         let settings = InverseSettings {
             least_singularity_factor: LEAST_SINGULARITY_FACTOR,
@@ -217,7 +217,7 @@ impl<'a> Controller<'a> {
                 .map(|(&lower, &upper)| stream.between(lower, upper))
                 .collect();
             let pose = self.arm.flange(&joints).isometry() * self.flange_from_target;
-            // Only what home's arm configuration reaches within the limits is visited.
+            // Only poses that are reached in home's arm configuration within the limits are visited.
             self.angles(&pose, &joints).map(|joints| Commanded {
                 base_from_target: pose,
                 joints,
@@ -226,7 +226,7 @@ impl<'a> Controller<'a> {
         self.drawn(count, draw)
     }
 
-    /// Poses as they are given: whoever lists them knows that the arm reaches them.
+    /// The listed poses, unchecked: the list is taken as reachable.
     fn listed(&self, joints: &[Vec<f64>]) -> Result<Vec<Commanded>, SimulateError> {
         check_count(joints.len() as f64)?;
         let at = |joints: &Vec<f64>| {

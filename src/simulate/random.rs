@@ -1,14 +1,14 @@
 //! Seeded random numbers whose streams do not change with a crate or with each other.
 //!
 //! `ChaCha` with 12 rounds, keyed by the seed (little endian, then zeros), one stream for each [`Ingredient`]: switching
-//! one ingredient off leaves the others as they were. Uniform numbers are the upper 53 bits of each 64; normal ones are
+//! one ingredient off leaves the others unchanged. Uniform numbers are the upper 53 bits of each 64; normal ones are
 //! Box and Muller's cosine branch.
 
 use nalgebra::Vector3;
 use rand_chacha::ChaCha12Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-/// What a stream is drawn for; its number is the `ChaCha` stream.
+/// The purpose of a stream; its number is the `ChaCha` stream.
 #[derive(Debug, Clone, Copy)]
 pub enum Ingredient {
     /// Link lengths and angles.
@@ -17,19 +17,19 @@ pub enum Ingredient {
     JointCurves = 2,
     /// Gear lines.
     GearLines = 3,
-    /// What axes give way.
+    /// Compliance of the axes.
     Gravity = 4,
     /// Backlash.
     Backlash = 5,
-    /// Where the target really sits.
+    /// True place of the measured target on the flange.
     Target = 6,
     /// Drift of the base.
     BaseDrift = 7,
     /// Poses of a session.
     Poses = 8,
-    /// How far the controller stops short.
+    /// Settling error of the controller.
     StopsShort = 9,
-    /// What no other visit repeats.
+    /// Repeatability from visit to visit.
     Repeatability = 10,
     /// Lengths of dwells.
     Pauses = 11,
@@ -43,19 +43,19 @@ pub enum Ingredient {
     Outliers = 15,
     /// Poses that a design may choose.
     Candidates = 16,
-    /// Poses that stand for a region.
+    /// Poses that represent a region.
     Region = 17,
-    /// Fresh poses that judge.
+    /// New poses for the judgement of a plan.
     TestPoses = 18,
     /// Seeds of robots and sessions.
     Robots = 19,
-    /// What a covariance would make of errors.
+    /// Errors drawn from a covariance.
     Errors = 20,
-    /// Poses that verify a promise.
+    /// Poses that verify a stated bound.
     Verify = 21,
-    /// Arms that a posterior holds possible.
+    /// Arms drawn from a posterior.
     Posterior = 22,
-    /// What an arm as a whole does not repeat.
+    /// Repeatability of an arm as a whole.
     Scatter = 23,
 }
 
@@ -73,7 +73,7 @@ impl Stream {
         Self(generator)
     }
 
-    /// 64 even bits.
+    /// 64 uniformly random bits.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn the_stream_is_the_documented_one() {
-        // First 64 bits of ChaCha12 with an all-zero key and stream 1: fixed, so that a seed means the same for ever.
+        // First 64 bits of ChaCha12 with an all-zero key and stream 1: fixed, so that a seed never changes its meaning.
         // The literal is from an implementation written from RFC 8439 with 12 rounds and a 64-bit stream number.
         let mut stream = Stream::new(0, Ingredient::Geometry);
         let first = stream.0.next_u64();

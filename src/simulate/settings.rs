@@ -1,36 +1,36 @@
-//! What is simulated. Every ingredient is switched off by 0; [`SimulateSettings::exact`] has them all off.
+//! Settings of a simulation. Every ingredient is switched off by 0; [`SimulateSettings::exact`] has them all off.
 
 use serde::Serialize;
 
 /// A synthetic session: poses, errors of the arm, the cell, the instrument, the clocks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SimulateSettings {
-    /// Key of all random streams.
+    /// Seed of all random streams.
     pub seed: u64,
-    /// Key of what is wrong with the arm, where it is not the session's: another session of the same arm.
+    /// Seed of the arm's errors, for another session of the same arm. Absent: `seed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub arm_seed: Option<u64>,
-    /// Reported angles (rad) at the start; the arm configuration of the whole session is theirs.
+    /// Reported angles (rad) at the start; the whole session is in their arm configuration.
     pub home: Vec<f64>,
-    /// Where to measure.
+    /// Poses to measure.
     pub poses: Poses,
-    /// Wrong link lengths and angles.
+    /// Errors of link lengths and angles.
     pub geometry: GeometryErrors,
     /// Errors of the joints.
     pub joints: JointErrors,
-    /// Weight.
+    /// Deflection under weight.
     pub gravity: Gravity,
-    /// Base, target and where the tracker stands.
+    /// Places of base, measured target and tracker.
     pub cell: Cell,
     /// The laser tracker.
     pub tracker: TrackerErrors,
-    /// The tracker's clock against the controller's.
+    /// The tracker's clock relative to the controller's.
     pub clocks: Clocks,
     /// Moves, dwells and sampling.
     pub motion: MotionTimes,
 }
 
-/// Which poses the target is sent to.
+/// Poses to which the measured target is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Poses {
@@ -47,20 +47,20 @@ pub enum Poses {
     },
     /// Random places in a box, random orientations about one.
     Box {
-        /// How many.
+        /// Number of poses.
         count: usize,
         /// Lower corner in the base frame, mm.
         lower_mm: [f64; 3],
         /// Upper corner, mm.
         upper_mm: [f64; 3],
-        /// The middle orientation: fixed-axis roll, pitch, yaw, rad.
+        /// The mean orientation: fixed-axis roll, pitch, yaw, rad.
         orientation_rpy: [f64; 3],
         /// Largest turn away from it, rad.
         cone_rad: f64,
     },
     /// Random joint angles, uniform between bounds.
     Joints {
-        /// How many.
+        /// Number of poses.
         count: usize,
         /// Lower bounds, rad.
         lower: Vec<f64>,
@@ -92,41 +92,42 @@ pub struct JointErrors {
     pub fast_curve_rad: f64,
     /// Amplitude of a sine at the gear's cycles per turn, rad.
     pub gear_line_rad: f64,
-    /// Backlash: the joint stands half of it off, against the direction of its last move, rad.
+    /// Backlash, rad: the joint is off by half of it, against the direction of its last move.
     pub backlash_rad: f64,
-    /// How far the controller stops short of its command, typically, rad.
+    /// Typical settling error of the controller, rad.
     pub stops_short_rad: f64,
-    /// Share of the way from reported to commanded angle at which the arm stands: β in [`crate::method::error_model`].
+    /// Command–feedback weight: the true angle's share of the way from reported to commanded angle, β in
+    /// [`crate::method::error_model`].
     pub nearer_command: f64,
-    /// Standard deviation from visit to visit, rad.
+    /// Repeatability: standard deviation from visit to visit, rad.
     pub repeatability_rad: f64,
 }
 
-/// Weight of links and payload, and what the joints give way.
+/// Weight of links and payload, and the joints' compliance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Gravity {
-    /// What a typical joint gives way when the whole arm is stretched out level before it, rad.
+    /// Deflection of a typical joint when the arm after it is stretched out level, rad.
     pub sag_rad: f64,
-    /// Up, in the base frame.
+    /// Direction of up in the base frame.
     pub up: [f64; 3],
 }
 
 /// Frames of the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Cell {
-    /// Where the base stands in the tracker's frame, mm.
+    /// Origin of the base in the tracker frame, mm.
     pub tracker_from_base_mm: [f64; 3],
-    /// How it is turned there: fixed-axis roll, pitch, yaw, rad.
+    /// Orientation of the base in the tracker frame: fixed-axis roll, pitch, yaw, rad.
     pub tracker_from_base_rpy: [f64; 3],
-    /// The target on the flange as the controller knows it, mm.
+    /// Position of the measured target in the flange frame as the controller knows it, mm.
     pub flange_from_target_mm: [f64; 3],
-    /// How it is turned there: fixed-axis roll, pitch, yaw, rad.
+    /// Orientation of the measured target in the flange frame: fixed-axis roll, pitch, yaw, rad.
     pub flange_from_target_rpy: [f64; 3],
-    /// Standard deviation per axis of where the target really is, mm.
+    /// Standard deviation per axis of the target's true position about the known one, mm.
     pub target_sd_mm: f64,
-    /// Slow drift of the base over the session, typically, mm.
+    /// Typical slow drift of the base over the session, mm.
     pub base_drift_mm: f64,
-    /// Whether the target gives its orientation (6-DoF) or only its position.
+    /// Whether orientation is measured (6-DoF) or only position.
     pub six_dof: bool,
 }
 
@@ -141,16 +142,16 @@ pub struct TrackerErrors {
     pub transverse_mm: f64,
     /// Across the beam: part per distance, mm/mm.
     pub transverse_per_mm: f64,
-    /// What the permissible errors are divided by to give standard deviations.
+    /// Divisor that turns the permissible errors into standard deviations.
     pub divisor: f64,
-    /// How much too long the instrument measures, as a share of the distance from it: a wrong length unit.
+    /// Scale error of the instrument, as a share of the distance; positive when it measures too long.
     #[serde(skip_serializing_if = "is_zero")]
     pub scale: f64,
     /// Standard deviation of an orientation, rad per axis.
     pub orientation_rad: f64,
     /// Share of stations that the beam misses.
     pub lost_share: f64,
-    /// Whether a lost beam writes 0 0 0 or nothing.
+    /// Whether a lost beam is logged as 0 0 0 (true) or not at all.
     pub lost_as_zeros: bool,
     /// Share of readings that are 2 to 20 mm off.
     pub outlier_share: f64,
@@ -175,7 +176,7 @@ pub struct Clocks {
 /// Times of moves, dwells and samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MotionTimes {
-    /// Time of every move, s, to which comes what the speed asks for.
+    /// Constant part of the time of every move, s; the distance over the speed is added.
     pub move_s: f64,
     /// Mean speed of the fastest joint, rad/s.
     pub speed_rad_s: f64,
@@ -190,7 +191,7 @@ pub struct MotionTimes {
 }
 
 impl SimulateSettings {
-    /// An arm that is exactly nominal, measured without error by clocks that agree: the base to switch ingredients on.
+    /// An arm that is exactly nominal, measured without error and with equal clocks; ingredients are then switched on.
     pub fn exact(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
         Self {
             seed,
@@ -217,7 +218,7 @@ impl SimulateSettings {
         }
     }
 
-    /// Errors as a good industrial arm has them: about a millimetre before, most of it geometry.
+    /// Errors typical of a good industrial arm: about a millimetre uncompensated, most of it geometry.
     pub fn realistic(seed: u64, home: Vec<f64>, poses: Poses) -> Self {
         Self {
             geometry: GeometryErrors {
@@ -273,7 +274,7 @@ impl JointErrors {
 }
 
 impl Default for Cell {
-    /// The tracker 4 m before the arm and turned towards it, a reflector 100 mm before the flange and a little off its axis.
+    /// The tracker is 4 m in front of the arm and turned towards it, the reflector 100 mm in front of the flange, off its axis.
     fn default() -> Self {
         Self {
             tracker_from_base_mm: [4200.0, -900.0, -650.0],

@@ -1,4 +1,4 @@
-//! The stations that a perfect join would find in a synthetic session: for tests of what follows the join.
+//! The stations that a perfect join would find in a synthetic session, for tests of the stages after the join.
 
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
@@ -100,7 +100,7 @@ fn mean(readings: &TargetReadings, kept: &[usize]) -> Vector3<f64> {
     sum / kept.len() as f64
 }
 
-/// Standard deviation of one reading per axis (n − 1); 0 of a single one.
+/// Standard deviation of one reading per axis (n − 1), mm; 0 for a single reading.
 fn scatter(readings: &TargetReadings, kept: &[usize], mean: &Vector3<f64>) -> [f64; 3] {
     let squares: Vector3<f64> = kept
         .iter()

@@ -59,7 +59,7 @@ fn without_errors_the_tracker_sees_the_commands() {
 }
 
 #[test]
-fn each_ingredient_alone_moves_the_target_and_off_is_off() {
+fn each_ingredient_alone_moves_the_target_and_zero_switches_it_off() {
     type Change = fn(&mut SimulateSettings);
     let exact = || SimulateSettings::exact(5, home(), small_grid());
     let cases: [(&str, Change, f64); 8] = [
@@ -148,8 +148,8 @@ fn each_ingredient_alone_moves_the_target_and_off_is_off() {
 }
 
 #[test]
-fn the_arm_stands_at_its_command_when_beta_is_one() {
-    // Reported angles are 1e-3 rad short, but the arm stands all the way at the command: β = 1 in method::error_model.
+fn the_arm_is_at_its_command_when_beta_is_one() {
+    // Reported angles are 1e-3 rad short, but the arm is exactly at the command: β = 1 in method::error_model.
     let mut settings = SimulateSettings::exact(5, home(), small_grid());
     settings.joints.stops_short_rad = 1e-3;
     settings.joints.nearer_command = 1.0;
@@ -223,7 +223,7 @@ fn lost_beams_and_outliers_are_counted() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_session_and_another_another() {
+fn the_same_seed_gives_the_same_session_and_another_seed_does_not() {
     let arm = kr210();
     let first = simulate(&arm, &realistic()).expect("in reach");
     let again = simulate(&arm, &realistic()).expect("in reach");

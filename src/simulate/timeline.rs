@@ -1,4 +1,4 @@
-//! When the arm is where: minimum-jerk moves between stops, and what differs from visit to visit.
+//! The arm's motion over time: minimum-jerk moves between stops, and the errors that differ from visit to visit.
 
 use nalgebra::Isometry3;
 
@@ -10,33 +10,33 @@ use super::{ANGLE_RESOLUTION, rounded};
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, round_ns};
 
-/// A joint that moves less than this has not moved: its backlash stays where it was, rad.
-const STANDS: f64 = 1e-6;
+/// A joint that moves less than this keeps the side of its backlash, rad.
+const LEAST_MOVE_RAD: f64 = 1e-6;
 /// Times are whole multiples of this, s.
 const TICK_S: f64 = 1e-3;
 
 /// One dwell, and the move that leads to it.
 #[derive(Debug, Clone)]
 pub(super) struct Stop {
-    /// The command: target in the base frame of the nominal arm.
+    /// The command: the measured target's pose in the base frame of the nominal arm, mm.
     pub(super) base_from_target: Isometry3<f64>,
-    /// The angles that the controller computed for it.
+    /// The joint angles that the controller computed for it, rad.
     pub(super) commanded: Vec<f64>,
-    /// The angles it reports while stationary.
+    /// The joint angles that the controller reports while stationary, rad.
     pub(super) reported: Vec<f64>,
-    /// What the arm's angles are off on this visit beyond the arm's own errors.
+    /// Errors of the joint angles on this visit beyond the arm's own errors, rad.
     pub(super) visit: Vec<f64>,
-    /// Of these, what no other visit repeats.
+    /// The part of `visit` that no other visit repeats, rad.
     pub(super) repeated: Vec<f64>,
-    /// When the move begins, s.
+    /// Start of the move, s.
     pub(super) departs_s: f64,
-    /// When the dwell begins, s.
+    /// Start of the dwell, s.
     pub(super) start_s: f64,
-    /// When it ends, s.
+    /// End of the dwell, s.
     pub(super) end_s: f64,
 }
 
-/// Reported angles at one moment, and what the true ones are off beyond the arm's own errors.
+/// Reported angles at one moment, and the errors of the true ones beyond the arm's own errors, rad.
 #[derive(Debug, Clone)]
 pub(super) struct State {
     pub(super) reported: Vec<f64>,
@@ -91,19 +91,19 @@ impl Timeline {
         }
     }
 
-    /// When the last dwell ends, s.
+    /// End of the last dwell, s.
     pub(super) fn end_s(&self) -> f64 {
         self.stops.last().map_or(0.0, |stop| stop.end_s)
     }
 
-    /// The stop that the arm is moving to or standing at, by number.
+    /// The number of the stop that the arm moves to or dwells at.
     pub(super) fn stop_at(&self, t_s: f64) -> Option<usize> {
         let next = self.stops.partition_point(|stop| stop.end_s < t_s);
         let last = self.stops.len().checked_sub(1)?;
         Some(next.min(last))
     }
 
-    /// The arm at a moment: stationary, or on a minimum-jerk move.
+    /// The arm's state at a moment: stationary, or on a minimum-jerk move.
     pub(super) fn state(&self, t_s: f64) -> State {
         let Some(number) = self.stop_at(t_s) else {
             return State {
@@ -137,17 +137,17 @@ impl Timeline {
     }
 }
 
-/// Where one visit ends.
+/// The joint angles at the end of one visit.
 struct Visit {
     /// Reported angles, rad.
     reported: Vec<f64>,
-    /// How far the true ones are off beyond the arm's own errors, rad.
+    /// Errors of the true angles beyond the arm's own errors, rad.
     off: Vec<f64>,
-    /// Of this, what no other visit repeats, rad.
+    /// The part of `off` that no other visit repeats, rad.
     repeated: Vec<f64>,
 }
 
-/// What differs from visit to visit: where the controller stops, the backlash's side, repeatability.
+/// The errors that differ from visit to visit: settling error, side of the backlash, repeatability.
 struct Visits<'a> {
     settings: &'a SimulateSettings,
     stops_short: Stream,
@@ -180,14 +180,14 @@ impl<'a> Visits<'a> {
         let mut off = Vec::with_capacity(commanded.len());
         for (joint, &command) in commanded.iter().enumerate() {
             let moved = command - from[joint];
-            if moved.abs() > STANDS {
+            if moved.abs() > LEAST_MOVE_RAD {
                 self.direction[joint] = moved.signum();
             }
             let short = settings.stops_short_rad * self.stops_short.between(0.5, 1.5);
             let reports = rounded(command - self.direction[joint] * short, ANGLE_RESOLUTION);
             let nearer = settings.nearer_command;
             let beside =
-                errors.beside_reported(joint, command - reports, self.direction[joint], nearer);
+                errors.true_minus_reported(joint, command - reports, self.direction[joint], nearer);
             reported.push(reports);
             off.push(beside + repeated[joint]);
         }
@@ -199,7 +199,7 @@ impl<'a> Visits<'a> {
     }
 }
 
-/// Nanoseconds of a time in seconds.
+/// A time in seconds as nanoseconds.
 pub(super) fn ns(t_s: f64) -> i64 {
     round_ns(t_s * NS_PER_S)
 }
@@ -226,11 +226,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn minimum_jerk_starts_and_ends_at_rest() {
+    fn minimum_jerk_starts_and_ends_with_zero_speed() {
         assert!(minimum_jerk(0.0).abs() < f64::EPSILON);
         assert!((minimum_jerk(0.5) - 0.5).abs() < 1e-15);
         assert!((minimum_jerk(1.0) - 1.0).abs() < 1e-15);
-        // Cubic at the ends: a thousandth of the time moves less than 1e-8 of the way.
+        // Cubic at the ends: in a thousandth of the time the arm moves about 1e-8 of the way.
         assert!(minimum_jerk(1e-3) < 1.1e-8);
     }
 }

@@ -1,4 +1,4 @@
-//! What the tracker sees: the target in its frame, at its own times, with its noise, losses and outliers.
+//! The tracker's readings: the target in the tracker frame at the tracker's own times, with noise, losses and outliers.
 //!
 //! Uncertainty ([`crate::method::uncertainty`]): standard deviations `(constant + per distance · distance) / divisor`
 //! along and across the beam. Half of that variance is the same for all readings of a station (refraction, the reflector's
@@ -23,18 +23,18 @@ use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker};
 /// Temperature at the start, °C, and its rise over the session.
 const TEMPERATURE: (f64, f64) = (21.5, 1.8);
 
-/// How many readings there are, of which kind.
+/// Numbers of readings by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrueReadingCounts {
-    /// Readings of the target, outliers included.
+    /// Number of readings of the target, outliers included.
     pub seen: u64,
-    /// Of these, outliers.
+    /// Number of outliers among `seen`.
     pub outliers: u64,
-    /// Moments at which the beam was lost, whether zeros were written or nothing.
+    /// Number of moments at which the beam was lost, whether logged as zeros or not at all.
     pub lost: u64,
 }
 
-/// What the tracker has of one moment.
+/// The tracker's result at one moment.
 enum Reading {
     Seen(Isometry3<f64>),
     Outlier(Isometry3<f64>),
@@ -42,7 +42,7 @@ enum Reading {
 }
 
 impl Reading {
-    /// What stands in the log, if anything.
+    /// The pose in the log; `None` when nothing is logged.
     fn logged(self, lost_as_zeros: bool) -> Option<Isometry3<f64>> {
         match self {
             Self::Seen(pose) | Self::Outlier(pose) => Some(pose),
@@ -64,7 +64,7 @@ impl TrueReadingCounts {
     }
 }
 
-/// The session as the tracker could see it.
+/// The session from the tracker's side.
 pub(super) struct View<'a> {
     arm: &'a Arm,
     settings: &'a SimulateSettings,
@@ -115,7 +115,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// How far the base has moved in its own frame, mm: nothing at the start, three slow sines.
+    /// Movement of the base in its own frame, mm: zero at the start, a slow sine along each axis.
     pub(super) fn base_drift(&self, t_s: f64) -> Vector3<f64> {
         let way = t_s / self.timeline.end_s().max(1.0);
         let typical = self.settings.cell.base_drift_mm;
@@ -129,7 +129,7 @@ impl<'a> View<'a> {
             .sum()
     }
 
-    /// Where the target really is in the tracker's frame at a moment of the controller's time.
+    /// True pose of the target in the tracker frame at a moment of the controller's time, mm.
     pub(super) fn tracker_from_target(&self, t_s: f64) -> Isometry3<f64> {
         let state = self.timeline.state(t_s);
         let base_from_target =
@@ -163,7 +163,7 @@ impl<'a> View<'a> {
         (readings, counts)
     }
 
-    /// What becomes of one moment. Every moment draws the same numbers, so that a loss here changes nothing there.
+    /// The result at one moment. Every moment draws the same count of random numbers, so that a loss does not change others.
     fn reading(
         &self,
         stamp: Stamp<Tracker>,
@@ -213,7 +213,7 @@ impl<'a> View<'a> {
         self.clock.to_controller(stamp).since_s(self.clock.origin)
     }
 
-    /// The mean of all readings of a stop at which the target stands still at `pose`.
+    /// The mean of all readings of a stop at which the target is stationary at `pose`.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -255,7 +255,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// How far off the instrument measures: by its scale, and by noise of three standard normal numbers, mm.
+/// Error of the instrument, mm: its scale error, and noise made from three standard normal numbers.
 fn off(beam: &Vector3<f64>, normal: &Vector3<f64>, tracker: &TrackerErrors) -> Vector3<f64> {
     beam * tracker.scale + along_and_across(beam, normal, tracker)
 }
@@ -268,7 +268,7 @@ fn along_and_across(
 ) -> Vector3<f64> {
     let distance = beam.norm();
     let along = beam / distance.max(f64::MIN_POSITIVE);
-    // Any direction that is not the beam's gives a frame across it.
+    // Any direction other than the beam's gives two axes across it.
     let other = if along.z.abs() < 0.9 {
         Vector3::z()
     } else {

@@ -1,7 +1,7 @@
-//! The arm as it really is: nominal chain plus parameter offsets, joint error curves, gear lines, backlash and sag.
+//! The true arm: nominal chain plus parameter offsets, joint error curves, gear lines, backlash and sag.
 //!
-//! An actual joint angle is `q + curve(q) + line(q) + visit`, where `visit` is what differs from visit to visit (backlash,
-//! stopping short, repeatability). Then each axis gives way under gravity: `compliance · torque`, the torque that of point
+//! A true joint angle is `q + curve(q) + line(q) + visit`, where `visit` is the error that differs from visit to visit
+//! (backlash, settling error, repeatability). Then each axis deflects under gravity: `compliance · torque`, the torque of point
 //! masses halfway between neighbouring joint origins, and of a payload at the target ([`crate::method::error_model`]).
 
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -19,7 +19,7 @@ const LINK_SHARE: f64 = 0.6;
 /// The payload's share of the first link's weight.
 const PAYLOAD_SHARE: f64 = 0.2;
 
-/// Everything that is wrong with an arm, as drawn.
+/// The errors drawn for one arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ArmErrors {
     /// Offsets of the free parameters (mm, rad), in the chain's order.
@@ -30,23 +30,23 @@ pub struct ArmErrors {
     pub gear_lines: Vec<GearLine>,
     /// Backlash of each joint, rad.
     pub backlash_rad: Vec<f64>,
-    /// What each axis gives way, rad per (unit of mass · mm).
+    /// Compliance of each axis, rad per (unit of mass · mm).
     pub compliance: Vec<f64>,
     /// Mass of each link and, last, of the payload; they sum to 1.
     pub masses: Vec<f64>,
-    /// Up, in the base frame.
+    /// Direction of up in the base frame.
     pub up: [f64; 3],
-    /// The target as it really sits on the flange: position, mm.
+    /// True position of the measured target in the flange frame, mm.
     pub flange_from_target_mm: [f64; 3],
-    /// The same: fixed-axis roll, pitch, yaw, rad.
+    /// True orientation of the measured target in the flange frame: fixed-axis roll, pitch, yaw, rad.
     pub flange_from_target_rpy: [f64; 3],
-    /// For an arm that was identified before: what its axes are off besides.
+    /// Errors of the axes of an arm that was identified before, in addition to the above; absent for a drawn arm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub identified: Option<AxisErrors>,
 }
 
 impl ArmErrors {
-    /// Draws what is wrong with the arm whose number is `settings.arm_seed`, or `settings.seed`.
+    /// Draws the errors of the arm with the seed `settings.arm_seed`, or `settings.seed` without one.
     pub fn draw(arm: &Arm, settings: &SimulateSettings) -> Self {
         let joints = arm.joints().len();
         let stream =
@@ -83,7 +83,7 @@ impl ArmErrors {
         }
     }
 
-    /// An arm whose axes are off by `identified` and nothing else.
+    /// An arm whose only errors are `identified`.
     pub fn of_identified(
         offsets: Vec<f64>,
         identified: AxisErrors,
@@ -106,9 +106,9 @@ impl ArmErrors {
         }
     }
 
-    /// Where `joint` stands beside its reported angle after a move in `direction` (±1, 0 for none yet) that ended
-    /// `short_rad` short of its command, rad; without what no visit repeats.
-    pub(super) fn beside_reported(
+    /// True minus reported angle of `joint`, rad, after a move in `direction` (±1, 0 for none yet) that ended with the
+    /// settling error `short_rad` (rad); without the part that no visit repeats.
+    pub(super) fn true_minus_reported(
         &self,
         joint: usize,
         short_rad: f64,
@@ -119,18 +119,18 @@ impl ArmErrors {
         let approach = self.identified.as_ref().and_then(|i| i.approach.as_ref());
         slack
             + approach.map_or(nearer_command * short_rad, |approach| {
-                approach[joint].beside_reported(short_rad)
+                approach[joint].true_minus_reported(short_rad)
             })
     }
 
-    /// What a visit of `joint` does not repeat, as a standard deviation, rad: its own where it was identified.
+    /// Repeatability of `joint` from visit to visit, a standard deviation, rad: the identified one where there is one.
     pub(super) fn repeatability_rad(&self, joint: usize, expected_rad: f64) -> f64 {
         let identified = self.identified.as_ref();
         identified.map_or(expected_rad, |own| own.repeatability_rad[joint])
     }
 
-    /// Where the target really is in the base frame when the controller reports `joints` (rad), `visit` (rad) being what
-    /// differs from visit to visit.
+    /// True pose of the measured target in the base frame when the controller reports `joints` (rad); `visit` (rad) is the
+    /// error that differs from visit to visit.
     pub fn base_from_target(&self, arm: &Arm, joints: &[f64], visit: &[f64]) -> Isometry3<f64> {
         let actual: Vec<f64> = (0..joints.len())
             .map(|j| {
@@ -153,13 +153,13 @@ impl ArmErrors {
         arm.chain().forward(&axes, &self.offsets) * flange_from_target
     }
 
-    /// Adds what identified axes are off at `reported` axis variables to `axes`.
+    /// Adds the identified errors of the axes at `reported` axis variables to `axes`.
     fn add(&self, identified: &AxisErrors, arm: &Arm, reported: &[f64], axes: &mut [f64]) {
         let chain = arm.chain();
         let end = chain.forward(reported, &self.offsets);
         let target = end * Point3::from(self.flange_from_target_mm);
         let origins = chain.joint_axes(reported, &self.offsets);
-        let way = identified.given_way(&origins, target, &Vector3::from(self.up));
+        let way = identified.deflections(&origins, target, &Vector3::from(self.up));
         let off = identified.unloaded(reported).into_iter().zip(way);
         for (axis, (unloaded, way)) in axes.iter_mut().zip(off) {
             *axis += unloaded + way;
@@ -219,7 +219,7 @@ fn masses(joints: usize) -> Vec<f64> {
     masses.iter().map(|mass| mass / total).collect()
 }
 
-/// Every axis gives way by `sag_rad`, give or take a half, under the weight of all that follows it held out level.
+/// Compliances at which every axis deflects by `sag_rad`, half more or less, under the weight of the arm held out level.
 fn compliance(
     arm: &Arm,
     settings: &SimulateSettings,
@@ -249,7 +249,7 @@ fn compliance(
             }
             torque += masses[zeros.len()] * reach;
             let drawn = sag_rad * stream.between(0.5, 1.5);
-            // The last joints of an arm without tool have nothing to hold: nothing to give way to either.
+            // The last joints of an arm without a tool carry no weight and have no deflection.
             if torque > 1.0e-9 { drawn / torque } else { 0.0 }
         })
         .collect()

@@ -14,27 +14,27 @@ use crate::units::{ClockModel, Controller, Stamp};
 
 /// Error curves are tabulated at this many angles per joint, from limit to limit.
 const CURVE_POINTS: u32 = 181;
-/// Numbers in the JSON have this many digits: below them, machines may differ.
+/// Significant digits of numbers in the JSON; further digits may differ between machines.
 const DIGITS: usize = 10;
 
-/// Everything that a session's logs do not say.
+/// The true values that a session's logs do not state.
 #[derive(Debug, Clone, Serialize)]
 pub struct Truth {
     /// The arm's model.
     pub model: String,
-    /// The settings it was made with.
+    /// The settings of the simulation.
     pub settings: SimulateSettings,
-    /// What was drawn for the arm, by parameter.
+    /// The true offsets of the arm, by parameter.
     pub parameters: Vec<TrueParameter>,
-    /// What was drawn for the arm.
+    /// The errors drawn for the arm.
     pub arm: ArmErrors,
     /// Each joint's error curve, tabulated.
     pub joint_errors: Vec<TrueCurve>,
-    /// How the clocks relate.
+    /// The true relation of the clocks.
     pub clock: TrueClock,
-    /// Stations, and how many of them the beam missed.
+    /// Number of stations visited.
     pub stations_visited: usize,
-    /// Of these, stations that the beam missed.
+    /// Number of these stations that the beam missed.
     pub stations_lost: usize,
     /// Readings by kind.
     pub readings: TrueReadingCounts,
@@ -48,11 +48,11 @@ pub struct Truth {
 /// One parameter's true offset.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrueParameter {
-    /// Its name.
+    /// The parameter's name.
     pub name: String,
-    /// mm or rad.
+    /// The parameter's unit: mm or rad.
     pub unit: &'static str,
-    /// What the true arm has more than the nominal one.
+    /// True minus nominal value.
     pub offset: f64,
 }
 
@@ -63,7 +63,7 @@ pub struct TrueCurve {
     pub joint: String,
     /// Reported angles, rad.
     pub angles_rad: Vec<f64>,
-    /// Errors there, rad.
+    /// Errors at these angles, rad.
     pub errors_rad: Vec<f64>,
 }
 
@@ -89,7 +89,7 @@ pub struct RawError {
     pub max: f64,
 }
 
-/// One dwell as it really was.
+/// The true values of one dwell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrueStation {
     /// Number, from 0, in time order.
@@ -98,23 +98,23 @@ pub struct TrueStation {
     pub start: Stamp<Controller>,
     /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// Whether the tracker saw it.
+    /// Whether the tracker measured it.
     pub measured: bool,
-    /// The command: target in the nominal base frame.
+    /// The command: the measured target's pose in the nominal base frame, mm.
     pub command: Isometry3<f64>,
-    /// Angles the controller computed for it, rad.
+    /// Joint angles that the controller computed for the command, rad.
     pub commanded: Vec<f64>,
-    /// Angles it reported while stationary, rad.
+    /// Joint angles that the controller reported while stationary, rad.
     pub reported: Vec<f64>,
-    /// What the true angles were off on this visit beyond the arm's own errors, rad.
+    /// Errors of the true angles on this visit beyond the arm's own errors, rad.
     pub visit: Vec<f64>,
-    /// Of this, what no other visit repeats, rad.
+    /// The part of `visit` that no other visit repeats, rad.
     pub repeated: Vec<f64>,
-    /// How far the base had moved in its own frame, mm.
+    /// Movement of the base in its own frame, mm.
     pub base_drift_mm: Vector3<f64>,
-    /// Where the target really was in the base frame, mid-dwell, drift of the base included.
+    /// True pose of the measured target in the base frame at mid-dwell, drift of the base included, mm.
     pub base_from_target: Isometry3<f64>,
-    /// Where it really was in the tracker's frame, without the tracker's noise.
+    /// True pose of the measured target in the tracker frame, without the tracker's noise, mm.
     pub tracker_from_target: Isometry3<f64>,
 }
 
@@ -178,7 +178,7 @@ impl Truth {
         }
     }
 
-    /// The clocks as the crate states them.
+    /// The relation of the clocks as a [`ClockModel`].
     pub(super) fn clock_model(&self) -> ClockModel {
         ClockModel {
             origin: Stamp::from_ns(self.clock.origin_ns),
@@ -218,7 +218,7 @@ impl Truth {
     }
 }
 
-/// A cell of CSV; in quotes where the text would not be one cell otherwise.
+/// The text as one CSV cell, in quotes where it needs them.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

@@ -1,7 +1,7 @@
-//! Visits without the logs between them: what the join would find of each, where many robots are measured for a plan.
+//! Visits without logs: the station that the join would find for each, for plans that simulate many robots.
 //!
-//! The arm, its controller and the instrument err as in [`super::simulate`]; a station's mean of n readings has the noise
-//! that all of them share and that of one over √n.
+//! The errors of arm, controller and instrument are those of [`super::simulate`]; a station's mean of n readings has the noise
+//! that all n share, plus the noise of one reading divided by √n.
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion};
 
@@ -24,12 +24,12 @@ use crate::units::Stamp;
 pub struct Visit {
     /// The station as the join would find it.
     pub station: Station,
-    /// What is behind it.
+    /// The true values of the visit.
     pub truth: TrueStation,
 }
 
 impl Visit {
-    /// The station as a perfect instrument would have it, beam or no beam.
+    /// The station as a perfect instrument would measure it, even where the beam was lost.
     pub fn perfect(&self, settings: &SimulateSettings) -> Station {
         let mean = Mean {
             position: Point3::from(self.truth.tracker_from_target.translation.vector),
@@ -45,7 +45,7 @@ impl Visit {
     }
 }
 
-/// Visits `commanded` in order with the arm of `errors`; `settings.seed` is that of the session, not of the arm.
+/// Visits `commanded` in order with the arm of `errors`; `settings.seed` is the session's seed, not the arm's.
 pub fn visits(
     arm: &Arm,
     settings: &SimulateSettings,
@@ -72,13 +72,13 @@ pub fn visits(
 pub(super) struct Mean {
     pub(super) position: Point3<f64>,
     pub(super) orientation: UnitQuaternion<f64>,
-    /// Standard deviation of one reading about it, per axis: mm and rad.
+    /// Standard deviation of one reading about the mean, per axis: mm and rad.
     pub(super) scatter: (f64, f64),
     pub(super) readings: usize,
 }
 
 impl Mean {
-    /// From the true pose, the noise of the mean and its readings.
+    /// The mean from the true pose, the noise of the mean and the number of readings.
     pub(super) fn of(
         pose: &Isometry3<f64>,
         off: Translation3<f64>,

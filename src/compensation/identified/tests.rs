@@ -1,4 +1,4 @@
-//! Arms whose geometry is known exactly: their corrections by forward kinematics.
+//! Arms whose geometry is known exactly: their corrections are checked by forward kinematics.
 
 use nalgebra::{Point3, Vector3};
 
@@ -27,7 +27,7 @@ fn radians(degrees: [f64; 6]) -> Vec<f64> {
     degrees.map(f64::to_radians).to_vec()
 }
 
-/// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned a quarter against the base.
+/// 0.4 mm and 0.3 mrad at each parameter; commands are stated in a frame turned by 90° from the base.
 fn identified(arm: &Arm, lower: [f64; 6], upper: [f64; 6]) -> IdentifiedArm {
     let tool = isometry_from_rpy([30.0, -20.0, 150.0], [0.1, 0.2, 0.3]);
     let offsets: Vec<f64> = arm
@@ -115,7 +115,7 @@ fn one(identified: &IdentifiedArm, target: Target) -> Result<Corrected, Reason> 
 }
 
 #[test]
-fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_target() {
+fn the_identified_arm_attains_the_target_at_the_corrected_command() {
     let identified = cell();
     let found = one(&identified, at_joints(JOINTS)).expect("inside");
     let geometry = identified.model.is::<IdentifiedGeometry>();
@@ -126,8 +126,8 @@ fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_
     let attained = geometry.chain.nominal(&joints.command) * tool;
     let nominal = identified.arm.chain().nominal(&radians(JOINTS)) * tool;
     assert!((attained.translation.vector - nominal.translation.vector).norm() < 1e-6);
-    assert!(found.correction.norm() > 0.5, "a correction worth the name");
-    // The orientation is commanded as it is.
+    assert!(found.correction.norm() > 0.5, "a large correction");
+    // The orientation is commanded without a correction.
     let commanded = identified.arm.chain().nominal(&joints.command) * tool;
     assert!(commanded.rotation.angle_to(&nominal.rotation) < 1e-9);
     // 0.02 mm along each axis, whatever the frame.
@@ -135,7 +135,7 @@ fn the_identified_arm_stands_at_the_command_where_the_nominal_one_stands_at_the_
 }
 
 #[test]
-fn a_pose_in_the_frame_of_commands_gives_what_its_joint_angles_give() {
+fn a_pose_and_its_joint_angles_give_the_same_command() {
     let identified = cell();
     let by_joints = one(&identified, at_joints(JOINTS)).expect("inside");
     let pose = at_pose(&identified, &radians(JOINTS));
@@ -160,7 +160,7 @@ fn a_pose_in_the_frame_of_commands_gives_what_its_joint_angles_give() {
 }
 
 #[test]
-fn named_joints_may_stand_in_any_order() {
+fn named_joints_may_be_in_any_order() {
     let identified = cell();
     let mut target = at_joints(JOINTS);
     let own = identified.arm.joints().iter().rev();
@@ -177,7 +177,7 @@ fn named_joints_may_stand_in_any_order() {
 }
 
 #[test]
-fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() {
+fn angles_not_measured_are_refused_with_joint_and_distance_and_can_be_allowed() {
     let identified = cell();
     let mut beyond = JOINTS;
     beyond[0] = 72.5;
@@ -193,7 +193,7 @@ fn what_was_not_measured_is_refused_by_joint_and_how_much_and_allowed_by_name() 
     let allowed = identified.compensate(&[at_joints(beyond)], Some(Exception::JointRange));
     let allowed = allowed[0].as_ref().expect("allowed");
     assert_eq!(allowed.allowed, Some(Exception::JointRange));
-    // Half a degree beyond the rim is as good as measured.
+    // Half a degree beyond the rim counts as measured.
     beyond[0] = 60.4;
     assert!(one(&identified, at_joints(beyond)).is_ok());
 }
@@ -224,7 +224,7 @@ fn an_arm_configuration_that_no_station_was_in_is_refused_and_can_be_allowed() {
 }
 
 #[test]
-fn limits_and_singularities_are_refused_though_joint_angles_name_them() {
+fn limits_and_singularities_are_refused_for_targets_in_joint_angles() {
     let identified = cell();
     let mut target = JOINTS;
     target[4] = 0.5; // sin 0.5° = 0.009, below the 0.02 of grids
@@ -269,7 +269,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
                 .collect()
         };
         let pose = |joints: &Vec<f64>| identified.error_frame().nominal_tool(joints);
-        // Nearer than 6° to a stretched elbow the search may end at the stretched arm, whatever it is seeded with.
+        // Nearer than 6° to a stretched elbow the search may end at the stretched arm from any seed.
         let nominal = vec![0.0; identified.arm.chain().parameters().len()];
         let is_far = |joints: &Vec<f64>| {
             SingularityFactors::of(&identified.arm, &nominal, joints)
@@ -296,7 +296,7 @@ fn the_same_joint_angles_are_found_for_poses_all_over_the_work_space() {
         let refused = outcomes.iter().filter_map(|outcome| outcome.as_ref().err());
         let refused: Vec<String> = refused.map(ToString::to_string).collect();
         println!("{found} of {}", asked.len());
-        // A search that finds no way refuses a pose in truth reachable: one in some hundred may, and none comes back wrong.
+        // A failed search refuses a pose that is reachable: at most one in a hundred may fail, and none may be wrong.
         assert!(asked.len() > 250, "{}", asked.len());
         assert!(100 * found >= 99 * asked.len(), "{refused:?}");
     }

@@ -1,4 +1,4 @@
-//! What the columns of an estimate are, and their units.
+//! The columns of an estimate, and their units.
 
 use std::fmt;
 
@@ -6,29 +6,29 @@ use serde::{Deserialize, Serialize};
 
 use crate::kinematics::{Axis, Motion, Parameter};
 
-/// What a length can change by, mm, and an angle, mrad: the pipeline's own weak prior.
+/// The largest change expected of a length, mm, and of an angle, mrad: the pipeline's own weak prior.
 const UNIT: f64 = 3.0;
-/// What a joint's curve or its giving way can change by, rad.
+/// The largest change expected of a joint's curve or deflection, rad.
 const CURVE_UNIT_RAD: f64 = 3e-4;
 
-/// What a column of an estimate is.
+/// One column of an estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Column {
     /// A parameter of the measurement chain; base and target by a small motion after their frame.
     Chain(#[serde(with = "by_name")] Parameter),
-    /// A joint giving way, by its place among the model's coefficients.
+    /// Deflection of a joint under gravity, by its place among the model's coefficients.
     Gravity(usize),
     /// A coefficient of a joint's error curve.
     Curve {
         /// The joint, from 1.
         joint: usize,
-        /// Which, from 0: cos, sin of the first harmonic, and so on.
+        /// Number of the coefficient, from 0: cos, sin of the first harmonic, and so on.
         coefficient: usize,
     },
 }
 
 impl Column {
-    /// The joint it belongs to, from 1.
+    /// The joint that the column belongs to, from 1; `None` for base, target and gravity.
     pub const fn joint(&self) -> Option<usize> {
         match self {
             Self::Chain(Parameter::Link { joint, .. }) | Self::Curve { joint, .. } => Some(*joint),
@@ -36,7 +36,7 @@ impl Column {
         }
     }
 
-    /// What a change of it can be at most, mm or rad.
+    /// The largest change expected of it, mm or rad.
     pub fn unit(&self) -> f64 {
         match self {
             Self::Chain(parameter) if parameter.is_angle() => 1e-3 * UNIT,
@@ -50,7 +50,7 @@ impl Column {
         matches!(self, Self::Chain(Parameter::Base(_) | Parameter::Target(_)))
     }
 
-    /// `mm` or `rad`.
+    /// The name of the column's unit: `mm` or `rad`.
     pub const fn unit_name(&self) -> &'static str {
         match self {
             Self::Chain(parameter) => parameter.unit(),

@@ -1,4 +1,4 @@
-//! A model's posterior → what the stations alone say.
+//! A model's posterior → the information of the stations alone.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,7 +10,7 @@ use crate::fit::saved::{SavedCalibration, SavedError};
 use crate::fit::{FramePair, Unknown};
 use crate::kinematics::Parameter;
 
-/// Pairs `cos, sin` of a joint's curve that sessions share: those of at least 90° a period.
+/// Pairs `cos, sin` of a joint's curve that are compared between sessions: those with a period of at least 90°.
 const CURVE_PAIRS: usize = 4;
 
 /// A posterior over some columns, mm and rad.
@@ -20,12 +20,13 @@ struct Posterior<'p> {
     means: Vec<f64>,
     /// Precision of each column's prior; 0 without one.
     precision: Vec<f64>,
-    /// The frames as they were found.
+    /// The fitted frames.
     frames: FramePair,
 }
 
 impl Estimate {
-    /// Of a full error model of one session; `None` where the covariance is none. Refused of several sources or targets.
+    /// The estimate from a full error model of one session; `None` when its covariance cannot be inverted. Several sources or targets
+    /// are refused.
     pub fn of_full(model: &FullModel) -> Result<Option<Self>, SavedError> {
         let frames = model.fitted_frames();
         let Some(session) = frames.first() else {
@@ -44,7 +45,7 @@ impl Estimate {
         Ok(posterior.estimate())
     }
 
-    /// Of a geometric calibration of one session; `None` where the covariance is none.
+    /// The estimate from a geometric calibration of one session; `None` when its covariance cannot be inverted.
     pub fn of_geometric(saved: &SavedCalibration) -> Result<Option<Self>, SavedError> {
         let Some(session) = saved.sessions.first() else {
             return Ok(None);
@@ -68,7 +69,7 @@ impl Estimate {
 }
 
 impl Posterior<'_> {
-    /// Takes the prior out.
+    /// The estimate: the posterior with the prior removed.
     fn estimate(&self) -> Option<Estimate> {
         let units: Vec<f64> = self.columns.iter().map(Column::unit).collect();
         let size = units.len();
@@ -90,7 +91,7 @@ impl Posterior<'_> {
         })
     }
 
-    /// From the frames as they were found, base and target are off by nothing.
+    /// Posterior mean of a column; zero for base and target, which are measured from the fitted frames.
     fn offset(&self, place: usize) -> f64 {
         if self.columns[place].is_of_a_frame() {
             0.0
@@ -99,7 +100,7 @@ impl Posterior<'_> {
         }
     }
 
-    /// And their prior is off by as much as they moved; that of everything else is at zero.
+    /// Prior mean of a column: minus the fitted offset for base and target, zero for the others.
     fn expected(&self, place: usize) -> f64 {
         if self.columns[place].is_of_a_frame() {
             -self.means[place]
@@ -109,7 +110,7 @@ impl Posterior<'_> {
     }
 }
 
-/// The unknowns of a calibration with their offsets; those of base and target are in its frames already.
+/// The unknowns of a calibration with their offsets; its frames already contain those of base and target.
 fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedError> {
     let chain = saved.arm.chain()?.parameters();
     let offset = |parameter: Parameter| {
@@ -135,7 +136,7 @@ fn parameters(saved: &SavedCalibration) -> Result<Vec<(Parameter, f64)>, SavedEr
         .collect()
 }
 
-/// Columns of the model that sessions share, with their places; parts that were dropped have no scale and say nothing.
+/// Columns of the model that are compared between sessions, with their places; dropped parts have no scale and are left out.
 fn shared_columns(model: &FullModel) -> Vec<(usize, Column)> {
     let mut shared = Vec::new();
     for (block, own) in model.layout().blocks() {

@@ -1,16 +1,16 @@
-//! Questions to one comparison: what parts explain together, and which suffice.
+//! Tests on one comparison: what parts explain together, and which parts suffice.
 
 use super::{Finding, Hypothesis};
 use crate::history::compare::{ChiSquare, Comparison};
 
-/// Probability that a part is said to have moved beside the one that did, over all others.
+/// Probability, over all other parts, that one is named in addition to the part that moved.
 const ADDS: f64 = 0.01;
-/// Twice the logarithm of the factor by which a part has to be likelier than another to be distinguished from it.
+/// Twice the logarithm of the likelihood ratio that distinguishes two parts.
 const DISTINGUISHED: f64 = 6.0;
-/// Parts that can be named at once.
+/// The most parts that are named at once.
 const MOST_PARTS: usize = 4;
 
-/// Questions to one comparison.
+/// Tests on one comparison.
 pub(super) struct TestOfAll<'c> {
     comparison: &'c Comparison,
     hypotheses: &'c [Hypothesis],
@@ -38,7 +38,7 @@ impl<'c> TestOfAll<'c> {
         self.hypotheses.iter().copied().filter(single)
     }
 
-    /// What moved, given that something did.
+    /// The parts that moved, given that at least one did.
     pub(super) fn moved(&self) -> Finding {
         let mut surely = Vec::new();
         while surely.len() < MOST_PARTS {
@@ -57,7 +57,7 @@ impl<'c> TestOfAll<'c> {
         }
     }
 
-    /// The hypothesis that explains most beside `surely`, each degree of freedom counted as two (Akaike).
+    /// The hypothesis that explains most in addition to `surely`, with a penalty of two per degree of freedom (Akaike).
     fn most(&self, surely: &[Hypothesis]) -> Option<Hypothesis> {
         let gain = |hypothesis: Hypothesis| {
             let test = self.explains(&with(surely, hypothesis));
@@ -72,7 +72,7 @@ impl<'c> TestOfAll<'c> {
             .map(|(_, hypothesis)| hypothesis)
     }
 
-    /// The hypotheses that, with `surely`, leave nothing for others to explain, the likeliest of them.
+    /// The likeliest of the hypotheses that, with `surely`, leave nothing significant for others to explain.
     fn candidates(&self, surely: &[Hypothesis]) -> Vec<Hypothesis> {
         let others = self
             .single()

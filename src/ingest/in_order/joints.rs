@@ -1,4 +1,4 @@
-//! Joint angles that are buffered.
+//! The buffer of joint angles.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ pub struct JointBuffer {
 }
 
 impl JointBuffer {
-    /// None yet.
+    /// An empty buffer for the arm's joints, in the units of the mapping.
     pub fn of(mapping: &Mapping) -> Self {
         Self {
             unit: mapping.controller.unit,
@@ -24,7 +24,7 @@ impl JointBuffer {
         }
     }
 
-    /// Stamps of some samples, and their angles row behind row.
+    /// Stamps (ns) of some samples, and their angles (rad) row after row.
     pub fn rows(&self, rows: Range<usize>) -> (&[i64], &[f64]) {
         (&self.stamps[rows.clone()], self.angles.of_rows(rows))
     }

@@ -1,4 +1,4 @@
-//! Commanded poses or readings of the target that are buffered.
+//! The buffer of commanded poses or of readings.
 
 use std::ops::Range;
 
@@ -15,26 +15,26 @@ use crate::units::Stamp;
 pub struct PoseBuffer {
     clock: SpanClock,
     unit: LengthUnit,
-    /// Which columns are kept, where messages have them.
+    /// Whether orientations are kept, where messages have them.
     wants_orientations: bool,
     wants_covariances: bool,
     stamps: Vec<i64>,
     positions: Vec<[f64; 3]>,
-    /// `None` where no message has any, once there was one.
+    /// Unit quaternions x y z w; `None` when the messages have none.
     orientations: Option<Vec<[f64; 4]>>,
     covariances: Option<Vec<[f64; 6]>>,
-    /// Whether messages have orientations and covariances.
+    /// Whether messages have orientations and covariances; `None` before the first block.
     kind: Option<(bool, bool)>,
     not_unit: u64,
 }
 
 impl PoseBuffer {
-    /// No commanded poses yet.
+    /// An empty buffer of commanded poses.
     pub const fn commands(settings: &CommandedSettings) -> Self {
         Self::none(SpanClock::Controller, settings.unit, (true, false))
     }
 
-    /// No readings yet.
+    /// An empty buffer of readings.
     pub const fn readings(settings: &TrackerSettings) -> Self {
         let orientations = !settings.ignore_orientation;
         Self::none(SpanClock::Tracker, settings.unit, (orientations, true))
@@ -59,7 +59,7 @@ impl PoseBuffer {
         }
     }
 
-    /// Some of them, in the clock that they are of.
+    /// Some of the samples, labelled with their clock `C`.
     pub fn rows<C>(&self, rows: Range<usize>) -> PoseSamples<C> {
         let stamps = self.stamps[rows.clone()].iter();
         PoseSamples {
@@ -73,7 +73,7 @@ impl PoseBuffer {
         }
     }
 
-    /// Orientations as far as they are wanted.
+    /// The block's orientations; `None` when they are absent or not wanted.
     fn orientations<'b>(&self, block: &'b DecodedPoses) -> Option<&'b Vec<[f64; 4]>> {
         let orientations = block.orientations.as_ref();
         orientations.filter(|_| self.wants_orientations)

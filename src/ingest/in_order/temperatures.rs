@@ -1,4 +1,4 @@
-//! Temperatures that are buffered.
+//! The buffer of temperatures.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ pub struct TemperatureBuffer {
 }
 
 impl TemperatureBuffer {
-    /// Stamps of some samples, and their temperatures.
+    /// Stamps (ns) of some samples, and their temperatures (°C).
     pub fn rows(&self, rows: Range<usize>) -> (&[i64], &[f64]) {
         (&self.stamps[rows.clone()], &self.celsius[rows])
     }

@@ -1,6 +1,6 @@
-//! `fields` of the pipeline file: where a message that is of no common type has what a stream is made of.
+//! `fields` of the pipeline file: paths of a stream's values in messages that are not of a common type.
 //!
-//! A path is a field's name, the names inside it parted by dots, `[2]` for an element of an array (counted from 0),
+//! A path is a field's name, then the names inside it separated by dots, `[2]` for an element of an array (counted from 0),
 //! `[]` for each element: `pose.position.x`, `joints[2].angle`, `joints[].name`.
 
 use serde::{Deserialize, Serialize};
@@ -20,16 +20,16 @@ pub struct JointFields {
     pub angles: Option<AngleFields>,
 }
 
-/// Where joint angles are.
+/// Paths of the joint angles.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(
     untagged,
     expecting = "angles has to be the path of an array (with names), or a list with the path of each joint's angle"
 )]
 pub enum AngleFields {
-    /// In an array beside the names.
+    /// The path of an array in the order of the array of names.
     Array(String),
-    /// In a field for each joint of the arm, in the arm's order.
+    /// A path for each joint of the arm, in the arm's order.
     Each(Vec<String>),
 }
 
@@ -40,7 +40,7 @@ pub struct PoseFields {
     /// The message's own stamp, for `time = "header"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stamp: Option<StampField>,
-    /// The name of the frame, where `frame` asks for one.
+    /// Path of the frame's name, when the section sets `frame`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
     /// Position.
@@ -67,12 +67,12 @@ pub struct PoseFields {
     /// An array of 9 (x y z) or 36 (x y z and three rotations) numbers, row by row.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub covariance: Option<String>,
-    /// Of the messages on `[tracker] temperature`: °C.
+    /// Path of the temperature (°C) in messages of the topic `[tracker] temperature`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<String>,
 }
 
-/// Where a message has its own stamp.
+/// Path of a message's own stamp.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(
     untagged,
@@ -80,9 +80,9 @@ pub struct PoseFields {
                  \"t\", unit = \"ns\" }, unit \"s\", \"ms\", \"us\" or \"ns\""
 )]
 pub enum StampField {
-    /// A time: seconds and nanoseconds.
+    /// The path of a time: seconds and nanoseconds.
     Time(String),
-    /// A number.
+    /// One number with a unit.
     Number(NumberStamp),
 }
 
@@ -90,9 +90,9 @@ pub enum StampField {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NumberStamp {
-    /// Its path.
+    /// The number's path.
     pub field: String,
-    /// Its unit.
+    /// The number's unit.
     pub unit: TimeUnit,
 }
 
@@ -110,19 +110,19 @@ pub enum TimeUnit {
     Ns,
 }
 
-/// A combination of `fields` that makes no sense: key, what is found, what is wanted.
+/// A combination of `fields` that does not fit together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct WrongFields {
-    /// The key.
+    /// The key that is wrong.
     pub key: &'static str,
-    /// What stands there.
+    /// The value found at the key.
     pub found: String,
-    /// What would do.
+    /// The value that would be valid.
     pub wanted: String,
 }
 
 impl TimeUnit {
-    /// ns in one of it.
+    /// Nanoseconds in one of this unit.
     pub const fn to_ns(self) -> i64 {
         match self {
             Self::S => 1_000_000_000,
@@ -134,7 +134,7 @@ impl TimeUnit {
 }
 
 impl StampField {
-    /// Where it is.
+    /// The path of the stamp.
     pub fn path(&self) -> &str {
         match self {
             Self::Time(path) => path,
@@ -144,12 +144,12 @@ impl StampField {
 }
 
 impl JointFields {
-    /// Whether nothing is said.
+    /// Whether no path is given.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// All paths.
+    /// All paths given.
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.iter().map(StampField::path);
         let angles = match &self.angles {
@@ -161,7 +161,7 @@ impl JointFields {
         stamp.chain(rest).collect()
     }
 
-    /// Whether what is said belongs together, for an arm of so many joints.
+    /// Checks that the paths fit together and an arm of `joints` joints.
     pub fn check(&self, joints: usize) -> Result<(), WrongFields> {
         let wrong = |key, found: &str, wanted: String| {
             Err(WrongFields {
@@ -179,7 +179,7 @@ impl JointFields {
                 );
             }
             (None, Some(AngleFields::Array(path))) => {
-                let wanted = "a list with the path of each joint's angle, or names beside it: the order of joints in an \
+                let wanted = "a list with the path of each joint's angle, or `names` in addition: the order of joints in an \
                               array is not fixed"
                     .to_owned();
                 return wrong("fields.angles", &format!("{path:?}"), wanted);
@@ -200,17 +200,17 @@ impl JointFields {
 }
 
 impl PoseFields {
-    /// Whether nothing is said.
+    /// Whether no path is given.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 
-    /// The paths of x, y and z, where they are given.
+    /// The paths of x, y and z; `None` unless all are given.
     pub fn position(&self) -> Option<[&str; 3]> {
         Some([self.x.as_deref()?, self.y.as_deref()?, self.z.as_deref()?])
     }
 
-    /// The paths of the quaternion's x, y, z and w, where they are given.
+    /// The paths of the quaternion's x, y, z and w; `None` unless all are given.
     pub fn orientation(&self) -> Option<[&str; 4]> {
         Some([
             self.qx.as_deref()?,
@@ -220,7 +220,7 @@ impl PoseFields {
         ])
     }
 
-    /// The paths of a pose's message.
+    /// All paths in a pose message.
     fn pose_paths(&self) -> Vec<&str> {
         let pose = [
             &self.x, &self.y, &self.z, &self.qx, &self.qy, &self.qz, &self.qw,
@@ -232,7 +232,7 @@ impl PoseFields {
             .collect()
     }
 
-    /// All paths.
+    /// All paths given.
     pub fn paths(&self) -> Vec<&str> {
         let stamp = self.stamp.as_ref().map(StampField::path);
         let temperature = self.temperature.as_deref();
@@ -243,7 +243,7 @@ impl PoseFields {
             .collect()
     }
 
-    /// Whether what is said belongs together.
+    /// Checks that the paths fit together.
     pub fn check(&self) -> Result<(), WrongFields> {
         let given =
             |fields: &[&Option<String>]| fields.iter().filter(|field| field.is_some()).count();
@@ -278,7 +278,7 @@ impl PoseFields {
     }
 }
 
-/// One field for two things is a slip of the pen.
+/// Checks that no path is given for two values, which would be a mistake.
 fn named_once(paths: &[&str]) -> Result<(), WrongFields> {
     let twice = (1..paths.len()).find(|&i| paths[..i].contains(&paths[i]));
     twice.map_or(Ok(()), |i| {

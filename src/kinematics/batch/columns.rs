@@ -1,7 +1,7 @@
-//! How the end moves with every free parameter, for a block of poses at a time.
+//! The end's motion per unit of every free parameter, a block of poses at a time: the columns of the Jacobian.
 //!
 //! The chain is walked element by element from the root, as [`Chain::differential`](super::super::Chain::differential)
-//! does for one pose: where a parameter stands, its axis is a column of the frame there, and once the end is known that
+//! does for one pose: at a free element the parameter's axis is a column of the frame there, and once the end is known that
 //! axis carried to it is the parameter's column.
 
 use super::super::sin_cos::{BLOCK, Block, sin_cos};
@@ -18,9 +18,9 @@ pub struct BatchColumns {
 /// The motion of the end per unit of one unknown, in the root frame, for a block of poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Of its origin, mm per unit; by row.
+    /// Velocity of the end's origin, mm per unit, by row.
     pub linear: [Block; 3],
-    /// Of its orientation, rad per unit; by row. Means nothing for a length.
+    /// Angular velocity, rad per unit, by row; undefined for a length.
     angular: [Block; 3],
     turns: bool,
 }
@@ -28,13 +28,13 @@ pub struct Column {
 /// One step of the walk.
 #[derive(Debug, Clone)]
 enum Step {
-    /// An unknown's axis is met.
+    /// A free element: its axis belongs to an unknown.
     Unknown(Motion),
-    /// Along an own axis, mm.
+    /// A shift along an own axis, mm.
     Shift(Axis, f64),
-    /// About an own axis by a constant: sine and cosine.
+    /// A constant turn about an own axis: sine and cosine.
     Turn(Axis, f64, f64),
-    /// Along or about an own axis by `sign · variable`.
+    /// A joint along or about an own axis, by `sign · variable`.
     Joint(Motion, usize, f64),
 }
 
@@ -46,7 +46,7 @@ struct Walk {
 }
 
 impl BatchColumns {
-    /// `chain` with `offsets` added to its free parameters; `unknowns` says which unknown moves each of them, if any.
+    /// `chain` with `offsets` added to its free parameters; `unknowns` holds the unknown of each, `None` for a fixed one.
     ///
     /// # Panics
     /// When there are fewer offsets or unknowns than parameters.
@@ -86,7 +86,7 @@ impl BatchColumns {
         }
     }
 
-    /// Which unknown each column is of.
+    /// The unknown of each column, in the order of the columns.
     pub fn unknowns(&self) -> &[usize] {
         &self.unknowns
     }
@@ -136,7 +136,7 @@ impl Step {
         }
     }
 
-    /// Whether the step does anything.
+    /// Whether the step changes the frame.
     fn moves(&self) -> bool {
         match self {
             Self::Shift(_, by) => *by != 0.0,
@@ -158,7 +158,7 @@ impl Column {
         self.turns.then_some(&self.angular)
     }
 
-    /// From where the unknown stands (in `linear`) to the end: the axis crossed with the way there.
+    /// Carries an axis from its own place (kept in `linear`) to the end: the cross product of the axis and the way there.
     fn carry_to(&mut self, end: &[Block; 3]) {
         if !self.turns {
             return;
@@ -183,7 +183,7 @@ impl Walk {
         }
     }
 
-    /// A length's column is its axis; an angle's waits, with the place it turns about, for the end.
+    /// Begins an unknown's column: a length's is its axis; an angle's axis and place are kept until the end is known.
     fn meet(&self, motion: Motion, column: &mut Column) {
         match motion {
             Motion::Translation(axis) => {
@@ -217,7 +217,7 @@ impl Walk {
         }
     }
 
-    /// Only the two other axes turn.
+    /// Turns the frame about an own axis: only the two other axes turn.
     fn turn(&mut self, axis: Axis, sin: &Block, cos: &Block) {
         let [x, y, z] = &mut self.axes;
         let (first, second) = match axis {

@@ -1,4 +1,4 @@
-//! A chain folded to as little as its joints allow: turns and slides along z with constant links between them.
+//! A chain reduced to the least that its joints allow: turns and slides along z with constant links between them.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
@@ -7,24 +7,24 @@ use crate::kinematics::{Axis, Chain, Element, Motion};
 /// A joint about or along z by `sign · variable + shift`.
 #[derive(Debug, Clone, Copy)]
 pub struct Joint {
-    /// Which axis variable, counted from 0.
+    /// Index of the axis variable, counted from 0.
     pub axis: usize,
     pub sign: f64,
-    /// Constant turns about z beside the joint, rad; zero for a joint that slides.
+    /// Constant turns about z next to the joint, rad; zero for a joint that slides.
     pub shift: f64,
     pub slides: bool,
 }
 
-/// What is constant before a joint.
+/// The constant transform before a joint.
 #[derive(Debug, Clone, Copy)]
 pub enum Link {
-    /// Between two turning joints, their angles having taken the rest.
+    /// A turn about x between two turning joints, whose angles include the constant turns about z.
     AboutX {
         sin: f64,
         cos: f64,
         origin: [f64; 3],
     },
-    /// Anywhere else.
+    /// Any transform, anywhere else.
     Any {
         rotation: [[f64; 3]; 3],
         origin: [f64; 3],
@@ -94,7 +94,7 @@ fn along_z(motion: Motion) -> (UnitQuaternion<f64>, bool) {
     (turn, matches!(motion, Motion::Translation(_)))
 }
 
-/// The link before `joint`, its turns about z given to the joints on both sides where both turn.
+/// The link before `joint`; where both joints turn, its turns about z are added to their angles.
 fn between(
     before: Option<&mut (Link, Joint)>,
     constant: &Isometry3<f64>,
@@ -104,8 +104,8 @@ fn between(
         return Link::any(constant);
     };
     let matrix = *constant.rotation.to_rotation_matrix().matrix();
-    // Column z of Rot(z,φ) Rot(x,α) is sin α (sin φ, −cos φ) beside cos α. With parallel axes any φ will do, as what
-    // follows is measured against the one taken.
+    // Column z of Rot(z,φ) Rot(x,α) is sin α (sin φ, −cos φ), then cos α. With parallel axes any φ is right, since ψ
+    // is computed from the φ chosen.
     let phi = matrix[(0, 2)].atan2(-matrix[(1, 2)]);
     let back = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -phi);
     let rest: Matrix3<f64> = back.to_rotation_matrix().matrix() * matrix;

@@ -80,7 +80,7 @@ fn pose_of(axes: &[Vec<f64>], i: usize) -> Vec<f64> {
 }
 
 #[test]
-fn a_batch_is_its_chain_to_a_billionth_of_a_millimetre() {
+fn a_batch_equals_its_chain_within_a_picometre() {
     let chains = robots().into_iter().chain([odd_chain()]);
     for chain in chains {
         let axes = columns(chain.joint_count(), 150);
@@ -88,7 +88,10 @@ fn a_batch_is_its_chain_to_a_billionth_of_a_millimetre() {
         let batch = BatchChain::new(&chain, &offsets);
         let (poses, positions) = (batch.poses(&axes), batch.positions(&axes));
         assert_eq!((poses.len(), positions[2].len()), (150, 150));
-        assert_eq!(poses.position, positions, "one arithmetic behind both");
+        assert_eq!(
+            poses.position, positions,
+            "positions and poses have the same arithmetic"
+        );
         for i in 0..150 {
             let wanted = chain.forward(&pose_of(&axes, i), &offsets);
             let found = poses.isometry(i);
@@ -105,7 +108,7 @@ fn columns_are_the_chains_own_differential() {
     for chain in chains {
         let axes = columns(chain.joint_count(), 70);
         let offsets = offsets(&chain);
-        // Every third parameter is nobody's unknown; the others are counted from the last.
+        // Every third parameter is fixed; the others are counted from the last.
         let count = offsets.len();
         let unknowns: Vec<_> = (0..count)
             .map(|place| (place % 3 != 1).then_some(count - place))
@@ -136,7 +139,7 @@ fn columns_are_the_chains_own_differential() {
 }
 
 #[test]
-fn a_pose_gives_the_same_bytes_wherever_it_stands() {
+fn a_pose_gives_the_same_bytes_at_any_place_in_the_columns() {
     let chain = &robots()[0];
     let batch = BatchChain::new(chain, &offsets(chain));
     let axes = columns(6, 150);
@@ -149,7 +152,7 @@ fn a_pose_gives_the_same_bytes_wherever_it_stands() {
 }
 
 #[test]
-fn no_pose_is_an_answer() {
+fn no_poses_give_empty_columns() {
     let chain = &robots()[0];
     let none = vec![Vec::<f64>::new(); 6];
     let poses = BatchChain::new(chain, &offsets(chain)).poses(&none);

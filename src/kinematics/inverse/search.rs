@@ -1,4 +1,4 @@
-//! The search itself: damped Newton steps, the approach in small steps, and the checks of what was found.
+//! The search: damped Newton steps, the approach in small steps, and the checks of the solution.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector6};
 
@@ -6,12 +6,12 @@ use super::{InverseError, InverseSettings};
 use crate::kinematics::arm::Arm;
 use crate::kinematics::configuration::{Configuration, SingularityFactors};
 
-/// Longest Newton step, rad (or mm for a prismatic joint, which no arm here has): longer ones land on another branch.
+/// Longest Newton step, rad (or mm for a prismatic joint, which no arm here has): a longer one may end on another branch.
 const LONGEST_STEP: f64 = 0.5;
-/// A pose taken at a limit comes back this near to it at worst, rad: that is not beyond it.
+/// Largest rounding error of an angle, rad: an angle beyond a limit by less than this is within it.
 const LIMIT_ROUNDING: f64 = 1e-9;
 
-/// The pose problem of one arm.
+/// The inverse-kinematics problem of one arm.
 pub(super) struct Search<'a> {
     pub(super) arm: &'a Arm,
     pub(super) offsets: &'a [f64],
@@ -25,7 +25,7 @@ impl Search<'_> {
         chain.forward(&self.arm.axes(joints), self.offsets) * self.flange_from_end
     }
 
-    /// Walks from the seed's pose to the target in equal steps, each solved from the one before.
+    /// Walks from the seed's pose to the target pose in equal steps, each solved from the one before.
     pub(super) fn approach(
         &self,
         target: &Isometry3<f64>,
@@ -49,7 +49,7 @@ impl Search<'_> {
         Ok(joints)
     }
 
-    /// Damped Newton steps from `seed`; `None` when they do not end at the target.
+    /// The joint angles where damped Newton steps from `seed` end; `None` when they do not reach the target pose.
     fn solve(&self, target: &Isometry3<f64>, seed: &[f64]) -> Option<Vec<f64>> {
         let mut joints = seed.to_vec();
         let mut residual = self.residual(target, &self.end(&joints));

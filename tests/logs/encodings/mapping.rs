@@ -252,7 +252,7 @@ fn conventions_of_fields_are_checked_as_they_are_read() {
     };
     for (fields, wanted) in [
         ("names = \"n\"", "the array that goes with names"),
-        ("angles = \"q\"", "names beside it"),
+        ("angles = \"q\"", "or `names` in addition"),
         ("names = \"n\", angles = [\"q\"]", "left out"),
         ("angles = [\"q\"]", "the arm's 2 joints"),
     ] {
