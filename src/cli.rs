@@ -42,8 +42,8 @@ pub const NO_RESULT: u8 = 1;
 pub const BAD_USAGE: u8 = 2;
 /// There is a result, but a tolerance is not met or not shown to be.
 pub const NOT_MET: u8 = 3;
-/// Whoever read what `verify` found has gone away before all was verified: that of a process which SIGPIPE (13) ended, by the
-/// shells' custom.
+/// The reader of `verify`'s output went away before all runs were verified: the shells' code for a process ended by SIGPIPE
+/// (13).
 pub const READER_GONE: u8 = 128 + 13;
 
 /// From a robot controller's log and a laser tracker's log to identified errors, error-similarity grids and a
@@ -110,13 +110,13 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// A file that would become larger than this process may write is an error like a full disk's, and not its end: the file may be
-/// that of the messages. Where that cannot be asked for it stays as it is.
+/// Turns a write beyond the process's file size limit into an error, like a full disk's, instead of the end of the process:
+/// the file may be the one that takes the messages. Where SIGXFSZ cannot be caught, the process ends as before.
 fn outlive_limits_of_files() {
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
-/// Tells what stands for arguments: help and version are results, anything else is a message.
+/// Prints the argument parser's answer: help and version are results, anything else is a message.
 fn answered(answer: &clap::Error) -> u8 {
     let written = answer.print().and_then(|()| io::stdout().flush());
     if answer.use_stderr() {
@@ -126,7 +126,7 @@ fn answered(answer: &clap::Error) -> u8 {
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
-/// Tells a command's result on stdout, or its error on stderr.
+/// Prints a command's result on stdout, or its error on stderr.
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
         Ok(result) => {

@@ -1,4 +1,4 @@
-//! `posegrid check`: everything that can be known of a pipeline before a log is opened, in words.
+//! `posegrid check`: everything that is known about a pipeline before a log is opened, as text.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -22,7 +22,7 @@ pub struct CheckArgs {
     pub pipeline: PathBuf,
 }
 
-/// The plan of a pipeline file, in words.
+/// The plan of a pipeline file, as text.
 pub fn check(args: &CheckArgs) -> Result<String, PlanError> {
     Plan::load(&args.pipeline, &Overrides::default()).map(|plan| described(&plan))
 }
@@ -55,7 +55,7 @@ fn described(plan: &Plan) -> String {
     line(
         "box",
         &grid.bounds.map_or_else(
-            || "around the stations that are like the table".to_owned(),
+            || "around the stations in the table's orientation and configuration".to_owned(),
             |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
         ),
     );
@@ -123,7 +123,7 @@ fn split(plan: &Plan) -> String {
         .collect()
 }
 
-/// The arm with its joints, as they are named, how far they go, and which of them carry Hayati's β.
+/// The arm with the name and range of each joint, and its link convention: standard DH, or Hayati's β.
 fn arm(arm: &Arm) -> String {
     let parameters = arm.chain().parameters();
     let mut text = format!(
@@ -152,7 +152,7 @@ fn arm(arm: &Arm) -> String {
     text
 }
 
-/// What no log states.
+/// The conventions that no log states: name and value.
 fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
     let controller = &plan.mapping.controller;
@@ -173,11 +173,11 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
     told.push((
         "raw command",
         match plan.stages.raw_command {
-            None => "no errors against it",
+            None => "not compared with",
             Some(RawCommandBase::Fitted) => {
-                "errors against it, with the base as base + target fit it"
+                "compared with, the base as the model base + target fits it"
             }
-            Some(RawCommandBase::Surveyed(_)) => "errors against it, with the surveyed base",
+            Some(RawCommandBase::Surveyed(_)) => "compared with, with the surveyed base",
         }
         .to_owned(),
     ));

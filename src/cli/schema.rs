@@ -19,7 +19,7 @@ pub struct SchemaArgs {
     pub format: Format,
 }
 
-/// Forms of the answer.
+/// Formats of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
     /// For people
@@ -28,7 +28,7 @@ pub enum Format {
     Json,
 }
 
-/// What the command prints.
+/// The text that the command prints.
 pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
     match (&args.table, args.format) {
         (None, Format::Text) => Ok(list()),

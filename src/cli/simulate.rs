@@ -41,7 +41,7 @@ pub struct SimulateArgs {
     /// Key of all random numbers: the same seed gives the same session.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Key of what is wrong with the arm, instead of --seed: another session of the arm that --seed N made has --arm N
+    /// Key of the arm's errors, instead of --seed: another session of the arm that --seed N made has --arm N
     #[arg(long, value_name = "SEED")]
     pub arm: Option<u64>,
     /// Name of the session in the logs.
@@ -65,7 +65,7 @@ pub enum SimulateCommandError {
     /// The robot file cannot be read.
     #[error("{}: {source}; give the path of a robot file, for example pipelines/robots/ur10.toml", path.display())]
     Read {
-        /// The robot file.
+        /// Path of the robot file.
         path: PathBuf,
         /// Why.
         source: io::Error,
@@ -73,20 +73,20 @@ pub enum SimulateCommandError {
     /// The robot file is not one.
     #[error("{}: {source}", path.display())]
     Parse {
-        /// The robot file.
+        /// Path of the robot file.
         path: PathBuf,
-        /// Where and why.
+        /// Place and cause in the file.
         source: Box<toml::de::Error>,
     },
     /// The robot file's arm is wrong.
     #[error("{}: {source}", path.display())]
     Arm {
-        /// The robot file.
+        /// Path of the robot file.
         path: PathBuf,
         /// Why.
         source: ArmError,
     },
-    /// The settings ask for what cannot be.
+    /// The settings cannot be simulated.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
     /// The poses to measure cannot be read.
@@ -98,9 +98,9 @@ pub enum SimulateCommandError {
         path.display()
     )]
     NoJoints {
-        /// The file.
+        /// The file of poses.
         path: PathBuf,
-        /// The target.
+        /// Name of the target.
         target: String,
     },
     /// The folder holds a session already.
@@ -133,7 +133,7 @@ pub enum WriteCause {
 /// What was made, for a person to read.
 #[derive(Debug, Clone)]
 pub struct SimulatedSession {
-    /// The folder.
+    /// Folder of the files.
     pub out: PathBuf,
     /// The session.
     pub simulated: Simulated,
@@ -297,7 +297,7 @@ fn written(
         Ok(fs::rename(&partial, path)?)
     };
     attempt().map_err(|source| {
-        // The first error is the one to tell; a partial file left behind has a name that says so.
+        // The first error is the one to report; a partial file left behind has a name that says so.
         let _ = fs::remove_file(&partial);
         SimulateCommandError::Write {
             path: path.to_owned(),

@@ -245,7 +245,7 @@ fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
     }
     assert_eq!(list(&cell, &["mon"]).results.lines().count(), 1);
     let expect = |names: &[&str]| verify(&cell, &[&["--expect", &kept], names].concat());
-    expect(&[]).expect(0, &["every row of the list is there as it says"]);
+    expect(&[]).expect(0, &["every row of the list is there unchanged"]);
     // A row that the list does not have yet is new.
     let shorter = cell.path("shorter.txt");
     fs::write(&shorter, format!("# of monday\n{}\n", lines[0])).expect("writable");

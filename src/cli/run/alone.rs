@@ -1,4 +1,4 @@
-//! The lake's lock, as a batch takes it: at once, after the other one, or not at all.
+//! Takes the lake's lock for a batch: at once, after the other batch, or not at all.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use crate::cli::messages::Printable;
 use crate::io::lake::{Holder, Lake, Lock, Locking};
 use crate::units::span;
 
-/// How often a batch that waits looks again: short against any batch, and nothing for a machine.
+/// Time between two looks of a waiting batch: short compared with any batch, and no load on the machine.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 
 /// Whose turn it is.
@@ -16,7 +16,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(250);
 pub enum Turn {
     /// Ours: with the lock, where the file system gives one.
     Ours(Option<Lock>),
-    /// Another batch's, or nobody's as an end was asked for; it was told.
+    /// Another batch's, or nobody's because an end was asked for; the reason was logged.
     NotOurs,
 }
 
@@ -57,7 +57,7 @@ pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
 
 fn held(holder: &Holder) -> String {
     let who = match holder.words.as_str() {
-        "" => "a process that has not said which",
+        "" => "a process that has not stated its name",
         words => words,
     };
     let since = holder
@@ -85,6 +85,6 @@ mod tests {
             held(&holder("process 7 on host a: run b\u{1b}.toml")),
             "another batch works on this lake: process 7 on host a: run b\\u{1b}.toml; for 2 min (it locks lake/.lock)"
         );
-        assert!(held(&holder("")).contains("has not said which"));
+        assert!(held(&holder("")).contains("has not stated its name"));
     }
 }

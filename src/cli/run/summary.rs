@@ -1,7 +1,7 @@
-//! What a batch comes to: a line for each session, what is new in words, the totals, the exit code.
+//! The summary of a batch: a line for each session, text for each new result, the totals, the exit code.
 //!
-//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
-//! what it says; a name cannot break a line or begin one. Sessions stand in the order of the plan.
+//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds it;
+//! a name cannot break a line or begin one. Sessions are in the order of the plan.
 
 use std::fmt::Write as _;
 
@@ -14,7 +14,7 @@ use crate::grid::Verdict;
 use crate::pipeline::plan::{Plan, SessionFiles, SetAside, Why};
 use crate::pipeline::run::Done;
 
-/// The pieces of work in words.
+/// The pieces of work as text.
 pub fn work(plan: &Plan) -> String {
     let names = |sessions: &[SessionFiles]| {
         let names: Vec<_> = sessions
@@ -38,7 +38,7 @@ pub fn work(plan: &Plan) -> String {
     text
 }
 
-/// Lines, words and totals; set aside are the plan's own, and those that pools had to do without.
+/// Lines, paragraphs and totals; `set_aside` has the plan's own sessions, and those that pools left out.
 pub fn summary(plan: &Plan, endings: &[Ending], set_aside: &[SetAside]) -> String {
     let sessions = plan.pieces.iter().map(|piece| piece.session.as_str());
     let mut text = lines(sessions.zip(endings), set_aside);
@@ -112,7 +112,7 @@ fn outcome(done: &Done) -> String {
     text
 }
 
-/// What is new; of what was done before, the line says enough.
+/// The paragraph of a new result; for one that was there before, its line is enough.
 fn paragraph(ending: &Ending) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
@@ -140,7 +140,7 @@ const fn verdict(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// How many sessions ended how.
+/// The number of sessions for each ending.
 #[derive(Debug, Default)]
 struct Totals {
     new: usize,
@@ -148,7 +148,7 @@ struct Totals {
     met: usize,
     failed: usize,
     waiting: usize,
-    /// By a signal: ended or not begun.
+    /// Ended or not begun because of a signal.
     stopped: usize,
 }
 
@@ -198,7 +198,7 @@ impl Totals {
     }
 }
 
-/// The exit code of a batch: a signal that left work undone before all, then a session without a result, then a tolerance.
+/// The exit code of a batch: first a signal that left work undone, then a session without a result, then a tolerance.
 pub fn exit_code(endings: &[Ending], set_aside: &[SetAside], stop: &Stop) -> u8 {
     let undone = |ending: &Ending| matches!(ending, Ending::Stopped | Ending::NotStarted);
     if let (true, Some(code)) = (endings.iter().any(undone), stop.exit_code()) {

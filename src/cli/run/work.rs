@@ -28,17 +28,17 @@ pub enum Ending {
 /// Why a piece of work has no result.
 #[derive(Debug)]
 pub struct Failure {
-    /// In words.
+    /// The reason as text.
     pub reason: String,
-    /// The session whose fault it is, where it is one's.
+    /// The session that caused it; `None` where no single one did.
     pub session: Option<String>,
 }
 
-/// A piece's ending, and the sessions that it had to do without.
+/// A piece's ending, and the sessions that it left out.
 type Ended = (Ending, Vec<SetAside>);
 
-/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that pools
-/// had to do without.
+/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
+/// pools left out.
 pub fn all(
     plan: &Plan,
     jobs: NonZeroUsize,
@@ -70,7 +70,7 @@ pub fn all(
     (endings, without.concat())
 }
 
-/// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
+/// Does one piece, and repeats it without each session that turns out to be bad, as long as others are left to learn from.
 fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ended {
     let mut piece = piece.clone();
     let mut without: Vec<SetAside> = Vec::new();
@@ -94,7 +94,8 @@ fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop
                 });
             }
             ending => {
-                // Learnt until a session, each one before it has a piece and a line of its own.
+                // Other pieces than the pool of all learn from earlier sessions, each of which has a piece and a line of
+                // its own.
                 without.retain(|_| piece.session == POOLED);
                 return (ending, without);
             }
@@ -102,7 +103,7 @@ fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop
     }
 }
 
-/// Whether a piece is one still without this session.
+/// Whether a piece still has a session to learn from without this one.
 fn can_spare(piece: &WorkPiece, session: &str) -> bool {
     let learnt = piece.training.iter().any(|files| files.name == session);
     learnt && piece.training.len() > 1 && piece.session != session
@@ -123,13 +124,13 @@ fn one(plan: &Plan, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
             reason: error.to_string(),
             session: error.session().map(str::to_owned),
         },
-        // However a thread of the piece passed it on, it was unwound because an end was asked for.
+        // Whichever thread of the piece unwound first, the reason is that an end was asked for.
         Err(_) if stop.asked() => {
             tracing::warn!(session, "ended by {}", stop.name());
             return Ending::Stopped;
         }
         Err(_) => Failure {
-            reason: "a defect of posegrid, told above; please report it".to_owned(),
+            reason: "a defect of posegrid, logged above; please report it".to_owned(),
             session: None,
         },
     };

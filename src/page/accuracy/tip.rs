@@ -1,4 +1,4 @@
-//! The figures for the tool tip, or how to ask for them, or why there are none.
+//! The figures for the tool tip, or the setting that gives them, or the reason why there are none.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ pub(super) fn figures(figures: &[AccuracyRow]) -> Markup {
     if figures.is_empty() {
         return html! {
             p.note {
-                "The tip of a tool sees errors of the orientation too, by its lever arm. Figures for it are given where the pipeline file says "
+                "The tip of a tool sees errors of the orientation too, by its lever arm. Figures for it are given where the pipeline file states "
                 "where it is: " code { "[report] tool_tip" } "."
             }
         };
@@ -21,9 +21,9 @@ pub(super) fn figures(figures: &[AccuracyRow]) -> Markup {
     html! {
         h3 { "At the tool tip" }
         p {
-            "The same errors carried to the tip that " code { "[report] tool_tip" } " states, by lever arm with the measured orientation. A model's "
-            "rows are what is left where the tip is the point that is corrected. A table corrects the controller's tool point and leaves "
-            "orientations as they are commanded, so its rows have all of the orientation's error."
+            "These errors at the tip that " code { "[report] tool_tip" } " states, computed by lever arm with the measured orientation. A model's "
+            "rows are the remaining errors where the tip is the point that is corrected. A table corrects the controller's tool point and leaves "
+            "orientations as commanded, so its rows have all of the orientation's error."
         }
         (rows(figures, &telling))
         @for reason in reasons(figures) { p.note { "Not shown: " (reason) "." } }
