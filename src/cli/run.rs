@@ -139,7 +139,9 @@ fn with_words(code: u8, told: Result<(), Undelivered>, stop: &Stop) -> u8 {
     let by_signal = stop.exit_code() == Some(code);
     match told {
         Err(Undelivered::Refused) => {
-            tracing::error!("the summary could not be written, the published files are complete; run again to see it");
+            tracing::error!(
+                "the summary could not be written, the published files are complete; run again to see it"
+            );
             if by_signal { code } else { NO_RESULT }
         }
         Ok(()) | Err(Undelivered::ReaderGone) => code,

@@ -146,9 +146,7 @@ pub enum MessageFault {
     )]
     WideText,
     /// The bytes are no protobuf.
-    #[error(
-        "the bytes are no protobuf message: a field number, wire type or number is not valid"
-    )]
+    #[error("the bytes are no protobuf message: a field number, wire type or number is not valid")]
     Wire,
     /// Parts nested too deep.
     #[error("the message's parts are nested more than 64 deep")]

@@ -1,60 +1,60 @@
-//! What a plan promised, held against the session that was measured by it.
+//! The promise of a plan, compared with the session that was measured by it.
 //!
-//! Inputs: a [`Promise`], the session's stations, and what a model that did not see them leaves on each. Output: a
-//! [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
+//! Inputs: a [`Promise`], the session's stations, and the error that a model that did not see them leaves at each. Output:
+//! a [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
 
 use std::collections::BTreeSet;
 
 use crate::figures::{Figures, PoseErrors, share_interval};
 
-/// A station stands at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that is
-/// planned. Which stations are visits of one pose is told by [`crate::fit::visits`].
+/// A station is at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that
+/// is planned. [`crate::fit::visits`] finds which stations are visits of one pose.
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 
-/// What a plan promised.
+/// The promise of a plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Promise {
-    /// The plan's id.
+    /// Id of the plan.
     pub plan: String,
-    /// Joint angles of the poses that verify, rad.
+    /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
-    /// Mean error, mm.
+    /// Promised mean error, mm; `None` where the plan promised none.
     pub mean_mm: Option<f64>,
-    /// What `share` of errors stays below, mm.
+    /// Bound that `share` of errors stays below, mm; `None` where the plan promised none.
     pub bound_mm: Option<f64>,
-    /// The share of errors that the bound is of.
+    /// Share of errors below the bound.
     pub share: f64,
-    /// How sure the promise is.
+    /// Confidence of the promise.
     pub confidence: f64,
 }
 
-/// A station with the error that a model which did not see it leaves there.
+/// A station with the error that a model that did not see it leaves there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
     /// Reported joint angles, rad.
     pub joints: Vec<f64>,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
     /// Norm of the error left, mm.
     pub left_mm: f64,
 }
 
-/// What became of a promise.
+/// The outcome of a promise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PromiseKept {
-    /// What was promised.
+    /// The promise.
     pub promise: Promise,
-    /// Poses that were to verify and were measured.
+    /// Number of verification poses that were measured.
     pub measured: usize,
-    /// Figures of what is left at the worst visit of each; `None` without any.
+    /// Figures of the remaining error at the worst visit of each; `None` without any.
     pub figures: Option<Figures>,
-    /// Of these, how many are within the promised bound.
+    /// Number of these within the promised bound.
     pub within: usize,
-    /// The share of all errors within the bound that this leaves possible, two-sided at the promise's confidence.
+    /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
     pub interval: (f64, f64),
 }
 
-/// Holds a promise against stations: a pose is one of them however often it was visited, with the worst of its visits.
+/// Compares a promise with stations: a pose counts once however often it was visited, with the worst of its visits.
 pub fn held_against(promise: &Promise, stations: &[Verified]) -> PromiseKept {
     let visited = promise.verify.iter().filter_map(|pose| at(pose, stations));
     let visited: BTreeSet<usize> = visited.collect();
@@ -81,13 +81,13 @@ pub fn is_same_pose(one: &[f64], other: &[f64]) -> bool {
     one.len() == other.len() && apart(one, other) <= SAME_POSE_RAD
 }
 
-/// How far the joint is apart that is most, rad.
+/// The largest difference of a joint, rad.
 fn apart(one: &[f64], other: &[f64]) -> f64 {
     let joints = one.iter().zip(other);
     joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The pose of the station nearest to a planned pose, if one stands there.
+/// The pose of the station nearest to a planned pose; `None` where no station is there.
 fn at(pose: &[f64], stations: &[Verified]) -> Option<usize> {
     let away = |station: &Verified| apart(&station.joints, pose);
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
@@ -100,7 +100,7 @@ impl PromiseKept {
         self.interval.1 < self.promise.share
     }
 
-    /// The comparison in a line that a person reads.
+    /// The comparison in one line for a person.
     pub fn words(&self) -> String {
         let promise = &self.promise;
         let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
@@ -113,7 +113,7 @@ impl PromiseKept {
         );
         let Some(figures) = self.figures else {
             return format!(
-                "{head}; none of its {} poses that verify was measured: nothing to hold it against",
+                "{head}; none of its {} verification poses was measured: nothing to compare it with",
                 promise.verify.len()
             );
         };
@@ -123,7 +123,7 @@ impl PromiseKept {
             "not contradicted"
         };
         format!(
-            "{head}; found, with measurement noise, on {} of {} poses that verify: mean {:.3} mm, largest {:.3} mm, {} within \
+            "{head}; found, with measurement noise, on {} of {} verification poses: mean {:.3} mm, largest {:.3} mm, {} within \
              the bound ({:.1} to {:.1} % of all with {} % confidence): {verdict}",
             self.measured,
             promise.verify.len(),
@@ -152,7 +152,7 @@ mod tests {
         }
     }
 
-    /// A station a quarter of a degree beside each planned pose but the last two.
+    /// A station a quarter of a degree from each planned pose except the last two.
     fn stations(left_mm: f64) -> Vec<Verified> {
         let beside = |i: i32| Verified {
             joints: vec![f64::from(i) * 0.1 + 0.004, 0.496],
@@ -212,6 +212,6 @@ mod tests {
             .collect();
         let kept = held_against(&promise(), &elsewhere);
         assert_eq!((kept.measured, kept.interval), (0, (0.0, 1.0)));
-        assert!(!kept.is_broken() && kept.words().contains("nothing to hold it against"));
+        assert!(!kept.is_broken() && kept.words().contains("nothing to compare it with"));
     }
 }

@@ -383,7 +383,7 @@ fn a_table_that_is_not_what_its_run_wrote_corrects_nothing() {
     // A table without a digest is read, and that nothing vouches for it is told; in its lake the row does.
     unsealed(&outside);
     let old = compensate(&outside);
-    old.expect(0, &["nothing shows that it is as it was written"]);
+    old.expect(0, &["nothing shows that it is unchanged"]);
     assert_eq!(old.results, sound.results);
     let cell = copied();
     let table = cell.table_file("compensation", "mon");

@@ -7,7 +7,9 @@ use crate::compensation::{Conditions, Exception, Term, UsedWith};
 
 /// The conditions that targets will be run with; one that is not given is not checked.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
-#[command(next_help_heading = "Conditions that the targets will be run with; one that is not given is not checked")]
+#[command(
+    next_help_heading = "Conditions that the targets will be run with; one that is not given is not checked"
+)]
 pub struct UsedWithArgs {
     /// The tool, by the name in the pipeline file
     #[arg(long, value_name = "NAME")]

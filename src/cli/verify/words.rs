@@ -103,12 +103,12 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
             lines.push(format!("not recomputed: {reason}"));
         }
         Recomputed::No(_) => {}
-        Recomputed::OtherWork => lines.push("not recomputed, as inputs or settings differ".to_owned()),
+        Recomputed::OtherWork => {
+            lines.push("not recomputed, as inputs or settings differ".to_owned())
+        }
         Recomputed::Yes { same, others } => {
             let files = if *same == 1 { "file" } else { "files" };
-            lines.push(format!(
-                "{same} {files} recomputed, byte for byte the same"
-            ));
+            lines.push(format!("{same} {files} recomputed, byte for byte the same"));
             lines.extend(others.iter().flat_map(file));
         }
     }

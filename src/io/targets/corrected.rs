@@ -7,20 +7,20 @@ use crate::io::schema;
 use crate::io::table::{Columns, Table, TableError};
 use crate::manifest::RunKey;
 
-/// What corrected targets, as every row of the result says.
+/// The origin of a correction, repeated in every row of the result.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
-    /// The run.
+    /// Key of the run.
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,
-    /// The kind of table.
+    /// Name of the table: `compensation` or `calibrations`.
     pub table: &'static str,
-    /// The joints in the order of joint angles; none where there are no joint angles.
+    /// The joints in the order of joint angles; empty where there are no joint angles.
     pub joint_names: &'a [String],
 }
 
-/// The rows of targets and what became of each.
+/// The rows of targets, with the command or the refusal of each.
 pub fn corrected(
     targets: &[Target],
     outcomes: &[Result<Corrected, Refused>],
@@ -53,7 +53,7 @@ pub fn corrected(
     corrections(columns, outcomes).finish()
 }
 
-/// Where targets are, and what is to be commanded.
+/// The columns of targets and their commands.
 fn commands(
     columns: Columns,
     targets: &[Target],
@@ -88,7 +88,7 @@ fn commands(
         .column("correction_joints_rad", joints(JointCommand::correction))
 }
 
-/// By how much, how sure, and how.
+/// The columns of corrections, their covariances and methods.
 fn corrections(columns: Columns, outcomes: &[Result<Corrected, Refused>]) -> Columns {
     let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
     let vectors = |of: fn(&Corrected) -> Vector3<f64>| {

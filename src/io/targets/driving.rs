@@ -1,7 +1,7 @@
-//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table they are of.
+//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table corrected them.
 //!
-//! It is what `posegrid compensate` wrote, CSV, Parquet or JSON, or beside a data list; of its columns only those are read that a comparison needs. Targets
-//! that were refused have no command and are counted.
+//! `posegrid compensate` writes it, as CSV, Parquet or JSON, or next to a data list; only the columns needed for a
+//! comparison are read. Refused targets have no command and are counted.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -17,16 +17,16 @@ use crate::io::table;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
 
-/// What drove a session.
+/// The commands that drove a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivingFile {
     /// The run whose table corrected the targets.
     pub key: RunKey,
-    /// Which of its tables: `compensation` or `calibrations`.
+    /// Name of the table: `compensation` or `calibrations`.
     pub table: String,
     /// Targets with their commands, in the file's order.
     pub targets: Vec<CorrectedTarget>,
-    /// Targets without a command.
+    /// Number of targets without a command.
     pub refused: usize,
 }
 
@@ -141,7 +141,7 @@ fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsErr
     Ok((0..table.rows()).map(row).collect())
 }
 
-/// That every number is one: `nan` and `inf` can be written as text.
+/// Checks that all numbers are finite: `nan` and `inf` can be written as text.
 fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
     let wrong = rows
         .iter()
@@ -157,7 +157,7 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
 }
 
 impl DrivingRow {
-    /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
+    /// The row of a CSV file, its texts without the marks that keep spreadsheets from running them.
     fn unmarked(mut self) -> Self {
         let texts = [
             &mut self.robot,

@@ -1,4 +1,4 @@
-//! What can be wrong with a file of targets.
+//! Errors of a file of targets.
 
 use std::fmt;
 use std::io;
@@ -15,168 +15,168 @@ use crate::io::table::FileError;
 /// Why a file of targets cannot be read.
 #[derive(Debug, Error)]
 pub enum TargetsError {
-    /// None of the forms there are.
+    /// The extension is none of the known forms.
     #[error("{}: files of targets are .csv, .parquet, .json or .dat (KUKA)", .0.display())]
     UnknownForm(PathBuf),
-    /// No row.
+    /// The file has no row.
     #[error("{} holds no target", .0.display())]
     Empty(PathBuf),
-    /// A form that does not hold what a session is judged by.
-    #[error("{}: a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file of corrections beside it", .0.display())]
+    /// A form that lacks what a session is judged by.
+    #[error("{}: a session is judged by corrected targets as .csv, .parquet or .json; for a data list give the file of corrections next to it", .0.display())]
     NotDriving(PathBuf),
-    /// Corrections of a table that corrects nothing.
+    /// The corrections are by a table that corrects nothing.
     #[error("{}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\"", path.display())]
     NotOfATable {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What it names.
+        /// Name of the table in it.
         found: String,
     },
-    /// A number that is none.
+    /// A number that is not finite.
     #[error("{}, row {row}, target {target:?}: a length or a covariance is no finite number; take the file as `posegrid compensate` wrote it", path.display())]
     NotANumber {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The row, from 0.
         row: usize,
-        /// Its target.
+        /// Name of the target.
         target: String,
     },
-    /// Corrections of more than one table.
+    /// The corrections are by more than one table.
     #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]
     SeveralTables(PathBuf),
     /// Not a CSV file, or one that cannot be read.
     #[error("cannot read {} as CSV: {source}", path.display())]
     Csv {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the reader says.
+        /// The reader's error.
         source: csv::Error,
     },
-    /// Not a JSON text, or one of another shape.
+    /// Not a JSON text, or one of another structure.
     #[error("cannot read {} as JSON: {source}", path.display())]
     Json {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the reader says.
+        /// The reader's error.
         source: serde_json::Error,
     },
     /// A file that cannot be read, is none, or is too large.
     #[error("cannot read {}: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// The system's error.
         source: io::Error,
     },
     /// Not a Parquet file of targets.
     #[error(transparent)]
     Parquet(#[from] FileError),
-    /// The program does not know its own table.
+    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// Columns that every target needs.
+    /// A column that every target needs is missing.
     #[error(
         "{}: missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
         path.display(),
         missing.join(", ")
     )]
     MissingColumns {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The columns.
+        /// Names of the missing columns.
         missing: Vec<String>,
-        /// What the first line names.
+        /// Names in the first line.
         found: Vec<String>,
     },
     /// Columns of joint angles that do not belong together.
     #[error("{}: columns of joint angles: {problem}; see `posegrid compensate --help`", path.display())]
     Angles {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with them.
+        /// The fault in them.
         problem: String,
     },
-    /// Columns whose names do not say which is which.
+    /// Names of columns that are ambiguous.
     #[error("{}: {problem}", path.display())]
     Names {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with them.
+        /// The fault in them.
         problem: NamesProblem,
     },
-    /// A file that holds no targets as a whole.
+    /// The file as a whole is wrong.
     #[error("{}: {problem}", path.display())]
     Whole {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         problem: RowProblem,
     },
     /// A row with a wrong value.
     #[error("{}, {place}: {problem}", path.display())]
     Row {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The row.
+        /// Place of the row.
         place: Place,
-        /// What is wrong with it.
+        /// The fault in it.
         problem: RowProblem,
     },
 }
 
-/// What is wrong with a row of a file of targets.
+/// The fault in a row of a file of targets.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RowProblem {
-    /// Text where a number stands.
+    /// A text in the place of a number.
     #[error(
         "column {column:?} holds {text:?}, which is no finite number (decimal point, lengths in mm, no unit written)"
     )]
     NoNumber {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// What stands there.
+        /// The text in it.
         text: String,
     },
     /// A value of another type.
     #[error("key {key:?} holds {found} where {wanted} is needed")]
     WrongType {
-        /// The key.
+        /// Name of the key.
         key: String,
-        /// What is needed.
+        /// The type that is needed.
         wanted: &'static str,
-        /// What stands there.
+        /// The type that was found.
         found: &'static str,
     },
-    /// Keys whose names do not say which is which.
+    /// Names of keys that are ambiguous.
     #[error(transparent)]
     Names(#[from] NamesProblem),
     /// Joint angles that do not belong together.
     #[error("{0}; see `posegrid compensate --help`")]
     Angles(String),
-    /// A line of a data list.
+    /// A fault in a line of a data list.
     #[error(transparent)]
     Krl(KrlProblem),
-    /// Nothing where something has to be.
+    /// A required value is missing.
     #[error("column {column:?} is empty, and every target has a value there")]
     NoValue {
-        /// The column.
+        /// Name of the column.
         column: &'static str,
     },
-    /// Two targets of one name.
-    #[error("target {target:?} stands in {first} already; names are unique within a file")]
+    /// Two targets have one name.
+    #[error("target {target:?} is in {first} already; names are unique within a file")]
     SameName {
-        /// Where it stands first.
+        /// Place of the first one.
         first: Place,
-        /// Its name.
+        /// Name of both.
         target: String,
     },
-    /// Some of a position's three numbers.
+    /// Only some of a position's three numbers are given.
     #[error(
         "a position is three numbers, x_mm y_mm z_mm, and some of them are missing; give all or none"
     )]
     PartOfPosition,
-    /// Some of a target's joint angles.
+    /// Only some of a target's joint angles are given.
     #[error("{missing} is empty, and a target has all of its joint angles or none")]
     PartOfJoints {
         /// The first column without an angle.
@@ -187,46 +187,46 @@ pub enum RowProblem {
         "target {target:?} has neither a position nor joint angles; give x_mm y_mm z_mm, q1_rad …, or both"
     )]
     NoPlace {
-        /// The target.
+        /// Name of the target.
         target: String,
     },
-    /// Joint names for another number of angles.
+    /// The number of joint names differs from that of the angles.
     #[error("joint_names has {names} names for {angles} joint angles; give one for each, or none")]
     JointNames {
-        /// Names.
+        /// Number of names.
         names: usize,
-        /// Angles.
+        /// Number of angles.
         angles: usize,
     },
-    /// Some of a quaternion's four numbers.
+    /// Only some of a quaternion's four numbers are given.
     #[error(
         "an orientation is four numbers, qx qy qz qw, and some of them are missing; give all or none"
     )]
     PartOfQuaternion,
-    /// A quaternion that is no rotation.
+    /// A quaternion that is not of unit norm.
     #[error("qx qy qz qw have norm {norm}, a rotation has norm 1")]
     NotUnit {
-        /// The norm.
+        /// Norm of the quaternion.
         norm: f64,
     },
-    /// A file of commands.
+    /// The file holds commands, not targets.
     #[error(
-        "corrected already, as its key {key:?} says ({value}); correct the targets themselves, a second correction would move \
+        "corrected already, as its key {key:?} states ({value}); correct the targets themselves, a second correction would move \
          the tool by the error once more"
     )]
     Marked {
-        /// The key.
+        /// Name of the key.
         key: String,
-        /// What stands there.
+        /// Value of the key.
         value: String,
     },
-    /// A target that is a command already.
+    /// The target is a command already.
     #[error(
         "target {target:?} is corrected already, with table {table_id:?}; correct the targets themselves, a second \
          correction would move the tool by the error once more"
     )]
     Corrected {
-        /// The target.
+        /// Name of the target.
         target: String,
         /// The table that it was corrected with.
         table_id: String,
@@ -234,7 +234,7 @@ pub enum RowProblem {
 }
 
 impl RowProblem {
-    /// This problem of a row of a file.
+    /// The error for this fault in a row of a file.
     pub(super) fn at(self, path: &Path, place: Place) -> TargetsError {
         TargetsError::Row {
             path: path.to_owned(),
