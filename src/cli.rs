@@ -3,9 +3,9 @@
 //! Results go to stdout, messages and progress bars to stderr. An interrupt ends `run` at its next step and any other command
 //! at once: a lake stays sound either way, since a run exists only once it is whole.
 //!
-//! Work goes on when messages cannot be written. Results that cannot be written are exit code 1; where their reader has gone
-//! away (`| head -1`) a command ends as if SIGPIPE had ended it, without a word. `run` has done its work by then, and a reader
-//! who left changes nothing of what it came to.
+//! Work goes on when messages cannot be written. Results that cannot be written give exit code 1; where their reader has
+//! gone away (`| head -1`), a command ends silently, as if SIGPIPE had ended it. `run` has finished its work by then, so a
+//! reader who left does not change its exit code.
 
 pub mod check;
 pub mod compensate;
@@ -51,7 +51,7 @@ pub const READER_GONE: u8 = 128 + 13;
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = EXIT_CODES)]
 struct Arguments {
-    /// How messages are written on stderr
+    /// Format of the messages on stderr
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
     log_format: LogFormat,
     #[command(subcommand)]
@@ -130,8 +130,8 @@ fn answered(answer: &clap::Error) -> u8 {
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
         Ok(result) => {
-            let told = messages::result(result, bars);
-            told.map_or_else(Undelivered::exit_code, |()| DONE)
+            let written = messages::result(result, bars);
+            written.map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{error}");

@@ -159,7 +159,7 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
     let tracker = &plan.mapping.tracker;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
-    let mut told = vec![
+    let mut named = vec![
         (
             "controller",
             topic(&controller.topic, controller.time, &angle),
@@ -168,9 +168,9 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
     ];
     if let Some(commanded) = &plan.mapping.commanded {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
-        told.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
+        named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
-    told.push((
+    named.push((
         "raw command",
         match plan.stages.raw_command {
             None => "not compared with",
@@ -181,12 +181,12 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
         }
         .to_owned(),
     ));
-    told.push((
+    named.push((
         "up",
         plan.stages.up.map_or_else(
             || "not given".to_owned(),
             |up| format!("[{}, {}, {}] in the base frame", up.x, up.y, up.z),
         ),
     ));
-    told
+    named
 }

@@ -92,7 +92,7 @@ pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
     // The whole result is made first: an error leaves no half of it on a pipe.
     let mut for_stdout = Vec::new();
     match run(args, &mut for_stdout) {
-        Ok(compensated) => told(&compensated, &for_stdout, bars),
+        Ok(compensated) => report(&compensated, &for_stdout, bars),
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
             error.exit_code()
@@ -100,7 +100,7 @@ pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
     }
 }
 
-fn told(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
+fn report(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
     // Refusals are reported even where the reader of the result has left.
     if let Err(refused @ Undelivered::Refused) = messages::deliver(for_stdout, bars) {
         return refused.exit_code();

@@ -63,8 +63,8 @@ pub enum ExportFormat {
 pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
     match run(args) {
         Ok(for_stdout) => {
-            let told = messages::deliver(&for_stdout, bars);
-            told.map_or_else(Undelivered::exit_code, |()| DONE)
+            let written = messages::deliver(&for_stdout, bars);
+            written.map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));

@@ -24,7 +24,7 @@ use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistor
 use output::output;
 use words::words;
 
-/// What changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
+/// Find what changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
 Each session's current run is compared with all sessions before it, pooled: what moved, base, target or which joint, or what
@@ -88,9 +88,9 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         .collect();
     let paths = written.iter().flatten();
     text.extend(paths.map(|path| line(&format!("written: {}", path.display()))));
-    let told = messages::result(text, bars);
+    let printed = messages::result(text, bars);
     match written {
-        Ok(_) => told.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
+        Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
         Err(error) => failed(&error),
     }
 }

@@ -37,11 +37,11 @@ pub struct InspectArgs {
 
 /// Inspects each log; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable.
 pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
-    told(args, bars).unwrap_or_else(Undelivered::exit_code)
+    inspect_all(args, bars).unwrap_or_else(Undelivered::exit_code)
 }
 
 /// Inspects the logs until all are done, or the reader of stdout has left.
-fn told(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
+fn inspect_all(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
     let progress = bars.of("inspect");
     let mut found = Vec::new();
     let mut unreadable = false;

@@ -16,7 +16,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 use super::progress::Bars;
 use super::streams::{Stream, Undelivered};
 
-/// How messages are written on stderr.
+/// The format of messages on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
     /// For people: one line a message

@@ -91,9 +91,9 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     };
     match ended {
         Ok((is_met, words)) => {
-            let told = messages::result(words, bars);
+            let written = messages::result(words, bars);
             let met = if is_met { DONE } else { NOT_MET };
-            told.map_or_else(Undelivered::exit_code, |()| met)
+            written.map_or_else(Undelivered::exit_code, |()| met)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -122,7 +122,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     Ok((planned, words))
 }
 
-/// Whether the session so far is enough, in words.
+/// Whether the session so far is enough, and a text that says so.
 fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
     let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
     let progress = bars.of("plan");
@@ -156,12 +156,14 @@ fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String),
     Ok((promise.holds(), text))
 }
 
-/// What to do next.
+/// The next step, as text.
 fn next(found: &SoFar, tolerance_mm: f64) -> String {
     let names = found.next.join(" ");
     let count = found.next.len();
     if found.promise.holds() {
-        format!("enough: {tolerance_mm} mm will be met; measure the poses that verify, then stop\n")
+        format!(
+            "enough: {tolerance_mm} mm will be met; measure the verification poses, then stop\n"
+        )
     } else if found.next.is_empty() {
         format!(
             "not enough for {tolerance_mm} mm, and no planned pose is left: plan with more poses\n"

@@ -88,8 +88,8 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     tell(&plan);
     if args.dry_run {
-        let told = messages::result(work(&plan), bars);
-        return told.map_or_else(Undelivered::exit_code, |()| DONE);
+        let written = messages::result(work(&plan), bars);
+        return written.map_or_else(Undelivered::exit_code, |()| DONE);
     }
     batch(&plan, args, bars)
 }
@@ -129,15 +129,15 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
     let (endings, without) = work::all(plan, args.jobs, bars, &stop);
     let mut set_aside = [plan.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let told = messages::result(summary::summary(plan, &endings, &set_aside), bars);
+    let written = messages::result(summary::summary(plan, &endings, &set_aside), bars);
     let code = summary::exit_code(&endings, &set_aside, &stop);
-    with_words(code, told, &stop)
+    after_summary(code, written, &stop)
 }
 
 /// The exit code of a batch whose work gives `code`; the work is done whether or not its summary was written.
-fn with_words(code: u8, told: Result<(), Undelivered>, stop: &Stop) -> u8 {
+fn after_summary(code: u8, written: Result<(), Undelivered>, stop: &Stop) -> u8 {
     let by_signal = stop.exit_code() == Some(code);
-    match told {
+    match written {
         Err(Undelivered::Refused) => {
             tracing::error!(
                 "the summary could not be written, the published files are complete; run again to see it"

@@ -14,7 +14,7 @@ Example:
 pub struct SchemaArgs {
     /// The table whose contract to show; all tables are listed without it
     pub table: Option<String>,
-    /// How to show it
+    /// Format of the output
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
 }

@@ -130,7 +130,7 @@ pub enum WriteCause {
     Json(#[from] serde_json::Error),
 }
 
-/// What was made, for a person to read.
+/// The session that was made, for a person to read.
 #[derive(Debug, Clone)]
 pub struct SimulatedSession {
     /// Folder of the files.

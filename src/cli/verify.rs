@@ -146,13 +146,13 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
 /// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.
 fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Result<u8, Ended> {
     let rows = selected.rows(lake, names)?;
-    let told = |run: &PastRun| match &run.claim {
+    let problems = |run: &PastRun| match &run.claim {
         Ok(claim) => row_contradictions(run, claim, &selected.register, lake),
         Err(wrong) => vec![wrong.reason.clone()],
     };
     let mut code = DONE;
     for run in &selected.runs {
-        for problem in told(run) {
+        for problem in problems(run) {
             let place = run.place.display();
             tracing::error!("{}", Printable(&format!("{place}: {problem}")));
             code = NOT_MET;

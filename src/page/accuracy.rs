@@ -21,8 +21,9 @@ const COLUMNS: [(FigureName, &str); 6] = [
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let subjects = subjects(&content.figures);
-    let (telling, flattering): (Vec<Subject>, Vec<Subject>) = subjects.into_iter().partition(tells);
-    if telling.is_empty() && flattering.is_empty() {
+    let (listed, training): (Vec<Subject>, Vec<Subject>) =
+        subjects.into_iter().partition(is_listed);
+    if listed.is_empty() && training.is_empty() {
         return None;
     }
     Some(html! {
@@ -31,11 +32,11 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             "measured target are one point, and with base and target fitted, which is the fair comparison. After is predicted, unless a "
             "table drove the session: then it was measured."
         }
-        (rows(&content.figures, &telling))
-        @if !flattering.is_empty() {
+        (rows(&content.figures, &listed))
+        @if !training.is_empty() {
             details {
                 summary { "On training stations, or with a base refitted on all: for comparing models only" }
-                (rows(&content.figures, &flattering))
+                (rows(&content.figures, &training))
             }
         }
         (tip::figures(&content.tip))
@@ -43,7 +44,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 /// Whether the subject is judged on stations that took no part, or is the raw command.
-fn tells(subject: &Subject) -> bool {
+fn is_listed(subject: &Subject) -> bool {
     subject.model == Model::RawCommand
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }

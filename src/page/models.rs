@@ -23,7 +23,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
         (super::table(&head, &body))
-        p.note { "An s² far above 1 says that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
+        p.note { "An s² far above 1 shows that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
         @for calibration in ill {
             p.warning {
                 "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.condition, 0))

@@ -70,7 +70,7 @@ pub struct Visited {
 /// Figures of the same visits, in the same frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Iso9283 {
-    /// What corrects the errors, and where the base comes from.
+    /// The model that corrects the errors, and the source of the base.
     pub subject: Subject,
     /// The point that was commanded and attained.
     pub point: Point,
@@ -232,7 +232,7 @@ fn over_all(of_poses: &[Figure], poses: usize) -> Vec<Figure> {
             .filter(move |figure| figure.characteristic == characteristic);
         let values: Vec<f64> = own.clone().filter_map(|figure| figure.value).collect();
         let middle = median(&values)?;
-        // Of equal ones the first is kept.
+        // If several are equal, the first is kept.
         let worst = own.reduce(|worst, next| {
             if next.value > worst.value {
                 next

@@ -169,7 +169,7 @@ fn a_file_that_was_deleted_is_the_same_when_it_is_made_again() {
         &[
             "outputs missing",
             "output residuals/mon: missing",
-            "recomputed, it is as the row says",
+            "recomputed, it is as the row states",
         ],
     );
     // `run` finds the run in the lake and makes nothing; into another folder it makes the same.

@@ -87,7 +87,7 @@ impl Recorded {
             .iter()
             .find(|(_, _, own)| own.file_digest == digest);
         known.map_or(Ok(()), |known| {
-            Err(told(targets, "the file".to_owned(), known))
+            Err(corrected_already(targets, "the file".to_owned(), known))
         })
     }
 
@@ -107,7 +107,7 @@ impl Recorded {
                     targets.len(),
                     first.name
                 );
-                return Err(told(path, what, known));
+                return Err(corrected_already(path, what, known));
             }
         }
         Ok(())
@@ -183,7 +183,7 @@ fn is_moved(done: &Corrected) -> bool {
     done.correction.amax() > 2.0 * SAME_MM
 }
 
-fn told(
+fn corrected_already(
     targets: &Path,
     what: String,
     (place, written, record): &(PathBuf, Option<SystemTime>, Correction),

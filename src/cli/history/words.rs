@@ -7,7 +7,7 @@ use crate::io::tables::past::PastSession;
 use crate::pipeline::history::RobotHistory;
 
 /// Most changes printed on stdout, the newest ones.
-const TOLD: usize = 3;
+const PRINTED: usize = 3;
 
 /// The lines of text.
 pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
@@ -89,7 +89,7 @@ fn changes(robot: &RobotHistory) -> Vec<String> {
         "changes: {all} sessions, {lasting} lasting, {alone} of one session, {open} not settled; out of control: {out} sessions; \
          segments: {segments}"
     );
-    let newest = changed.iter().rev().take(TOLD).rev();
+    let newest = changed.iter().rev().take(PRINTED).rev();
     [summary].into_iter().chain(newest.map(change)).collect()
 }
 

@@ -37,7 +37,8 @@ impl Section {
         }
     }
 
-    /// Commands stand beside joint states; poses in a log without joint states are a tracker's, whatever they are called.
+    /// Commands are in logs with joint states; poses in a log without joint states are a tracker's, whatever their topic is
+    /// called.
     fn suits(self, beside_joints: bool, channel: &ChannelSummary) -> bool {
         let is_pose = matches!(
             layout(channel),

@@ -15,7 +15,7 @@ use crate::cli::streams::Stream;
 #[derive(Debug)]
 pub(super) struct Screen {
     size: Term,
-    /// What is written at the next flush, all at once, so that a bar does not flicker.
+    /// Text for the next flush, written all at once so that a bar does not flicker.
     pending: Mutex<String>,
 }
 

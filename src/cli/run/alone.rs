@@ -11,7 +11,7 @@ use crate::units::span;
 /// Time between two looks of a waiting batch: short compared with any batch, and no load on the machine.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 
-/// Whose turn it is.
+/// The outcome of waiting for the lake's lock.
 #[derive(Debug)]
 pub enum Turn {
     /// Ours: with the lock, where the file system gives one.
@@ -22,7 +22,7 @@ pub enum Turn {
 
 /// Locks the lake, after the batch that has it if `wait` says so.
 pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
-    let mut told = false;
+    let mut is_reported = false;
     loop {
         let holder = match lake.lock(by) {
             Locking::Done(lock) => return Turn::Ours(Some(lock)),
@@ -47,9 +47,9 @@ pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
             );
             return Turn::NotOurs;
         }
-        if !told {
+        if !is_reported {
             tracing::info!("{}; waiting for its end", held(&holder));
-            told = true;
+            is_reported = true;
         }
         sleep(LOOK_AGAIN);
     }

@@ -12,7 +12,7 @@ use crate::cli::progress::Bars;
 use crate::pipeline::plan::{POOLED, Plan, SetAside, Why, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
-/// How one piece of work ended.
+/// The ending of one piece of work.
 #[derive(Debug)]
 pub enum Ending {
     /// With a result.
@@ -94,8 +94,7 @@ fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop
                 });
             }
             ending => {
-                // Other pieces than the pool of all learn from earlier sessions, each of which has a piece and a line of
-                // its own.
+                // A piece of a single session learns from the sessions before it, each of which has a piece and a line of
                 without.retain(|_| piece.session == POOLED);
                 return (ending, without);
             }

@@ -79,17 +79,17 @@ fn counts(account: &FilesOfLake, is_whole: bool) -> String {
 
 /// The rows that differ from the list, and the number of rows that the list lacks.
 pub(super) fn against_list(unexpected: &[Unexpected], newer: usize) -> Vec<String> {
-    let told = |own: &Unexpected| match own {
+    let line = |own: &Unexpected| match own {
         Unexpected::Removed(row) => format!(
             "expected: the row of run {} of {} is not there: it was removed",
             row.run, row.session
         ),
         Unexpected::Changed { expected, found } => format!(
-            "expected: the row of run {} of {} has the digest {found}, and the list says {}: it was changed",
+            "expected: the row of run {} of {} has the digest {found}, and the list states {}: it was changed",
             expected.run, expected.session, expected.digest
         ),
     };
-    let mut lines: Vec<String> = unexpected.iter().map(told).collect();
+    let mut lines: Vec<String> = unexpected.iter().map(line).collect();
     if unexpected.is_empty() {
         lines.push("expected: every row of the list is there unchanged".to_owned());
     }

@@ -184,12 +184,12 @@ fn output(output: &Output, recomputed: &Recomputed) -> String {
         Recomputed::No(_) | Recomputed::OtherWork => None,
     };
     let judged = match again {
-        Some(digest) if *digest == output.claimed => "; recomputed, it is as the row says",
+        Some(digest) if *digest == output.claimed => "; recomputed, it is as the row states",
         Some(_) => "; recomputed, it is neither",
         None => "",
     };
     format!(
-        "output {}: {found}, the row says {}{judged}",
+        "output {}: {found}, the row states {}{judged}",
         output.name, output.claimed
     )
 }
@@ -202,16 +202,16 @@ fn input(input: &ChangedInput) -> String {
     };
     let claimed = input.claimed.as_ref();
     let claimed = claimed.map_or_else(|| "no such input".to_owned(), file);
-    format!("input {}: {found}; the row says {claimed}", input.name)
+    format!("input {}: {found}; the row states {claimed}", input.name)
 }
 
 fn setting(setting: &ChangedSetting) -> String {
-    let told = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+    let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
     format!(
-        "setting {}: {}, the row says {}",
+        "setting {}: {}, the row states {}",
         setting.key,
-        told(&setting.found),
-        told(&setting.claimed)
+        shown(&setting.found),
+        shown(&setting.claimed)
     )
 }
 

@@ -213,12 +213,12 @@ impl Lake {
 
     /// The record of a key; an error states why the file there is no valid record.
     pub fn correction(&self, key: &str) -> Result<Correction, String> {
-        let told = |error: LakeError| error.to_string();
+        let text = |error: LakeError| error.to_string();
         let schema = schema::find(CORRECTIONS).map_err(|error| error.to_string())?;
-        let file = self.store.open(key).map_err(|error| told(error.into()))?;
+        let file = self.store.open(key).map_err(|error| text(error.into()))?;
         let table = table::read_open(file, &self.store.place(key).named(), schema);
         let record = Correction::of(&table.map_err(|error| error.to_string())?)?;
-        let own = record.file_key().map_err(told)?;
+        let own = record.file_key().map_err(text)?;
         if own == key {
             Ok(record)
         } else {

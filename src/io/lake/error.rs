@@ -107,6 +107,6 @@ pub(super) fn folder_error<'a>(
     doing: &'static str,
     path: &'a Path,
 ) -> impl Fn(io::Error) -> LakeError + use<'a> {
-    let told = StoreError::folder(doing, path);
-    move |source| told(source).into()
+    let error = StoreError::folder(doing, path);
+    move |source| error(source).into()
 }

@@ -162,7 +162,7 @@ impl Drop for Temporary {
 
 /// A new name is permanent only once its folder is synced too.
 fn sync_folder(target: &Path) -> io::Result<()> {
-    let folder = target.parent().expect("a lake's files stand in folders");
+    let folder = target.parent().expect("a lake's files are in folders");
     File::open(folder)?.sync_all()
 }
 
@@ -258,8 +258,8 @@ impl Owner {
     /// Whether the process certainly no longer runs: nothing is certain for other hosts, or where the system does not state
     /// it.
     fn is_gone(&self) -> bool {
-        let told = self.host == host() && start_of(std::process::id()).is_some();
-        told && start_of(self.pid) != Some(self.start)
+        let is_known = self.host == host() && start_of(std::process::id()).is_some();
+        is_known && start_of(self.pid) != Some(self.start)
     }
 }
 

@@ -27,7 +27,7 @@ pub enum ChunkFault {
     #[error("the chunk cannot be decompressed: {0}")]
     Damaged(String),
     /// The size differs from the header's.
-    #[error("the chunk holds {found} bytes where its header says {stated}")]
+    #[error("the chunk holds {found} bytes where its header states {stated}")]
     Size {
         /// Bytes stated by the header.
         stated: u64,
@@ -36,7 +36,7 @@ pub enum ChunkFault {
     },
     /// The checksum differs from the header's.
     #[error(
-        "the chunk's checksum is {found:08x} where its header says {stated:08x}: bytes are damaged"
+        "the chunk's checksum is {found:08x} where its header states {stated:08x}: bytes are damaged"
     )]
     Checksum {
         /// Checksum stated by the header.

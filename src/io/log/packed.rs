@@ -66,7 +66,7 @@ pub(super) fn unpack(
     let mut from = decoder(file).map_err(at_fault)?;
     let mut to = unnamed().map_err(no_room)?;
     let mut piece = vec![0; PIECE];
-    let (mut length, mut told) = (0, 0);
+    let (mut length, mut reported) = (0, 0);
     progress.begin(name, bytes);
     let fault = loop {
         let (count, ended) = fill(&mut from, &mut piece);
@@ -74,8 +74,8 @@ pub(super) fn unpack(
         length += count as u64;
         to.write_all(&piece[..count]).map_err(no_room)?;
         let at = from.get_mut().stream_position().map_err(at_fault)?;
-        progress.advance(at - told);
-        told = at;
+        progress.advance(at - reported);
+        reported = at;
         match ended {
             None if count < PIECE => break None,
             None => {}

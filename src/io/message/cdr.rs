@@ -333,7 +333,7 @@ mod tests {
         let mut messages = vec![joint_message(true), joint_message(false)];
         for (at, byte) in [
             (4, 8),      // another stamp
-            (16, b'\0'), // the frame's end mark, and what stands in front of it
+            (16, b'\0'), // the frame's end mark, and the byte before it
             (16, b'c'),
             (32, b'k'), // another name
             (48, 77),   // another position

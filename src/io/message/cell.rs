@@ -61,7 +61,7 @@ impl Span {
         }
     }
 
-    /// The same span counted from `start`, where it was counted from an earlier byte.
+    /// The span counted from `start`; `self` is counted from an earlier byte.
     pub(super) const fn counted_from(self, start: usize) -> Self {
         Self {
             start: self.start - place(start),

@@ -4,7 +4,7 @@
 //! 2. A file is written to a local temporary, complete, and then uploaded: in one request, or from [`PART_BYTES`] on in
 //!    parts; storage shows it when all parts are there.
 //! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one. The object names the
-//!    attempt in its metadata: without that nobody would know whether a put whose answer was lost was granted.
+//!    attempt in its metadata: without that it would not be known whether a put whose answer was lost was granted.
 //! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
 //!
 //! Calls wait: one worker of a runtime that all buckets of the process share does the asynchronous work. Requests are

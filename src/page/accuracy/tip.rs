@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use maud::{Markup, html};
 
-use super::{rows, subjects, tells};
+use super::{is_listed, rows, subjects};
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::report::Subject;
 
@@ -17,7 +17,7 @@ pub(super) fn figures(figures: &[AccuracyRow]) -> Markup {
             }
         };
     }
-    let telling: Vec<Subject> = subjects(figures).into_iter().filter(tells).collect();
+    let listed: Vec<Subject> = subjects(figures).into_iter().filter(is_listed).collect();
     html! {
         h3 { "At the tool tip" }
         p {
@@ -25,7 +25,7 @@ pub(super) fn figures(figures: &[AccuracyRow]) -> Markup {
             "rows are the remaining errors where the tip is the point that is corrected. A table corrects the controller's tool point and leaves "
             "orientations as commanded, so its rows have all of the orientation's error."
         }
-        (rows(figures, &telling))
+        (rows(figures, &listed))
         @for reason in reasons(figures) { p.note { "Not shown: " (reason) "." } }
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Sessions in which a part moved more than the covariances allow, in which a moving average left its limits, or which begin "
-            "a segment; newest first. " em { "Lasts" } " says whether the next session agrees."
+            "a segment; newest first. " em { "Lasts" } " states whether the next session agrees."
         }
         (table(&head, &body))
         @if told.len() > MOST { p.note { (told.len() - MOST) " earlier ones are in the table " code { "drift" } "." } }

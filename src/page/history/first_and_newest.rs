@@ -55,7 +55,7 @@ pub(super) fn parameters(content: &Content) -> Option<Markup> {
     let body = html! { @for parameter in &content.parameters { (row(parameter)) } };
     Some(html! {
         p {
-            "As each session identified them. A wide standard error says that the session hardly determined the parameter; differences are "
+            "As each session identified them. A wide standard error shows that the session hardly determined the parameter; differences are "
             "tested above, without the directions that neither session determines."
         }
         details { summary { (content.parameters.len()) " parameters" } (table(&head, &body)) }

@@ -13,7 +13,7 @@ use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
 /// More messages than any recorder can have written: a count above it is not trusted.
 const MOST_MESSAGES: u64 = 1 << 48;
 /// Most channels of one log that are reported one by one.
-const MOST_TOLD: usize = 100;
+const MOST_LISTED: usize = 100;
 
 /// The difference between a sound summary and the messages read, by channel.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -99,7 +99,7 @@ where
         }
         let mut rest = missing.elsewhere;
         for (place, (id, &messages)) in missing.unexplained.iter().enumerate() {
-            if place < MOST_TOLD {
+            if place < MOST_LISTED {
                 let stated = stated.as_ref().map_or(0, |stated| stated.of_channels[id]);
                 let reason = self.reason(*id, messages, stated);
                 self.miss(topics[id].as_deref(), messages, end, reason);
@@ -186,7 +186,7 @@ mod tests {
         assert_eq!(found.lost, BTreeMap::from([(1, 40), (2, 5)]));
         assert_eq!(found.unexplained, BTreeMap::from([(1, 15)]));
         assert_eq!((found.elsewhere, found.all), (0, 45));
-        // Of 45 lost in all, 40 are of a channel that is counted; so are 40 where the sum says nothing.
+        // In all 45 are lost, 40 of them of a channel that is counted; where the sum states nothing, 40.
         let found = missing(115, &[(1, 100)], &[]);
         assert_eq!((found.elsewhere, found.all), (5, 45));
         let found = missing(0, &[(1, 100), (2, 0)], &[]);

@@ -41,7 +41,7 @@ pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
         .with_conditional_put(S3ConditionalPut::ETagMatch)
         .with_retry(retry)
         .build()
-        .map_err(|error| trouble::told("reach", place.clone(), &error, &secrets))?;
+        .map_err(|error| trouble::failure("reach", place.clone(), &error, &secrets))?;
     Ok((client, secrets))
 }
 
