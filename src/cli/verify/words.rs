@@ -104,7 +104,7 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
         }
         Recomputed::No(_) => {}
         Recomputed::OtherWork => {
-            lines.push("not recomputed, as inputs or settings differ".to_owned())
+            lines.push("not recomputed, as inputs or settings differ".to_owned());
         }
         Recomputed::Yes { same, others } => {
             let files = if *same == 1 { "file" } else { "files" };
