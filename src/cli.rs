@@ -3,9 +3,9 @@
 //! Results go to stdout, messages and progress bars to stderr. An interrupt ends `run` at its next step and any other command
 //! at once: a lake stays sound either way, since a run exists only once it is whole.
 //!
-//! Work goes on when messages cannot be written. Results that cannot be written are exit code 1; where their reader has gone
-//! away (`| head -1`) a command ends as if SIGPIPE had ended it, without a word. `run` has done its work by then, and a reader
-//! who left changes nothing of what it came to.
+//! Work goes on when messages cannot be written. Results that cannot be written give exit code 1; where their reader has
+//! gone away (`| head -1`), a command ends silently, as if SIGPIPE had ended it. `run` has finished its work by then, so a
+//! reader who left does not change its exit code.
 
 pub mod check;
 pub mod compensate;
@@ -42,8 +42,8 @@ pub const NO_RESULT: u8 = 1;
 pub const BAD_USAGE: u8 = 2;
 /// There is a result, but a tolerance is not met or not shown to be.
 pub const NOT_MET: u8 = 3;
-/// Whoever read what `verify` found has gone away before all was verified: that of a process which SIGPIPE (13) ended, by the
-/// shells' custom.
+/// The reader of `verify`'s output went away before all runs were verified: the shells' code for a process ended by SIGPIPE
+/// (13).
 pub const READER_GONE: u8 = 128 + 13;
 
 /// From a robot controller's log and a laser tracker's log to identified errors, error-similarity grids and a
@@ -51,7 +51,7 @@ pub const READER_GONE: u8 = 128 + 13;
 #[derive(Debug, Parser)]
 #[command(version, propagate_version = true, after_help = EXIT_CODES)]
 struct Arguments {
-    /// How messages are written on stderr
+    /// Format of the messages on stderr
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
     log_format: LogFormat,
     #[command(subcommand)]
@@ -110,13 +110,13 @@ pub fn main() -> ExitCode {
     })
 }
 
-/// A file that would become larger than this process may write is an error like a full disk's, and not its end: the file may be
-/// that of the messages. Where that cannot be asked for it stays as it is.
+/// Turns a write beyond the process's file size limit into an error, like a full disk's, instead of the end of the process:
+/// the file may be the one that takes the messages. Where SIGXFSZ cannot be caught, the process ends as before.
 fn outlive_limits_of_files() {
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
-/// Tells what stands for arguments: help and version are results, anything else is a message.
+/// Prints the argument parser's answer: help and version are results, anything else is a message.
 fn answered(answer: &clap::Error) -> u8 {
     let written = answer.print().and_then(|()| io::stdout().flush());
     if answer.use_stderr() {
@@ -126,12 +126,12 @@ fn answered(answer: &clap::Error) -> u8 {
     messages::delivered(written).map_or_else(Undelivered::exit_code, |()| DONE)
 }
 
-/// Tells a command's result on stdout, or its error on stderr.
+/// Prints a command's result on stdout, or its error on stderr.
 fn shown(result: Result<impl Display, impl Display>, bars: &Bars) -> u8 {
     match result {
         Ok(result) => {
-            let told = messages::result(result, bars);
-            told.map_or_else(Undelivered::exit_code, |()| DONE)
+            let written = messages::result(result, bars);
+            written.map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{error}");

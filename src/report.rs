@@ -1,8 +1,8 @@
-//! Report: predictions held against measurements → residuals and accuracy figures, with what each is a figure of.
+//! Report: predictions compared with measurements → residuals and accuracy figures, each with its subject.
 //!
-//! A figure says by which model, at which angles, with which base, on which stations and of which evidence it is
+//! A figure states the model, the angles, the base, the stations and the evidence that it belongs to
 //! ([`crate::method::accuracy`]): *training* or *held out*, *measured*, *predicted* or *measured after*, *before* or
-//! *after*. [`crate::page`] tells them to people, with the charts of [`chart`].
+//! *after*. [`crate::page`] shows the figures to people, with the charts of [`chart`].
 
 pub mod accuracy;
 pub mod chart;
@@ -24,10 +24,10 @@ pub use crate::fit::{Angles, Model};
 use crate::grid::Verdict;
 use tip::Turn;
 
-/// How stations that judge were kept from training.
+/// The way in which the stations that judge were kept from training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Split {
-    /// They were not: training figures.
+    /// They were not kept from it: training figures.
     None,
     /// Whole blocks of the work space held out, every block once.
     Blocks,
@@ -35,7 +35,7 @@ pub enum Split {
     Session,
 }
 
-/// Where the base of a held-out session comes from.
+/// The source of the base of a held-out session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum BaseRefit {
     /// From training.
@@ -46,41 +46,41 @@ pub enum BaseRefit {
     All,
 }
 
-/// What a set of residuals is of.
+/// The subject of a set of residuals: model, angles, stations and base.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Subject {
-    /// How the stations were kept from training.
+    /// The way in which the stations were kept from training.
     pub split: Split,
-    /// The session the stations are of.
+    /// Session of the stations.
     pub of_session: String,
-    /// Which model predicts.
+    /// The model that predicts.
     pub model: Model,
-    /// At which angles.
+    /// The joint angles that it predicts from.
     pub angles: Angles,
-    /// With which base.
+    /// The source of the base.
     pub base_refit: BaseRefit,
 }
 
 /// Measured minus predicted target at one station, base frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residual {
-    /// The station's number in its session.
+    /// Number of the station in its session.
     pub station: usize,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
-    /// The fold that held it out, where blocks were.
+    /// The fold that held it out; `None` unless blocks were held out.
     pub fold: Option<usize>,
     /// Whether the base was refitted on it.
     pub used_for_refit: bool,
-    /// Predicted position of the target, mm.
+    /// Predicted position of the target, mm, base frame.
     pub predicted: Point3<f64>,
-    /// Measured minus predicted, mm.
+    /// Measured minus predicted position, mm.
     pub residual: Vector3<f64>,
-    /// Covariance of measured minus predicted, mm², where the model has one.
+    /// Covariance of measured minus predicted, mm²; `None` where the model has none.
     pub covariance: Option<Matrix3<f64>>,
-    /// The station's robust weight, in training.
+    /// Robust weight of the station in training; `None` for a station that did not train.
     pub weight: Option<f64>,
-    /// How the flange stood and was predicted or commanded to stand, where its orientation was measured.
+    /// Attained and wanted orientation of the flange; `None` where its orientation was not measured.
     pub turn: Option<Turn>,
 }
 
@@ -95,20 +95,21 @@ impl Residual {
 /// Residuals of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResidualSet {
-    /// What they are of.
+    /// The subject of the residuals.
     pub subject: Subject,
-    /// In station order.
+    /// The residuals, in station order.
     pub residuals: Vec<Residual>,
 }
 
 impl ResidualSet {
-    /// Residuals of the stations that judge: all but those that the base was refitted on.
+    /// Residuals of the stations that judge: all except those that the base was refitted on.
     pub fn judged(&self) -> impl Iterator<Item = &Residual> {
         self.residuals.iter().filter(|r| !r.used_for_refit)
     }
 
-    /// Errors of the stations that judge, by pose; several of a station (`errors`, mm) are samples of it. Poses that the base was
-    /// refitted on take no part: another visit of one would be judged by what it was fitted to.
+    /// Errors of the stations that judge, by pose; several values for a station (`errors`, mm) are samples of its error.
+    /// Poses that the base was refitted on take no part: another visit of such a pose would be judged by a base fitted to
+    /// it.
     pub fn by_pose<E: IntoIterator<Item = f64>>(
         &self,
         errors: impl Fn(&Residual) -> E,
@@ -128,53 +129,54 @@ impl ResidualSet {
 /// Accuracy of one model on one set of stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Accuracy {
-    /// What it is of.
+    /// The subject of the figures.
     pub subject: Subject,
-    /// The point that the errors are of.
+    /// The point that has the errors.
     pub point: Point,
-    /// Before compensation (an error as it is) or after (what a prediction would leave, or a table left).
+    /// Before compensation (the error without it) or after (the error that a prediction would leave, or a table left).
     pub moment: Moment,
-    /// The run whose table drove the stations, where one did.
+    /// The run whose table drove the stations; `None` where none did.
     pub driven_by: Option<String>,
-    /// Figures of the error norms, mm; `None` with a reason in the verdict.
+    /// Figures of the error norms, mm; where `None`, the verdict states the reason.
     pub figures: Option<Figures>,
-    /// Distribution-free upper tolerance bound, mm.
+    /// Distribution-free upper tolerance bound, mm; `None` where there are too few poses.
     pub bound: Option<f64>,
-    /// Poses and visits that the bound counts.
+    /// Number of poses and visits that the bound counts.
     pub counted: Counted,
-    /// Distinct blocks the stations lie in: those of one block are not independent.
+    /// Number of distinct blocks of the stations: those of one block are not independent. `None` where there are no blocks.
     pub blocks: Option<usize>,
-    /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected).
+    /// Share of stations inside their 95 % ellipsoids and mean squared Mahalanobis distance (3 expected); `None` without
+    /// covariances.
     pub coverage: Option<Calibrated>,
     /// Expanded uncertainty (k = 2) of one measured error, mm.
     pub expanded_uncertainty_mm: f64,
-    /// Bound plus uncertainty held against the tolerance.
+    /// Bound plus uncertainty compared with the tolerance.
     pub verdict: Verdict,
 }
 
-/// The point that an error is of.
+/// The point that has an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Point {
-    /// The target that the tracker saw.
+    /// The target that the tracker measured.
     Measured,
     /// The controller's own tool point.
     Tool,
-    /// The tool tip that the pipeline file states, by lever arm.
+    /// The tool tip that the pipeline file states, computed by lever arm.
     Tip,
 }
 
 /// Before or after compensation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Moment {
-    /// The error as it is.
+    /// The error without compensation.
     Before,
-    /// What a prediction leaves of errors measured without it.
+    /// The error that a prediction leaves of errors measured without it.
     After,
-    /// What a table left in a session that it drove.
+    /// The error that a table left in a session that it drove.
     MeasuredAfter,
 }
 
-/// How well stated covariances fit what was found.
+/// The agreement of stated covariances with the errors found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibrated {
     /// Share of stations inside their 95 % ellipsoid.

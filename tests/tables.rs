@@ -322,7 +322,7 @@ fn nothing_published_is_rewritten() {
         .unwrap();
     let error = slower.publish(&other).unwrap_err().to_string();
     assert!(
-        error.contains("is published, and computing it again gave other bytes"),
+        error.contains("is published, and recomputing it gave other bytes"),
         "{error}"
     );
     let foreign = RunKey::new(&key.robot, &key.session, "00ff");
@@ -423,7 +423,7 @@ fn a_file_in_the_place_of_the_lake_is_reported() {
     let error = lake.start(&key).unwrap_err().to_string();
     assert!(
         error.contains("Not a directory")
-            && error.contains("a file stands where a folder is needed"),
+            && error.contains("there is a file where a folder is needed"),
         "{error}"
     );
 }

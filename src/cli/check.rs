@@ -1,4 +1,4 @@
-//! `posegrid check`: everything that can be known of a pipeline before a log is opened, in words.
+//! `posegrid check`: everything that is known about a pipeline before a log is opened, as text.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -59,7 +59,7 @@ fn described(configuration: &Configuration) -> String {
     line(
         "box",
         &grid.bounds.map_or_else(
-            || "around the stations that are like the table".to_owned(),
+            || "around the stations in the table's orientation and configuration".to_owned(),
             |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
         ),
     );
@@ -127,7 +127,7 @@ fn split(configuration: &Configuration) -> String {
         .collect()
 }
 
-/// The arm with its joints, as they are named, how far they go, and which of them carry Hayati's β.
+/// The arm with the name and range of each joint, and its link convention: standard DH, or Hayati's β.
 fn arm(arm: &Arm) -> String {
     let parameters = arm.chain().parameters();
     let mut text = format!(
@@ -163,7 +163,7 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let tracker = &configuration.mapping.tracker;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
-    let mut told = vec![
+    let mut named = vec![
         (
             "controller",
             topic(&controller.topic, controller.time, &angle),
@@ -172,7 +172,7 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     ];
     if let Some(commanded) = &configuration.mapping.commanded {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
-        told.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
+        named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
     told.push((
         "error frame",
@@ -183,12 +183,12 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
         }
         .to_owned(),
     ));
-    told.push((
+    named.push((
         "up",
         configuration.stages.up.map_or_else(
             || "not given".to_owned(),
             |up| format!("[{}, {}, {}] in the base frame", up.x, up.y, up.z),
         ),
     ));
-    told
+    named
 }

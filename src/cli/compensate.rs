@@ -1,4 +1,4 @@
-//! `posegrid compensate TABLE TARGETS`: what a run published and a file of targets → the commands that attain them.
+//! `posegrid compensate TABLE TARGETS`: a table of a run and a file of targets → the commands that attain them.
 //!
 //! Exit codes: 0 every target has a command and the table meets its tolerance; 3 some target is refused, or the table
 //! does not meet its tolerance or was not shown to; 1 no target has a command, or the result cannot be written; 2 the
@@ -29,7 +29,7 @@ use source::Source;
 pub use used_with::{OnOff, UsedWithArgs};
 use write::Written;
 
-/// Correct a file of targets by what a run published
+/// Correct a file of targets with a table that a run published
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
 TABLE is a file of either table of a run:
@@ -43,10 +43,10 @@ TARGETS is one of
   .json           an array of objects with the same keys, by itself or under the key targets
   .dat            a KUKA data list: its POS, E6POS and FRAME values, in the table's frame and for its tool
 
-The result has what to command, and each correction, its covariance and the reason for each refusal
-(`posegrid schema corrected_targets`). Where TABLE stands in its lake, table corrections there gains a row for the file
-written, and a file of commands that it knows is refused, whatever was stripped of it. A data list comes back as it was but for X, Y and Z, a refused position as a
-comment; the rest stands beside it in OUT.corrections.csv. Orientations are commanded as they are.
+The result has the commands, each correction, its covariance and the reason for each refusal
+(`posegrid schema corrected_targets`). Where TABLE is in its lake, table corrections there gains a row for the file
+written, and a file of commands that it knows is refused, whatever was removed from it. A data list keeps all but X, Y
+and Z; a refused position becomes a comment; the other columns are in OUT.corrections.csv. Orientations are not corrected.
 
 Example: the drilling program of a left wing, as positions, as joint angles and at a KUKA controller
   posegrid compensate lake/compensation/kr210/monday/0a1b….parquet left-wing.csv --out left-wing-corrected.csv
@@ -68,16 +68,16 @@ pub struct CompensateArgs {
     /// Correct what would be refused for this reason; the result says for which targets it was needed.
     #[arg(long, value_enum, value_name = "REASON")]
     pub allow: Option<Exception>,
-    /// Write the result though the lake that TABLE stands in takes no record of it: a file without a record is known as
+    /// Write the result even if the lake that holds TABLE cannot record it: without a record, a file is recognised as
     /// corrected by its marks alone.
     #[arg(long)]
     pub no_record: bool,
-    /// What the targets will be run with.
+    /// Conditions that the targets will be run with: tool, payload, mounting, base, controller, temperature.
     #[command(flatten)]
     pub used_with: UsedWithArgs,
 }
 
-/// What became of the targets, for a person to read.
+/// The outcome of each target, for a person to read.
 #[derive(Debug)]
 pub struct Compensated {
     source: Source,
@@ -89,10 +89,10 @@ pub struct Compensated {
 
 /// Runs the command: the result goes to `--out` or standard output, everything else to standard error. Gives the exit code.
 pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
-    // Made whole first: what goes wrong on the way leaves no half of it on a pipe.
+    // The whole result is made first: an error leaves no half of it on a pipe.
     let mut for_stdout = Vec::new();
     match run(args, &mut for_stdout) {
-        Ok(compensated) => told(&compensated, &for_stdout, bars),
+        Ok(compensated) => report(&compensated, &for_stdout, bars),
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
             error.exit_code()
@@ -100,8 +100,8 @@ pub fn main(args: &CompensateArgs, bars: &Bars) -> u8 {
     }
 }
 
-fn told(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
-    // A reader who left is told no less of what was refused.
+fn report(compensated: &Compensated, for_stdout: &[u8], bars: &Bars) -> u8 {
+    // Refusals are reported even where the reader of the result has left.
     if let Err(refused @ Undelivered::Refused) = messages::deliver(for_stdout, bars) {
         return refused.exit_code();
     }
@@ -149,7 +149,7 @@ pub fn run(
 }
 
 impl CompensateArgs {
-    /// Holds what the targets will be run with against what the table is valid for.
+    /// Compares the conditions that the targets will be run with and those that the table is valid for.
     fn hold(&self, source: &Source) -> Result<Held, CompensateCommandError> {
         let held = source.validity().hold(&self.used_with.used_with());
         let refused = held.outside.iter();
@@ -161,7 +161,7 @@ impl CompensateArgs {
         Err(CompensateCommandError::Outside(refused))
     }
 
-    /// What becomes of each target; an exception that all of them need stands at each.
+    /// The outcome of each target; an exception that all of them need is stated at each.
     fn outcomes(
         &self,
         source: &Source,

@@ -1,4 +1,4 @@
-//! `posegrid export TABLE --format …`: a table of a run → what controllers and off-line programming read.
+//! `posegrid export TABLE --format …`: a table of a run → a file for controllers and off-line programming.
 //!
 //! Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read or is not one of those for the format.
 
@@ -20,12 +20,12 @@ use crate::io::whole_file::write_whole;
 /// Write a table of a run in a form that controllers and off-line programming read
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-FORMAT is made of a table of a run:
-  csv   of compensation: a row a node, joint angles in degrees; what holds for the whole table stands before them
+Each format is made from a table of a run:
+  csv   from compensation: one row per node, joint angles in degrees; values of the whole table come before them
         in lines that begin with #
-  json  of calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
-  urdf  of calibrations: the identified geometry, in the controller's base, with its flange and tool
-  mcap  of residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
+  json  from calibrations or joint_errors: the error curve of each joint, its standard deviation, where it was measured
+  urdf  from calibrations: the identified geometry, in the controller's base, with its flange and tool
+  mcap  from residuals: error vectors before and after as arrows 200 times as long as the errors, and their numbers,
         for Foxglove; at the times that table stations of the same run has
 
 Example:
@@ -33,22 +33,22 @@ Example:
   posegrid export lake/calibrations/kr210/monday/0a1b….parquet --format urdf --out kr210-identified.urdf
   posegrid export lake/residuals/kr210/monday/0a1b….parquet --format mcap --out residuals.mcap
 
-Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made of it.")]
+Exit codes: 0 written; 1 nothing could be written; 2 the table cannot be read, or the format is not made from it.")]
 pub struct ExportArgs {
     /// The table: a Parquet file of a run.
     pub table: PathBuf,
-    /// What to make of it
+    /// Format to write
     #[arg(long, value_enum)]
     pub format: ExportFormat,
     /// Where to write it, a new file; without it, standard output.
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// For mcap: the run's files of table stations, where TABLE does not stand in its lake.
+    /// For mcap: the run's files of table stations, where TABLE is not in its lake.
     #[arg(long, value_name = "FILE")]
     pub stations: Vec<PathBuf>,
 }
 
-/// What is made of a table.
+/// Formats that a table can be written in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ExportFormat {
     /// The nodes of a compensation table
@@ -65,8 +65,8 @@ pub enum ExportFormat {
 pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
     match run(args) {
         Ok(for_stdout) => {
-            let told = messages::deliver(&for_stdout, bars);
-            told.map_or_else(Undelivered::exit_code, |()| DONE)
+            let written = messages::deliver(&for_stdout, bars);
+            written.map_or_else(Undelivered::exit_code, |()| DONE)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -75,13 +75,13 @@ pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
     }
 }
 
-/// Writes what the arguments ask for; gives what is for standard output, which is all of it where they name no file.
+/// Writes what the arguments ask for; gives the bytes for standard output, which is all of them where they name no file.
 pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
     let taken = args.out.iter().find(|out| out.exists());
     if let Some(out) = taken {
         return Err(ExportErrorKind::Exists.at(out));
     }
-    // Made whole first: a table that turns out wrong leaves no half of it on a pipe.
+    // The whole result is made first: a table that turns out wrong leaves no half of it on a pipe.
     let mut made = Vec::new();
     args.make(&mut made)?;
     let Some(out) = &args.out else {

@@ -24,15 +24,15 @@ use crate::pipeline::history::{Asked, HistoryError, LeftOut, Reason, RobotHistor
 use output::output;
 use words::words;
 
-/// What changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
+/// Find what changed over the sessions of each robot: accuracy, base, target and joints, tested with their covariances.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-Each session's current run is held against all sessions before it, pooled: what moved, base, target or which joint, or what
+Each session's current run is compared with all sessions before it, pooled: what moved, base, target or which joint, or what
 cannot be distinguished. A session without any change has a false alarm once in 1000 at most. Control charts (EWMA of
-self-starting scores) tell whether accuracy and places keep their ordinary level; all charts of a robot together have one
+self-starting scores) show whether accuracy and places keep their ordinary level; all charts of a robot together have one
 false alarm in 1000 sessions at most. Sessions are in the order of the first stamps of their controller logs.
 
-What was judged is kept in LAKE/.history, checked against the rows of runs each time; --fresh does without.
+Judged sessions are kept in LAKE/.history, checked against the rows of runs each time; --fresh does not use them.
 
 Examples:
   posegrid history lake
@@ -46,16 +46,16 @@ pub struct HistoryArgs {
     /// Only this robot
     #[arg(long, value_name = "ROBOT")]
     pub robot: Option<String>,
-    /// From this session on: nothing before it takes part
+    /// First session to use; earlier ones take no part
     #[arg(long, value_name = "SESSION")]
     pub since: Option<String>,
-    /// Up to this session
+    /// Last session to use
     #[arg(long, value_name = "SESSION")]
     pub until: Option<String>,
-    /// Write the tables history and drift and a page for each robot into this folder, in place of those of last time
+    /// Write the tables history and drift and a page for each robot into this folder, replacing earlier ones
     #[arg(long, value_name = "DIR")]
     pub output: Option<PathBuf>,
-    /// Judge every session anew, without what was kept
+    /// Judge every session again, without the kept results
     #[arg(long)]
     pub fresh: bool,
 }
@@ -71,14 +71,14 @@ enum HistoryCommandError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Tells the history; gives the exit code.
+/// Prints the history; gives the exit code.
 pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
     let (lake, robots) = match made(args, bars) {
         Ok(made) => made,
         Err(error) => return failed(&error),
     };
     robots.iter().for_each(warn);
-    // What was asked for as files is there before anything is told, so that it does not hang on whether that can be.
+    // The files are written before anything is printed, so they do not depend on whether stdout accepts the text.
     let folder = args.output.as_deref();
     let written = folder.map_or_else(|| Ok(Vec::new()), |to| output(&lake, &robots, to));
     let mut text: String = robots
@@ -88,9 +88,9 @@ pub fn run(args: &HistoryArgs, bars: &Bars) -> u8 {
         .collect();
     let paths = written.iter().flatten();
     text.extend(paths.map(|path| line(&format!("written: {}", path.display()))));
-    let told = messages::result(text, bars);
+    let printed = messages::result(text, bars);
     match written {
-        Ok(_) => told.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
+        Ok(_) => printed.map_or_else(Undelivered::exit_code, |()| exit_code(&robots)),
         Err(error) => failed(&error),
     }
 }
@@ -127,7 +127,7 @@ fn warn(robot: &RobotHistory) {
     }
     if let Some(error) = &robot.summary_error {
         tracing::warn!(
-            "what was judged cannot be kept in the lake's folder .history: {}; the next time takes as long",
+            "the judged sessions cannot be kept in the lake's folder .history: {}; the next history judges them again",
             Printable(error)
         );
     }

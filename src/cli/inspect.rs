@@ -37,11 +37,11 @@ pub struct InspectArgs {
 
 /// Inspects each log; prints to stdout, errors to stderr. Exit code 0: all sound, 3: some damaged, 1: some unreadable.
 pub fn run(args: &InspectArgs, bars: &Bars) -> u8 {
-    told(args, bars).unwrap_or_else(Undelivered::exit_code)
+    inspect_all(args, bars).unwrap_or_else(Undelivered::exit_code)
 }
 
-/// As far as somebody reads it.
-fn told(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
+/// Inspects the logs until all are done, or the reader of stdout has left.
+fn inspect_all(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
     let progress = bars.of("inspect");
     let mut found = Vec::new();
     let mut unreadable = false;
@@ -68,7 +68,7 @@ fn told(args: &InspectArgs, bars: &Bars) -> Result<u8, Undelivered> {
     })
 }
 
-/// The logs in a folder, by name; anything else as it is.
+/// The logs in a folder, by name; a path that is no folder with logs is itself the log.
 fn logs_in(path: &Path) -> Vec<PathBuf> {
     let is_log = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -83,7 +83,7 @@ fn logs_in(path: &Path) -> Vec<PathBuf> {
     logs
 }
 
-/// A name from a file with nothing in it that a terminal would act on.
+/// A name from a file, with every character escaped that a terminal would act on.
 fn escaped(text: &str) -> String {
     text.chars()
         .flat_map(|c| match c {
@@ -93,10 +93,10 @@ fn escaped(text: &str) -> String {
         .collect()
 }
 
-/// The longest name that is shown whole, letters.
+/// Longest name that is shown whole, in characters.
 const LONGEST_SHOWN: usize = 200;
 
-/// The same of a name that may be of any length and many channels may share: a very long one is cut.
+/// A name from a file, escaped, and cut where it is very long: many channels may share one.
 fn shown(text: &str) -> String {
     match text.char_indices().nth(LONGEST_SHOWN) {
         None => escaped(text),

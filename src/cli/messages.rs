@@ -1,7 +1,7 @@
 //! Messages on stderr, results on stdout.
 //!
-//! A message that cannot be written is lost, and nothing else: whatever made it goes on. A result that cannot be written is
-//! [`Undelivered`], which a command's exit code tells.
+//! A message that cannot be written is lost, and the work goes on. A result that cannot be written is [`Undelivered`],
+//! which a command's exit code reports.
 
 use std::env;
 use std::fmt::{self, Display};
@@ -16,7 +16,7 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 use super::progress::Bars;
 use super::streams::{Stream, Undelivered};
 
-/// How messages are written on stderr.
+/// The format of messages on stderr.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
     /// For people: one line a message
@@ -25,8 +25,8 @@ pub enum LogFormat {
     Json,
 }
 
-/// Starts the messages of this process; `RUST_LOG` chooses among our own. Those of libraries are left out: what speaks HTTP
-/// may tell headers, and with them credentials.
+/// Starts the messages of this process; `RUST_LOG` selects among posegrid's own. Those of libraries are left out: an HTTP
+/// library may print headers, and with them credentials.
 pub fn start(format: LogFormat, bars: &Bars) {
     let asked = env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
     let (filter, unread) = match filter(&asked) {
@@ -37,7 +37,7 @@ pub fn start(format: LogFormat, bars: &Bars) {
     let bars = bars.clone();
     let messages = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        // It would tell of a message that cannot be written where none can be, and panic.
+        // Otherwise it would report the failed write to the stderr that failed, and panic.
         .log_internal_errors(false)
         .with_writer(move || Beside(bars.clone()));
     match format {
@@ -55,7 +55,7 @@ pub fn start(format: LogFormat, bars: &Bars) {
     }
 }
 
-/// Which messages a text asks for.
+/// The message filter that a text describes.
 fn filter(asked: &str) -> Result<EnvFilter, ParseError> {
     EnvFilter::builder()
         .with_default_directive(tracing::level_filters::LevelFilter::INFO.into())
@@ -67,7 +67,7 @@ struct Beside(Bars);
 
 impl Write for Beside {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // There is nowhere to tell it.
+        // A failure has nowhere to be reported.
         let _ = self.0.write_aside(Stream::Messages, bytes);
         Ok(bytes.len())
     }
@@ -76,7 +76,7 @@ impl Write for Beside {
     }
 }
 
-/// Tells a result on stdout, its last line ended.
+/// Writes a result to stdout and ends its last line.
 pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
     let mut text = text.to_string();
     if !text.ends_with('\n') {
@@ -85,12 +85,12 @@ pub fn result(text: impl Display, bars: &Bars) -> Result<(), Undelivered> {
     deliver(text.as_bytes(), bars)
 }
 
-/// Writes a result to stdout as it is.
+/// Writes a result to stdout, unchanged.
 pub(super) fn deliver(result: &[u8], bars: &Bars) -> Result<(), Undelivered> {
     delivered(bars.write_aside(Stream::Results, result))
 }
 
-/// Whether what was written to stdout is there; a reader that has gone away wants to hear nothing of it.
+/// The outcome of a write to stdout; a reader that has gone away gets no message.
 pub(super) fn delivered(written: io::Result<()>) -> Result<(), Undelivered> {
     written.map_err(|error| {
         if error.kind() == io::ErrorKind::BrokenPipe {
@@ -103,7 +103,8 @@ pub(super) fn delivered(written: io::Result<()>) -> Result<(), Undelivered> {
     })
 }
 
-/// A text that may hold names from a log or a file system, with nothing in it that a terminal would act on.
+/// A text that may hold names from a log or a file system, printed with every character escaped that a terminal would act
+/// on.
 pub struct Printable<'a>(pub &'a str);
 
 impl Display for Printable<'_> {
@@ -132,13 +133,13 @@ mod tests {
     }
 
     #[test]
-    fn a_choice_of_messages_that_cannot_be_read_is_an_error_and_not_a_word_on_stderr() {
+    fn a_message_filter_that_cannot_be_read_is_an_error_and_prints_nothing() {
         assert!(filter("").is_ok() && filter("posegrid=debug").is_ok());
         assert!(filter("posegrid=loudly").is_err());
     }
 
     #[test]
-    fn a_reader_that_left_is_not_told_and_a_refusal_is() {
+    fn a_refused_write_is_reported_and_a_reader_that_left_is_not() {
         let refused = |kind: io::ErrorKind| delivered(Err(kind.into())).unwrap_err();
         let gone = refused(io::ErrorKind::BrokenPipe);
         assert_eq!((gone, gone.exit_code()), (Undelivered::ReaderGone, 0));

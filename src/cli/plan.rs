@@ -26,7 +26,7 @@ use crate::plan::{Outcomes, PlanSettings, Purpose, SamplingPlan, StepRow};
 /// Plan a session before measuring: which step, which poses, in which order, and what accuracy to expect.
 #[derive(Debug, Clone, Args)]
 #[command(after_help = "\
-The section [plan] of the pipeline file says what robot to expect and where the tracker will stand. Robots are drawn from
+The section [plan] of the pipeline file states what robot to expect and where the tracker will stand. Robots are drawn from
 that, measured, fitted and compensated by the code that runs at night, on every step of [grid] and on poses chosen by the
 error model. The plan goes into the lake as the tables sampling_plan and plan_figures, and a page.
 
@@ -92,9 +92,9 @@ pub fn run(args: &PlanArgs, bars: &Bars) -> u8 {
     };
     match ended {
         Ok((is_met, words)) => {
-            let told = messages::result(words, bars);
+            let written = messages::result(words, bars);
             let met = if is_met { DONE } else { NOT_MET };
-            told.map_or_else(Undelivered::exit_code, |()| met)
+            written.map_or_else(Undelivered::exit_code, |()| met)
         }
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -123,7 +123,7 @@ fn made(args: &PlanArgs, bars: &Bars) -> Result<(Planned, String), PlanCommandEr
     Ok((planned, words))
 }
 
-/// Whether the session so far is enough, in words.
+/// Whether the session so far is enough, and a text that says so.
 fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String), PlanCommandError> {
     let planning = Planning::load(&args.pipeline, args.lake.as_deref()).map_err(Box::new)?;
     let progress = bars.of("plan");
@@ -138,16 +138,16 @@ fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String),
         ..
     } = found;
     let mut text = format!(
-        "plan {}, session {session} so far: {identify} stations that identify ({planned} poses are planned), {verify} that \
-         verify and take no part, {unmeasured} without a measurement\n",
+        "plan {}, session {session} so far: {identify} stations to identify ({planned} poses are planned), {verify} to \
+         verify, {unmeasured} without a measurement\n",
         found.plan.run
     );
     let (promise, settings) = (&found.promise, &planning.settings);
     if let (Some(mean), Some(bound)) = (promise.mean_bound_mm, promise.bound_mm) {
         writeln!(
             text,
-            "promised with these: mean error below {mean:.3} mm and bound below {bound:.3} mm for {} % of the arms that they leave \
-             possible, with {} % confidence",
+            "promised with these: mean error below {mean:.3} mm and bound below {bound:.3} mm for {} % of the arms \
+             that agree with them, with {} % confidence",
             100.0 * settings.robots_meet.share,
             100.0 * settings.robots_meet.confidence
         )
@@ -157,23 +157,25 @@ fn so_far(args: &PlanArgs, session: &str, bars: &Bars) -> Result<(bool, String),
     Ok((promise.holds(), text))
 }
 
-/// What to do next.
+/// The next step, as text.
 fn next(found: &SoFar, tolerance_mm: f64) -> String {
     let names = found.next.join(" ");
     let count = found.next.len();
     if found.promise.holds() {
-        format!("enough: {tolerance_mm} mm will be met; measure the poses that verify, then stop\n")
+        format!(
+            "enough: {tolerance_mm} mm will be met; measure the verification poses, then stop\n"
+        )
     } else if found.next.is_empty() {
         format!(
             "not enough for {tolerance_mm} mm, and no planned pose is left: plan with more poses\n"
         )
     } else if found.next_are_enough {
         format!(
-            "not enough for {tolerance_mm} mm yet: about {count} more, these say most: {names}\n"
+            "not enough for {tolerance_mm} mm yet: about {count} more, most informative first: {names}\n"
         )
     } else {
         format!(
-            "not enough for {tolerance_mm} mm, and the {count} planned poses that are left are not expected to bring it there: \
+            "not enough for {tolerance_mm} mm, and the {count} planned poses that are left are not expected to be enough: \
              {names}\n"
         )
     }
@@ -233,7 +235,7 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
     writeln!(text, "uniform grid        poses  {HEADER}").expect("a string");
     for &step_mm in &settings.grid.steps_mm {
         let own = |row: &&StepRow| row.step_mm.total_cmp(&step_mm).is_eq();
-        // The best way to use the nodes; all of them stand in plan_figures.
+        // The best way to use the nodes; plan_figures has all of them.
         let best = plan.steps.iter().filter(own).min_by(|a, b| {
             let p95 = |row: &StepRow| row.outcomes.mean.map_or(f64::INFINITY, |f| f.p95);
             p95(a).total_cmp(&p95(b))

@@ -12,7 +12,7 @@ use super::streams::Stream;
 use crate::progress::Progress;
 use screen::Screen;
 
-/// All bars of this process; messages and results are written aside of them.
+/// All progress bars of this process; messages and results are written while no bar is drawn.
 #[derive(Debug, Clone)]
 pub struct Bars(MultiProgress);
 
@@ -25,9 +25,9 @@ pub struct TerminalProgress {
     tasks: Mutex<Vec<ProgressBar>>,
 }
 
-/// A bar is drawn so many times a second at most.
+/// Most redraws of a bar in a second.
 const DRAWN_HZ: u8 = 20;
-/// What was done, how fast, and how long it will take.
+/// The work done, its rate and the remaining time.
 const TEMPLATE: &str =
     "{prefix} {msg:24} {bar:30} {human_pos}/{human_len} {per_sec} {eta} remaining";
 
@@ -43,8 +43,8 @@ impl Bars {
         Self(MultiProgress::with_draw_target(target))
     }
 
-    /// Writes to a stream while no bar is drawn. It takes bytes, and no function that makes them: one that had something
-    /// to tell meanwhile would wait for its own end.
+    /// Writes to a stream while no bar is drawn. It takes bytes, not a function that makes them: a function that logged a
+    /// message meanwhile would wait for itself.
     pub(super) fn write_aside(&self, to: Stream, bytes: &[u8]) -> io::Result<()> {
         self.0.suspend(|| to.write(bytes))
     }
@@ -95,7 +95,7 @@ impl Progress for TerminalProgress {
 }
 
 impl Drop for TerminalProgress {
-    /// A task that failed never ended: its bar goes all the same.
+    /// Removes the bars of tasks that failed before their end.
     fn drop(&mut self) {
         self.with_tasks(|tasks| tasks.drain(..).for_each(|bar| bar.finish_and_clear()));
     }

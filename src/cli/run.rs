@@ -3,8 +3,8 @@
 //! 1. The pipeline file becomes a list of pieces of work ([`Configuration`]); sessions that wait or cannot be used are set aside.
 //! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
 //! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
-//! 4. A line for each session, what is new in words, and the totals are the result (`summary`). Where it cannot be written the
-//!    work is done all the same, with exit code 1; a reader who left changes no exit code.
+//! 4. A line for each session, text for each new result, and the totals are the summary (`summary`). Where it cannot be
+//!    written, the work is still done and the exit code is 1; a reader who left does not change the exit code.
 //!
 //! A first SIGINT or SIGTERM ends the pieces under way and starts no other (`stop`); a second one ends the process.
 
@@ -37,9 +37,9 @@ Examples:
   posegrid run pipelines/quickstart.toml
   posegrid run pipelines/ur10-random.toml ur10-random-a --test ur10-random-b
 
-Work that the lake has already is not done again: a run's name follows from its inputs, settings and version. Nothing forces
-it to be: the same work gives the same bytes, and nothing published is written anew. `posegrid verify` computes it again and
-compares; --lake with another folder makes it once more.
+Work that the lake has already is not done again: a run's name follows from its inputs, settings and version, and the same
+work gives the same bytes. No option repeats it: published files are never rewritten. `posegrid verify` recomputes it and
+compares; --lake with another folder makes a second copy.
 A session whose log has no end and changed lately ([input] settle_s), or that lacks one side, waits for a later run
 and changes no exit code. One batch works on a lake at a time: another one says which and exits with 1, or waits
 with --wait.
@@ -51,7 +51,7 @@ pub struct RunArgs {
     /// Sessions to learn from, instead of those that the pipeline file names or finds
     #[arg(value_name = "SESSION")]
     pub sessions: Vec<String>,
-    /// A session that only judges, instead of those that the pipeline file names; may be given several times
+    /// A session that is only judged, instead of those that the pipeline file names; may be given several times
     #[arg(long, value_name = "SESSION")]
     pub test: Vec<String>,
     /// The folder of the published tables, instead of the pipeline file's
@@ -131,15 +131,17 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
     set_aside.sort_by_key(|aside| aside.before);
     let told = messages::result(summary::summary(configuration, &endings, &set_aside), bars);
     let code = summary::exit_code(&endings, &set_aside, &stop);
-    with_words(code, told, &stop)
+    after_summary(code, written, &stop)
 }
 
-/// The exit code of a batch that came to `code`, which is done whether or not its words reached anybody.
-fn with_words(code: u8, told: Result<(), Undelivered>, stop: &Stop) -> u8 {
+/// The exit code of a batch whose work gives `code`; the work is done whether or not its summary was written.
+fn after_summary(code: u8, written: Result<(), Undelivered>, stop: &Stop) -> u8 {
     let by_signal = stop.exit_code() == Some(code);
-    match told {
+    match written {
         Err(Undelivered::Refused) => {
-            tracing::error!("what was published stands all the same; run again to be told of it");
+            tracing::error!(
+                "the summary could not be written, the published files are complete; run again to see it"
+            );
             if by_signal { code } else { NO_RESULT }
         }
         Ok(()) | Err(Undelivered::ReaderGone) => code,
@@ -158,7 +160,7 @@ fn clean(lake: &Lake) {
     }
 }
 
-/// A place as seen from the working folder, where it lies in it.
+/// A place relative to the working folder, where it is inside it.
 pub fn near(place: &Place) -> Place {
     let here = std::env::current_dir().and_then(|here| here.canonicalize());
     let path = place.as_path();

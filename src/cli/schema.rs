@@ -14,12 +14,12 @@ Example:
 pub struct SchemaArgs {
     /// The table whose contract to show; all tables are listed without it
     pub table: Option<String>,
-    /// How to show it
+    /// Format of the output
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub format: Format,
 }
 
-/// Forms of the answer.
+/// Formats of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
     /// For people
@@ -28,7 +28,7 @@ pub enum Format {
     Json,
 }
 
-/// What the command prints.
+/// The text that the command prints.
 pub fn show(args: &SchemaArgs) -> Result<String, SchemaError> {
     match (&args.table, args.format) {
         (None, Format::Text) => Ok(list()),

@@ -41,7 +41,7 @@ pub struct SimulateArgs {
     /// Key of all random numbers: the same seed gives the same session.
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Key of what is wrong with the arm, instead of --seed: another session of the arm that --seed N made has --arm N
+    /// Key of the arm's errors, instead of --seed: another session of the arm that --seed N made has --arm N
     #[arg(long, value_name = "SEED")]
     pub arm: Option<u64>,
     /// Name of the session in the logs.
@@ -70,7 +70,7 @@ pub enum SimulateCommandError {
         /// What is wrong with it.
         kind: SimulateFileError,
     },
-    /// The settings ask for what cannot be.
+    /// The settings cannot be simulated.
     #[error(transparent)]
     Simulate(#[from] SimulateError),
     /// The poses to measure cannot be read.
@@ -125,7 +125,7 @@ impl SimulateFileError {
 /// What was made, for a person to read.
 #[derive(Debug, Clone)]
 pub struct SimulatedSession {
-    /// The folder.
+    /// Folder of the files.
     pub out: PathBuf,
     /// The session.
     pub simulated: Simulated,
@@ -278,7 +278,7 @@ fn written(
         Ok(fs::rename(&partial, path)?)
     };
     attempt().map_err(|source| {
-        // The first error is the one to tell; a partial file left behind has a name that says so.
+        // The first error is the one to report; a partial file left behind has a name that says so.
         let _ = fs::remove_file(&partial);
         source.at(path)
     })

@@ -1,6 +1,6 @@
-//! `posegrid verify`: past runs recomputed and held against what they claim.
+//! `posegrid verify`: past runs recomputed and compared with what they claim.
 //!
-//! Exit codes: 0 all the same; 3 a mismatch; 1 something could not be computed again; 2 bad usage, or no such lake or run.
+//! Exit codes: 0 all the same; 3 a mismatch; 1 something could not be recomputed; 2 bad usage, or no such lake or run.
 //! 1 outranks 3.
 
 mod files;
@@ -35,41 +35,42 @@ Examples:
   posegrid verify lake --list >rows.txt        # keep it elsewhere, signed as you like
   posegrid verify lake --pipeline cell3.toml --expect rows.txt
 
-For each run: its row in runs against its own digest, its file and the rows that replaced it; the digest of every file it wrote; the other runs that it rests on, as the one whose table drove its session;
-the digests of its inputs, found through the pipeline file, and its settings; and where these are the same, the run computed
-again into a temporary folder and compared, bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
-lake is only read. A run that another took the place of, and of which no file is left but its row in `runs`, counts as removed.
+For each run: its row in runs against its own digest, its file and the rows that replaced it; the digest of every file it
+wrote; the runs that it depends on, such as the one whose table drove its session; the digests of its inputs, found through
+the pipeline file, and its settings; and where these are the same, the run recomputed into a temporary folder and compared,
+bytes first, then values. Numbers are the same value up to 1e-9 of the larger. The
+lake is only read. A run that another replaced, and of which only its row in `runs` is left, counts as removed.
 
-Every file under the lake is accounted for: of a run whose row names it, the lake's own (.lock, .history), temporary, of a run
+Every file under the lake is counted: of a run whose row names it, the lake's own (.lock, .history), temporary, of a run
 without a row, or foreign. With RUN or SESSION, those in the folders of these sessions.
 
 --list prints a line for each run, in the order of their names: RUN ROW_DIGEST ROBOT/SESSION, the last two as the lake's
-folders are named. Such a list tells, with --expect, that a row was changed or removed where no later row does.
+folders are named. With --expect, such a list shows that a row was changed or removed, even where no later row does.
 
 A sample is the N runs whose BLAKE3 of SEED/RUN comes first. There is no choice by date: a run carries none, as the same
 work gives the same bytes on any day; name the sessions of a month instead.
 
-Exit codes: 0 all the same, or removed; 3 something is altered, differs or does not belong; 1 some run could not be computed again; 2 bad usage, or no
-such lake, run or pipeline file. 1 outranks 3.")]
+Exit codes: 0 all the same, or removed; 3 something is altered, differs or does not belong; 1 some run could not be
+recomputed; 2 bad usage, or no such lake, run or pipeline file. 1 outranks 3.")]
 pub struct VerifyArgs {
     /// The folder of the published tables
     pub lake: PathBuf,
-    /// Runs or sessions, instead of all by the pipeline files
+    /// Runs or sessions, instead of all made by the pipeline files
     #[arg(value_name = "RUN|SESSION")]
     pub names: Vec<String>,
-    /// A pipeline file that runs are by; may be given several times. Without any, digests alone are checked
+    /// A pipeline file that made runs; may be given several times. Without any, digests alone are checked
     #[arg(long, value_name = "PIPELINE")]
     pub pipeline: Vec<PathBuf>,
-    /// Only so many of the runs
+    /// Verify only this many of the runs
     #[arg(long, value_name = "N")]
     pub sample: Option<NonZeroUsize>,
-    /// Which sample
+    /// Seed of the sample
     #[arg(long, value_name = "SEED", default_value = "0", requires = "sample")]
     pub seed: u64,
     /// Print the digest of each row of runs, and check nothing else
     #[arg(long, conflicts_with_all = ["pipeline", "sample", "expect"])]
     pub list: bool,
-    /// A list that --list printed: its rows have to be there as they were
+    /// A list that --list printed: each of its rows has to be there unchanged
     #[arg(long, value_name = "FILE")]
     pub expect: Option<PathBuf>,
 }
@@ -82,13 +83,13 @@ pub fn run(args: &VerifyArgs, bars: &Bars) -> u8 {
             tracing::error!("{}", Printable(&error.to_string()));
             BAD_USAGE
         }
-        // Not everything was verified.
+        // Some runs were not verified.
         Err(Ended::Undelivered(Undelivered::ReaderGone)) => READER_GONE,
         Err(Ended::Undelivered(undelivered)) => undelivered.exit_code(),
     }
 }
 
-/// Why a verification ended before its end; no run is computed again whose verdict nobody would hear.
+/// The reason why a verification ended early; no run is recomputed whose verdict could not be printed.
 enum Ended {
     /// The lake, a list or a pipeline file cannot be used.
     Unusable(VerifyError),
@@ -142,16 +143,16 @@ fn checked(args: &VerifyArgs, bars: &Bars) -> Result<u8, Ended> {
     Ok(exit_code(&verdicts, belongs))
 }
 
-/// Prints the digests of the rows; one that is not what it says, or that cannot be read, is told instead of believed.
+/// Prints the digests of the rows; a row whose digest differs, or that cannot be read, is reported instead of listed.
 fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Result<u8, Ended> {
     let rows = selected.rows(lake, names)?;
-    let told = |run: &PastRun| match &run.claim {
+    let problems = |run: &PastRun| match &run.claim {
         Ok(claim) => row_contradictions(run, claim, &selected.register, lake),
         Err(wrong) => vec![wrong.reason.clone()],
     };
     let mut code = DONE;
     for run in &selected.runs {
-        for problem in told(run) {
+        for problem in problems(run) {
             let place = run.place.display();
             tracing::error!("{}", Printable(&format!("{place}: {problem}")));
             code = NOT_MET;
@@ -161,7 +162,7 @@ fn list(selected: &Selected, lake: &Lake, names: &[String], bars: &Bars) -> Resu
     Ok(code)
 }
 
-/// Verifies run after run, each of which uses every core, and tells each as soon as it is done.
+/// Verifies run after run, each of which uses every core, and prints each verdict as soon as it is there.
 fn all(selected: &Selected, lake: &Lake, bars: &Bars) -> Result<Vec<Verdict>, Undelivered> {
     let progress = bars.of("verify");
     progress.begin("runs", selected.runs.len() as u64);
@@ -198,7 +199,7 @@ fn one(run: &PastRun, register: &Register, lake: &Lake, bars: &Bars) -> (Verdict
         let text = paragraph(&verified, &verdict);
         return (verdict, text);
     }
-    let reason = "a defect of posegrid, told above; please report it".to_owned();
+    let reason = "a defect of posegrid, logged above; please report it".to_owned();
     let verdict = Verdict::NotRecomputed(reason);
     let text = words::line(&words::name(&claim.key), &verdict);
     (verdict, text)
@@ -212,7 +213,8 @@ fn paragraph(verified: &Verified, verdict: &Verdict) -> String {
     text
 }
 
-/// By the verdicts, and whether everything in the lake belongs there and nothing expected is missing.
+/// The exit code from the verdicts; `belongs` is whether everything in the lake belongs there and nothing expected is
+/// missing.
 fn exit_code(verdicts: &[Verdict], belongs: bool) -> u8 {
     if verdicts.iter().any(Verdict::is_open) {
         NO_RESULT

@@ -1,7 +1,7 @@
-//! Files that somebody gives, besides logs: only files are opened, and read only as far as a bound.
+//! Input files other than logs: only files are opened, and read only up to a bound.
 //!
-//! A pipe, a device or a socket under a file's name could be waited for without end, and a file may be larger than the
-//! memory, whatever the file system says of its size. Both are told before anything is read.
+//! Reading a pipe, a device or a socket under a file's name could wait without end, and a file may be larger than the
+//! memory, whatever size the file system states. Both are reported before anything is read.
 
 use std::fs::{File, FileType};
 use std::io::{self, Read as _};
@@ -11,33 +11,33 @@ use thiserror::Error;
 
 use super::log::Limits;
 
-/// How large a file may be.
+/// The largest size of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bound {
-    /// Bytes.
+    /// The size, bytes.
     pub bytes: u64,
-    /// What to try where a file is larger.
+    /// Advice where a file is larger.
     pub advice: &'static str,
 }
 
 impl Bound {
-    /// Of a pipeline or robot file, which have some thousand bytes.
+    /// For a pipeline or robot file, which has some thousand bytes.
     pub const SETTINGS: Self = Self {
         bytes: 1 << 20,
         advice: "a pipeline or robot file has some thousand bytes; is it the right file?",
     };
-    /// Of targets where no pipeline file is at hand: as text about a million of them, which take less than a gigabyte.
+    /// For targets where there is no pipeline file: as text about a million of them, which take less than a gigabyte.
     pub const TARGETS: Self = Self {
         bytes: 64 << 20,
         advice: "split it, or give it as Parquet",
     };
-    /// Of a table of a run where no pipeline file is at hand.
+    /// For a table of a run where there is no pipeline file.
     pub const TABLE: Self = Self {
         bytes: 1 << 30,
         advice: "is it a table of a run?",
     };
 
-    /// Of the files of a session besides its logs.
+    /// For the files of a session other than its logs.
     pub const fn of(limits: Limits) -> Self {
         Self {
             bytes: limits.file_bytes,
@@ -45,7 +45,7 @@ impl Bound {
         }
     }
 
-    /// Of the values of a Parquet file in memory, which takes a tenth of them or less on the disk.
+    /// For the values of a Parquet file in memory; the file takes a tenth of them or less on the disk.
     #[must_use]
     pub(super) const fn of_values(self) -> Self {
         Self {
@@ -55,28 +55,28 @@ impl Bound {
     }
 }
 
-/// Why a file is not read.
+/// The reason why a file is not read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 enum Refused {
-    /// Something else under a file's name.
+    /// Not a regular file.
     #[error("it is {0}, and only files are read")]
     NoFile(&'static str),
-    /// Too much.
+    /// Larger than the limit.
     #[error("it has {found} bytes, more than the limit of {limit}; {advice}")]
     TooLarge {
         found: u64,
         limit: u64,
         advice: &'static str,
     },
-    /// Too much, and the file system said less.
-    #[error("it goes on behind the limit of {limit} bytes; {advice}")]
+    /// Larger than the limit, although the file system stated less.
+    #[error("it continues after the limit of {limit} bytes; {advice}")]
     GoesOn { limit: u64, advice: &'static str },
 }
 
 /// Opens a file that is not too large.
 ///
 /// # Errors
-/// The system's own; and where it is no file, or larger than the bound, an error that says so.
+/// The system's own; and for anything but a file, or a file above the bound, an error that states so.
 pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
     let metadata = path.metadata()?;
     if let Some(other) = other_than_file(metadata.file_type()) {
@@ -92,10 +92,10 @@ pub fn open(path: &Path, bound: Bound) -> io::Result<File> {
     File::open(path)
 }
 
-/// The bytes of such a file.
+/// Reads the bytes of a file that is not too large.
 ///
 /// # Errors
-/// As [`open`], and where there are more bytes than the file system said.
+/// Those of [`open`], and an error where there are more bytes than the file system stated.
 pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = open(path, bound)?;
@@ -111,10 +111,10 @@ pub fn bytes(path: &Path, bound: Bound) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of such a file.
+/// Reads the text of a file that is not too large.
 ///
 /// # Errors
-/// As [`bytes()`], and where it is not UTF-8.
+/// Those of [`bytes()`], and an error where it is not UTF-8.
 pub fn text(path: &Path, bound: Bound) -> io::Result<String> {
     let bytes = bytes(path, bound)?;
     String::from_utf8(bytes).map_err(|error| {
@@ -128,7 +128,7 @@ fn refused(refused: Refused) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, refused)
 }
 
-/// What stands there instead of a file; `None` for a file.
+/// The kind of a thing that is no file; `None` for a file.
 fn other_than_file(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn six_gigabytes_that_take_no_room_are_reported_by_their_size() {
+    fn a_sparse_file_of_six_gigabytes_is_reported_by_its_size() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("corrected.csv");
         File::create(&path).unwrap().set_len(6 << 30).unwrap();
@@ -206,12 +206,12 @@ mod tests {
         let made = std::process::Command::new("mkfifo").arg(&pipe).status();
         assert!(made.unwrap().success());
         assert!(told(&pipe).contains("a pipe (FIFO)"));
-        // A file that says it is empty and is not.
+        // A file that states that it is empty but is not.
         let told = bytes(Path::new("/proc/self/mountinfo"), SMALL)
             .unwrap_err()
             .to_string();
         assert!(
-            told.contains("goes on behind the limit of 10 bytes"),
+            told.contains("continues after the limit of 10 bytes"),
             "{told}"
         );
     }

@@ -1,8 +1,8 @@
-//! Inspect: a log file → what is in it, channel by channel: types, rates, gaps, clocks, damage.
+//! Inspect: a log file → a summary of each channel: types, rates, gaps, clocks, damage.
 //!
-//! 1. Read the log as ingest does ([`super::log`]), so damage is what ingest would lose.
-//! 2. Of each message take log time, publish time, sequence and, where its schema has one, the header stamp.
-//! 3. Sum up each channel block by block, in the order of the file; nothing is kept of a message.
+//! 1. Read the log like ingest ([`super::log`]), so damage is what ingest would lose.
+//! 2. From each message take log time, publish time, sequence and, where its schema has one, the header stamp.
+//! 3. Sum up each channel block by block, in the order of the file; no message is kept.
 
 mod clock;
 
@@ -20,67 +20,67 @@ use crate::progress::Progress;
 
 pub use clock::{ClockSummary, Differences};
 
-/// Joint names of a message that are kept, and letters of each: as many as an arm can have.
+/// Most joint names of a message that are kept, and most letters of each: as many as an arm can have.
 const MOST_JOINTS: usize = 64;
-/// The longest message that is kept to guess what is in it.
+/// The longest message that is kept for guessing its fields.
 const LONGEST_SAMPLE: usize = 64 * 1024;
-/// Bytes of joint names and guessed fields that are kept of one file.
+/// Most bytes of joint names and guessed fields that are kept of one file.
 const MOST_GUESSES: usize = 4 * 1024 * 1024;
 /// Bytes of the shortest message record.
 const SHORTEST_MESSAGE: u64 = 31;
 
-/// What is in one log.
+/// The contents of one log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
-    /// The file: size, header, chunks, metadata, damage.
+    /// Size, header, chunks, metadata and damage of the file.
     pub read_summary: ReadSummary,
-    /// Its channels, by topic.
+    /// Its channels, sorted by topic.
     pub channels: Vec<ChannelSummary>,
 }
 
-/// What is on one channel.
+/// The contents of one channel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChannelSummary {
-    /// The topic.
+    /// Name of the topic.
     pub topic: String,
-    /// How messages are serialised.
+    /// Encoding of the messages.
     pub encoding: String,
-    /// The message type and its definition, shared by the channels that have it.
+    /// The message type and its definition, shared by the channels that have it; `None` without a schema.
     pub schema: Option<Arc<Schema>>,
-    /// What could be made of it, if that can be told.
+    /// A suggestion of how to read it; `None` where nothing fits.
     pub suggestion: Option<Suggestion>,
-    /// Its messages.
+    /// Summary of its messages.
     pub traffic: Box<Traffic>,
 }
 
 /// The messages of one channel, or of a part of it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Traffic {
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
-    /// Bytes of them.
+    /// Bytes of all messages.
     pub bytes: u64,
-    /// Log times.
+    /// Summary of log times.
     pub log: ClockSummary,
-    /// Publish times.
+    /// Summary of publish times.
     pub publish: ClockSummary,
-    /// Header stamps, where messages have them.
+    /// Summary of header stamps, where messages have them.
     pub header: ClockSummary,
-    /// Log time less header stamp.
+    /// Log time minus header stamp.
     pub log_less_header: Differences,
-    /// Log time less publish time.
+    /// Log time minus publish time.
     pub log_less_publish: Differences,
     /// Largest sequence number; 0 where the recorder does not count.
     pub last_sequence: u32,
     /// Steps of the sequence number other than one.
     pub sequence_jumps: u64,
-    /// Messages whose schema does not fit them.
+    /// Number of messages that do not fit their schema.
     pub unreadable: u64,
-    /// Joint names of the first message, where they are joint states.
+    /// Joint names of the first message; empty unless they are joint states.
     pub joints: Vec<String>,
     /// The first and the last sequence number, in the order of the file.
     sequences: Option<(u32, u32)>,
-    /// The first message, where nothing else tells what is in it.
+    /// The first message, where only a message can show the fields; otherwise `None`.
     sample: Option<Vec<u8>>,
 }
 
@@ -95,13 +95,13 @@ impl ChannelSummary {
         self.schema.as_ref().map_or("", |schema| &schema.encoding)
     }
 
-    /// The time source that would suit the channel best.
+    /// The time source that suits the channel best.
     pub fn best_time(&self) -> TimeSource {
         let Traffic {
             header, messages, ..
         } = &*self.traffic;
         let suggestion = self.suggestion.as_ref();
-        // Of a common type it is known where the stamp would be, and that it is not there.
+        // For a common type the place of the stamp is known, and that the stamp is not there.
         let suggested = suggestion.is_some_and(|found| found.stamped && found.fields.is_some());
         let stamped = header.count == *messages || (header.count == 0 && suggested);
         let unset = header.count > 0 && (header.first, header.last) == (0, 0);
@@ -141,7 +141,7 @@ impl Traffic {
         self.messages += 1;
     }
 
-    /// Takes in what follows in the file.
+    /// Adds the part that follows in the file.
     fn append(&mut self, later: Self) {
         if let Some((first, last)) = later.sequences {
             self.count_sequence(first, last);
@@ -174,7 +174,7 @@ impl Traffic {
     }
 }
 
-/// Reads a log and sums it up.
+/// Reads a log and summarises it.
 pub fn inspect(
     path: &Path,
     limits: Limits,
@@ -192,14 +192,14 @@ pub fn inspect(
     })
 }
 
-/// What to take of a channel's messages.
+/// The values to take from a channel's messages.
 struct Take {
     /// The channel's place among all.
     place: usize,
     kind: Arc<Kind>,
 }
 
-/// What is known of messages by their schema and encoding: looked at once, however many channels share them.
+/// The kind of messages with one schema and encoding: examined once, however many channels share them.
 struct Kind {
     schema: Option<Arc<Schema>>,
     glance: Glance,
@@ -231,15 +231,15 @@ impl Kind {
     }
 }
 
-/// What one block gives.
+/// The result from one block.
 #[derive(Default)]
 struct Part {
     row: Row,
-    /// By the channel's place.
+    /// Summaries by the channel's place.
     traffic: BTreeMap<usize, Box<Traffic>>,
 }
 
-/// A channel, and what was found of it so far.
+/// A channel, and its summary so far.
 struct Surveyed {
     topic: String,
     encoding: String,
@@ -265,7 +265,7 @@ impl From<Surveyed> for ChannelSummary {
 struct Survey {
     channels: Vec<Surveyed>,
     kinds: BTreeMap<(u16, String), Arc<Kind>>,
-    /// Bytes of joint names and guessed fields.
+    /// Bytes of joint names and guessed fields kept so far.
     guesses: usize,
 }
 
@@ -282,7 +282,7 @@ impl Survey {
         }
     }
 
-    /// Whether there is room for so many bytes more.
+    /// Whether `bytes` more are within the limit; if so they are counted.
     const fn has_room(&mut self, bytes: usize) -> bool {
         let has_room = self.guesses + bytes <= MOST_GUESSES;
         if has_room {
@@ -321,10 +321,10 @@ impl Visitor for Survey {
         Ok(Take { place, kind })
     }
 
-    /// The messages of a block may each be of another channel.
+    /// Each message of a block may be of another channel.
     fn part_bytes(&self, block: u64) -> u64 {
         let channels = (block / SHORTEST_MESSAGE).min(self.channels.len() as u64);
-        // What leads to it takes a few words more.
+        // The map needs a few words more for each.
         channels * (64 + size_of::<Traffic>() as u64)
     }
 
@@ -366,7 +366,7 @@ impl Visitor for Survey {
 #[derive(Debug, Clone, Copy)]
 enum Header {
     None,
-    /// ns.
+    /// The stamp, ns since 1970.
     Stamp(i64),
     Unreadable,
 }
@@ -381,7 +381,7 @@ fn header(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Header {
         (Ok(()), ..) if let Value::Text(text) = value(2) => text
             .date_time_ns()
             .map_or(Header::Unreadable, Header::Stamp),
-        // JSON may leave it out.
+        // JSON may leave the stamp out.
         (Ok(()), ..) if value(0) == Value::Absent => Header::None,
         _ => Header::Unreadable,
     }

@@ -3,14 +3,14 @@
 //!
 //! 1. [`Lake::start`] begins a run, unless the lake has it already.
 //! 2. [`OpenRun::publish`] writes a table whole or not at all, [`OpenRun::publish_page`] the run's page; neither is part of
-//!    the lake yet. A table whose rows come before the run is known to have a result ([`OpenTable`]) waits for it under a
+//!    the lake yet. A table whose rows are written before the run has a result ([`OpenTable`]) waits under a
 //!    temporary name ([`OpenRun::keep`]).
-//! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several that commit the same
-//!    run exactly one does, and nothing of a committed run is ever written again.
+//! 3. [`OpenRun::commit`] creates the run's row in `runs`: from then on the run exists. Of several processes that commit
+//!    the same run exactly one succeeds, and no file of a committed run is ever written again.
 //!
-//! Beside runs stand the records of what was corrected with their tables ([`Correction`]).
+//! The lake also holds records of the files corrected with its tables ([`Correction`]).
 //!
-//! What a run left that never committed is overwritten by the next that does the same work, or stays unseen: readers
+//! Files of a run that never committed are overwritten by the next run that does the same work, or stay unseen: readers
 //! join `runs`. [`Lake::clean`] removes temporaries of processes that are gone. [`Lake::lock`] keeps two batches from doing
 //! the same work at once.
 
@@ -50,17 +50,17 @@ pub use rows::RunRow;
 pub use run::{Commit, OpenRun};
 pub use vouch::{VouchedBy, read_given};
 
-/// The folder of the pages, beside those of the tables, and their name among a run's files.
+/// The folder of the pages, next to those of the tables, and their name among a run's files.
 pub const PAGES: &str = "report";
 
-/// Published tables.
+/// Published tables, in a folder or on object storage.
 #[derive(Debug, Clone)]
 pub struct Lake {
     store: Arc<dyn Store>,
 }
 
 impl Lake {
-    /// The lake in the folder `root`, which is made when first written to.
+    /// The lake in the folder `root`, which is created when first written to.
     pub fn new(root: impl Into<PathBuf>) -> Self {
         Self {
             store: Arc::new(Folder::new(root)),
@@ -74,37 +74,37 @@ impl Lake {
         Ok(Self { store })
     }
 
-    /// Where it is.
+    /// Place of the lake.
     pub fn root(&self) -> Place {
         self.store.place("")
     }
 
-    /// Its folder, where it is one.
+    /// Folder of the lake; `None` on object storage.
     pub fn folder(&self) -> Option<&Path> {
         self.store.folder()
     }
 
-    /// Where a table of a run stands, or would.
+    /// Place of a table of a run, whether or not it is there.
     pub fn path(&self, schema: &TableSchema, key: &RunKey) -> Result<Place, LakeError> {
         self.place(&schema.table, key)
     }
 
-    /// Where the page of a run stands, or would.
+    /// Place of the page of a run, whether or not it is there.
     pub fn page(&self, key: &RunKey) -> Result<Place, LakeError> {
         self.place(PAGES, key)
     }
 
-    /// Where a file of a run stands, or would: the table of that name, or its page ([`PAGES`]).
+    /// Place of a file of a run, whether or not it is there: the table of that name, or its page ([`PAGES`]).
     pub fn place(&self, table: &str, key: &RunKey) -> Result<Place, LakeError> {
         Ok(self.store.place(&file_key(table, key)?))
     }
 
-    /// Whether the run exists: whether its row in `runs` does.
+    /// Whether the run exists, that is, has a row in `runs`.
     pub fn exists(&self, key: &RunKey) -> Result<bool, LakeError> {
         Ok(self.store.exists(&file_key("runs", key)?)?)
     }
 
-    /// Whether there is a page of the run; runs of versions that wrote none have none.
+    /// Whether there is a page of the run; versions without pages wrote none.
     pub fn has_page(&self, key: &RunKey) -> Result<bool, LakeError> {
         self.has(PAGES, key)
     }
@@ -114,7 +114,7 @@ impl Lake {
         Ok(self.store.exists(&file_key(table, key)?)?)
     }
 
-    /// Begins a run, or `None` when the lake has it.
+    /// Begins a run; `None` when the lake has it.
     pub fn start(&self, key: &RunKey) -> Result<Option<OpenRun<'_>>, LakeError> {
         Ok((!self.exists(key)?).then(|| OpenRun::new(self, key)))
     }
@@ -124,7 +124,7 @@ impl Lake {
         Ok(self.store.open(&file_key(table, key)?)?)
     }
 
-    /// Reads a table of a run: what the run wrote, by the digest in the run's row, where it has one, and by its own.
+    /// Reads a table of a run, checked by its own digest and, where the run has a row, by the digest there.
     pub fn read(&self, table: &str, key: &RunKey) -> Result<Table, LakeError> {
         Ok(self.read_vouched(table, key)?.0)
     }
@@ -139,7 +139,7 @@ impl Lake {
         Ok(html)
     }
 
-    /// Copies what a session has in these tables into a lake in a folder.
+    /// Copies the files of a session in these tables into a lake in a folder.
     pub fn copy_session(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
         for table in tables {
             for listed in self.store.list(&session_key(table, key)?, 0..=0)? {
@@ -149,7 +149,7 @@ impl Lake {
         Ok(())
     }
 
-    /// Copies what a run has in these tables into a lake in a folder.
+    /// Copies the files of a run in these tables into a lake in a folder.
     pub fn copy_run(&self, tables: &[&str], key: &RunKey, to: &Path) -> Result<(), LakeError> {
         for table in tables {
             if self.has(table, key)? {
@@ -168,7 +168,7 @@ impl Lake {
         copied.map(drop).map_err(folder_error("write", &copy))
     }
 
-    /// Writes a table to a temporary; gives its digest too.
+    /// Writes a table to a temporary; also returns its digest.
     fn write(&self, table: &Table, key: &str) -> Result<(Temporary, String), LakeError> {
         let path = self.written_at(key);
         let write = folder_error("write", &path);
@@ -179,13 +179,13 @@ impl Lake {
         Ok((temporary, digest))
     }
 
-    /// What errors of writing a temporary name: the file, or the folder of temporaries where the lake is none.
+    /// The path that errors of writing a temporary name: the file, or the folder of temporaries on object storage.
     fn written_at(&self, key: &str) -> PathBuf {
         let folder = self.folder();
         folder.map_or_else(std::env::temp_dir, |root| root.join(key))
     }
 
-    /// Removes temporaries of processes that are gone; gives their paths. Object storage shows none.
+    /// Removes temporaries of processes that are gone; returns their paths. On object storage there are none to see.
     pub fn clean(&self) -> Result<Vec<PathBuf>, LakeError> {
         let Some(root) = self.folder() else {
             return Ok(Vec::new());
@@ -214,17 +214,17 @@ impl Lake {
     }
 }
 
-/// Whether a name of a robot or session (`part`) can be a lake's: not too long for a folder's.
+/// Checks that a lake can hold a name of a robot or session (`part`): it must not be too long for a folder's name.
 pub fn check_name(part: &'static str, name: &str) -> Result<(), LakeError> {
     encoded(part, name).map(drop)
 }
 
-/// The key of a file of a run in the lake's store: of the table of that name, or of its page.
+/// The key in the lake's store of a file of a run: the table of that name, or its page.
 fn file_key(table: &str, key: &RunKey) -> Result<String, LakeError> {
     let ending = if table == PAGES {
         "html"
     } else {
-        // No other folder is a lake's.
+        // Only tables and pages have folders in a lake.
         schema::find(table)?;
         "parquet"
     };

@@ -1,7 +1,7 @@
-//! Logs: MCAP files → samples in order of time, with every byte that cannot be used accounted for.
+//! Logs: MCAP files → samples in order of time, with a reject for every byte that cannot be used.
 //!
-//! The reader is our own because default readers panic, abort or drop messages in silence on damaged files. It works
-//! from the data section alone; a summary is never needed.
+//! The reader is our own because default readers panic, abort or silently drop messages on damaged files. It works from the
+//! data section alone; a summary is never needed.
 //!
 //! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
 //! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
@@ -50,7 +50,7 @@ pub use streams::{Glance, Layout, Suggestible, Suggestion, suggest};
 use streams::{Stream, Wanted};
 pub use summary::Ending;
 
-/// `[limits]`: what a log may ask for.
+/// `[limits]`: the largest sizes that a log may have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -58,7 +58,7 @@ pub struct Limits {
     pub record_bytes: u64,
     /// The largest chunk, bytes as stored and decompressed together.
     pub chunk_bytes: u64,
-    /// What is worked on at once, bytes as stored and decompressed; a single chunk may be larger.
+    /// Bytes worked on at once, as stored and decompressed; a single chunk may be larger.
     pub batch_bytes: u64,
     /// The largest log that is stored in zstd as a whole, bytes after decompression.
     pub unpacked_bytes: u64,
@@ -79,132 +79,132 @@ impl Default for Limits {
     }
 }
 
-/// Why a file cannot be read as a log.
+/// The reason why a file cannot be read as a log.
 #[derive(Debug, Error)]
 pub enum FileError {
-    /// The operating system says no.
+    /// The operating system refuses to read it.
     #[error("{file}: {source}")]
     Io {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Why.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// Something that cannot be read by position.
+    /// Not a regular file: it cannot be read by position.
     #[error(
         "{file}: it is {what}, not a file, and a log is read by position; copy what comes out of it into a file first"
     )]
     NotAFile {
-        /// The file, as it was named.
+        /// Name of the file, as given.
         file: String,
         /// A pipe, a device, a directory.
         what: &'static str,
     },
-    /// Nothing in it.
+    /// The file is empty.
     #[error("{file}: the file is empty; was the recorder stopped before it wrote anything?")]
     Empty {
-        /// The file.
+        /// Name of the file.
         file: String,
     },
-    /// Stored in zstd, and larger than the limit.
+    /// Stored in zstd, and larger than the limit after decompression.
     #[error(
         "{file}: decompressed it is larger than the limit of {limit} bytes; if that is right, raise unpacked_bytes in \
          [limits]"
     )]
     TooLarge {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// By the settings.
+        /// Limit of the settings, bytes.
         limit: u64,
     },
     /// Stored in zstd, and damaged from its start.
-    #[error("{file}: it is stored in zstd, and nothing of it can be decompressed: {why}")]
+    #[error("{file}: it is stored in zstd, and no byte of it can be decompressed: {why}")]
     NotUnpacked {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// Why, in words.
+        /// The reason as text.
         why: String,
     },
-    /// Stored in zstd, and nowhere to decompress it to.
+    /// Stored in zstd, and there is no folder with room to decompress it.
     #[error(
         "{file}: cannot decompress it into {folder}: {source}; let TMPDIR name a folder with room, or decompress the log"
     )]
     NoRoom {
-        /// The file.
+        /// Name of the file.
         file: String,
         /// The folder for temporary files.
         folder: String,
-        /// Why.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// Something else.
+    /// Not an MCAP log.
     #[error(
         "{file}: not an MCAP log: it begins with {start:02x?} instead of 89 4d 43 41 50 30 0d 0a{}",
         foreign::what_it_is(start)
     )]
     NotMcap {
-        /// The file.
+        /// Name of the file.
         file: String,
         /// Its first bytes.
         start: Vec<u8>,
     },
 }
 
-/// Why the logs of a session cannot be read.
+/// The reason why the logs of a session cannot be read.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// A file cannot be read as a log.
     #[error(transparent)]
     File(FileError),
-    /// A topic that the pipeline file names is not there.
+    /// A topic that the pipeline file names is missing.
     #[error("{file}: no topic {topic:?}; topics in it: {topics}{damage}")]
     UnknownTopic {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// What it has, with types.
+        /// The topics of the file, with types.
         topics: String,
         /// A remark where the log is damaged, or empty.
         damage: String,
     },
-    /// Messages of a kind that this stream cannot be made of.
+    /// Messages of a type that this stream cannot be made from.
     #[error(transparent)]
     Unsuitable(Box<Unsuitable>),
-    /// A schema that cannot be read or does not hold the fields.
+    /// A schema that cannot be read or lacks the fields.
     #[error("{file}: topic {topic:?}: {source}")]
     Schema {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The topic.
+        /// Name of the topic.
         topic: String,
-        /// Why.
+        /// The fault in the schema.
         source: SchemaError,
     },
-    /// The same topic for two streams.
+    /// One topic is named for two streams.
     #[error("{file}: topic {topic:?} is named for two streams; each needs a topic of its own")]
     NamedTwice {
-        /// The file.
+        /// Name of the file.
         file: String,
-        /// The topic.
+        /// Name of the topic.
         topic: String,
     },
-    /// Nowhere to spill poses to.
+    /// There is no room to spill poses to disk.
     #[error(
         "cannot spill the commanded poses and readings to disk in {folder}: {source}; let TMPDIR name a folder with room"
     )]
     NoRoom {
         /// The folder for temporary files.
         folder: String,
-        /// Why.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// A stream of which nothing can be used.
+    /// A stream without any usable message.
     #[error(transparent)]
     Ingest(#[from] IngestError),
 }
 
-/// A topic whose messages the stream it is named for cannot be made of.
+/// A topic whose messages do not suit the stream that it is named for.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "{file}: topic {topic:?} carries {type_name:?} in encoding {encoding:?} with a schema in {schema_encoding:?}; read \
@@ -212,34 +212,34 @@ pub enum LogError {
     by_fields(fields)
 )]
 pub struct Unsuitable {
-    /// The file.
+    /// Name of the file.
     pub file: String,
-    /// The topic.
+    /// Name of the topic.
     pub topic: String,
     /// The type of its messages, empty without a schema.
     pub type_name: String,
-    /// How messages are serialised.
+    /// Encoding of the messages.
     pub encoding: String,
-    /// The language of the schema.
+    /// Language of the schema.
     pub schema_encoding: String,
-    /// What could be read.
+    /// Message types that suit the stream.
     pub suitable: &'static str,
-    /// The fields that the schema has, where it can be read.
+    /// The fields of the schema, where it can be read.
     pub fields: Vec<String>,
 }
 
-/// What else can be done with messages whose fields are known.
+/// Advice for messages whose fields are known.
 fn by_fields(fields: &[String]) -> String {
     if fields.is_empty() {
         return String::new();
     }
     let fields = fields.join(", ");
     format!(
-        "; of any other type name what to read, as in fields = {{ x = \"pose.position.x\", … }}; it has {fields}"
+        "; for any other type name the fields to read, as in fields = {{ x = \"pose.position.x\", … }}; it has {fields}"
     )
 }
 
-/// The streams wanted of the controller's log and of the tracker's.
+/// The streams to read from the controller's log and from the tracker's.
 fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
     let wanted = |stream, topic: &str, time| Wanted {
         stream,
@@ -265,7 +265,7 @@ fn wanted(mapping: &Mapping) -> (Vec<Wanted>, Vec<Wanted>) {
 }
 
 impl Stream {
-    /// As counts and tables call it.
+    /// The name of the stream in counts and tables.
     const fn name(self) -> &'static str {
         match self {
             Self::Joints => "joints",
@@ -275,7 +275,7 @@ impl Stream {
         }
     }
 
-    /// Whether a session without a usable message of it is an error, where the pipeline file names its topic.
+    /// Whether it is an error that a session has no usable message of it, where the pipeline file names its topic.
     const fn is_needed(self) -> bool {
         !matches!(self, Self::Temperatures)
     }

@@ -1,4 +1,4 @@
-//! Log writer: a recording as the two MCAP logs a cell would have written, in ROS 2 CDR.
+//! Log writer: a recording → the two MCAP logs that a cell would have written, in ROS 2 CDR.
 //!
 //! Inputs: a [`Recording`] in the crate's units and the joints' names. Outputs: `controller.mcap` with `/joint_states`
 //! and `/commanded_pose`, `tracker.mcap` with `/tracker/pose` or `/tracker/point` and `/tracker/temperature`; metres,
@@ -20,35 +20,35 @@ mod topic;
 use cdr::Cdr;
 use topic::{Topic, joint_topic, point_topic, pose_topic, temperature_topic};
 
-/// A message is logged this long after the moment it is stamped with, ns.
+/// Time from a message's stamp to its logging, ns.
 const LATENCY_NS: u64 = 200_000;
 /// Uncompressed size of a chunk, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Why a log cannot be written.
+/// The reason why a log cannot be written.
 #[derive(Debug, Error)]
 pub enum LogWriteError {
-    /// The writer or the disk refused.
+    /// The writer or the disk refused the log.
     #[error(
         "the log was not written: {0}; check the space and the permissions of the output folder"
     )]
     Mcap(#[from] mcap::McapError),
-    /// A stamp that the format cannot hold.
+    /// The format cannot hold a stamp.
     #[error(
         "{topic}: stamp {ns} ns does not fit a ROS 2 time (1970 to 2038); choose another clock origin or offset"
     )]
     Stamp {
-        /// The topic.
+        /// Name of the topic.
         topic: &'static str,
-        /// The stamp, ns.
+        /// The stamp, ns since 1970.
         ns: i64,
     },
-    /// More values than the format can count.
+    /// A message has more values than the format can count.
     #[error("{topic}: a message has {found} values, the format counts at most 4294967295")]
     TooLong {
-        /// The topic.
+        /// Name of the topic.
         topic: &'static str,
-        /// How many.
+        /// Number of values.
         found: usize,
     },
 }
@@ -98,7 +98,7 @@ struct Encoded {
     body: Vec<u8>,
 }
 
-/// Starts a message with its header and hands it over to be filled.
+/// Starts a message with its header and gives it to `fill`.
 fn encoded(
     topic: &'static str,
     ns: i64,
@@ -215,7 +215,7 @@ impl<W: Write + Seek> Log<W> {
             .profile("ros2")
             .library("posegrid")
             .chunk_size(Some(CHUNK_BYTES))
-            // Bytes must not depend on how many cores the machine has.
+            // Bytes must not depend on the number of cores of the machine.
             .compression_threads(0)
             .compression_level(9)
             .create(sink)?;
@@ -226,7 +226,8 @@ impl<W: Write + Seek> Log<W> {
         Ok(Self { writer })
     }
 
-    /// Writes the messages of all topics by their stamps, those of an earlier topic first where stamps are equal.
+    /// Writes the messages of all topics in the order of their stamps; where stamps are equal, the earlier topic comes
+    /// first.
     fn write_in_time_order(
         &mut self,
         topics: &[(&Topic, Vec<Encoded>)],
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_in_time_order_and_laid_out_as_cdr() {
+    fn messages_are_in_time_order_and_encoded_as_cdr() {
         let log = controller_log(&recording()).expect("written to memory");
         let messages: Vec<_> = mcap::MessageStream::new(&log)
             .expect("an MCAP file")

@@ -1,13 +1,13 @@
-//! Memory that was freed and will be asked for again.
+//! Freed memory that will be needed again.
 
-/// Just below the largest block that the C library's rule for this looks at.
+/// Just below the largest block that the C library's rule considers.
 const LARGEST: usize = (32 << 20) - (64 << 10);
 
-/// Keeps what is freed for the buffers to come, instead of giving it back to the system.
+/// Keeps freed memory for later buffers, instead of returning it to the system.
 ///
-/// The GNU C library gives blocks above a size back as soon as they are freed, and the next one costs a fault for each of
-/// its pages: as much time again as all that is done in them. It raises that size to that of the first such block freed.
-/// This one is never touched, so it takes no memory. Elsewhere nothing happens.
+/// The GNU C library returns blocks above a size as soon as they are freed, and the next block costs a page fault for each
+/// of its pages, which takes as long as all the work in it. The library raises that size to that of the first such block
+/// freed. The block freed here is never touched, so it takes no memory. Other C libraries are not affected.
 pub fn keep_what_is_freed() {
     drop(std::hint::black_box(Vec::<u8>::with_capacity(LARGEST)));
 }

@@ -33,7 +33,7 @@ pub use value::{Gathered, Numbers, Text, Texts, Value};
 
 use thiserror::Error;
 
-/// Why a schema cannot be read, or does not hold what is wanted of it.
+/// The reason why a schema cannot be read, or lacks the wanted fields.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SchemaError {
     /// A line that is no field, constant or comment.
@@ -41,37 +41,37 @@ pub enum SchemaError {
     Line {
         /// Counted from 1.
         line: usize,
-        /// The line.
+        /// Text of the line.
         text: String,
     },
-    /// Something in an IDL text that ROS 2 does not write.
+    /// A construct in an IDL text that ROS 2 does not write.
     #[error("line {line} of the schema's IDL: {found} is not understood there")]
     Idl {
         /// Counted from 1.
         line: usize,
-        /// What stands there, quoted where it is from the text.
+        /// The unexpected text, in quotes, or a description of it.
         found: String,
     },
     /// A type that the schema uses but does not define.
     #[error("the schema uses the type {name:?} but does not define it; the recorder left it out")]
     UnknownType {
-        /// As written.
+        /// Name of the type, as written.
         name: String,
     },
-    /// A descriptor set that is none.
+    /// The bytes are no protobuf descriptor set.
     #[error("the schema is no descriptor set of protobuf: {source}")]
     Descriptor {
-        /// Why.
+        /// The fault in the bytes.
         source: MessageFault,
     },
-    /// A type that contains itself, or so many fields that no message can be meant.
+    /// A type that contains itself, or more fields than any real message has.
     #[error(
-        "the type {name:?} contains itself or unfolds to more than {limit} fields: the schema is damaged"
+        "the type {name:?} contains itself or expands to more than {limit} fields: the schema is damaged"
     )]
     Unbounded {
-        /// The type.
+        /// Name of the type.
         name: String,
-        /// The most fields that are unfolded.
+        /// The limit on the number of expanded fields.
         limit: usize,
     },
     /// A type whose messages are parameter lists.
@@ -80,33 +80,33 @@ pub enum SchemaError {
          or @final"
     )]
     Mutable {
-        /// The type.
+        /// Name of the type.
         name: String,
     },
-    /// What is written for a path is none.
+    /// A text that is no field path.
     #[error(
         "{path:?} is no field path; write it like pose.position.x, joints[2].angle or joints[].name"
     )]
     Path {
-        /// As written.
+        /// The text, as written.
         path: String,
     },
-    /// A wanted field that is not there.
+    /// A wanted field that the type does not have.
     #[error("there is no field {path:?}; fields of {message}: {fields}")]
     NoField {
-        /// The path.
+        /// The wanted path.
         path: String,
         /// The message type that was searched.
         message: String,
-        /// What it has.
+        /// The fields of that type.
         fields: String,
     },
-    /// A wanted element that is not there.
+    /// A wanted element that the array does not have.
     #[error("there is no element {path:?}: the array has {count}, counted from 0")]
     NoElement {
-        /// The path.
+        /// The wanted path.
         path: String,
-        /// How many there are.
+        /// Number of elements in the array.
         count: usize,
     },
     /// A wanted field of a type that cannot be used.
@@ -115,14 +115,14 @@ pub enum SchemaError {
          in it"
     )]
     WrongType {
-        /// The path.
+        /// The wanted path.
         path: String,
-        /// What the schema says.
+        /// The type in the schema.
         found: String,
     },
 }
 
-/// Why one message could not be read.
+/// The reason why one message could not be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum MessageFault {
     /// It ends inside a field.
@@ -130,36 +130,34 @@ pub enum MessageFault {
     Short,
     /// Bytes are left after the last field.
     #[error(
-        "the message goes on after its last field: its schema is of another version, or bytes are damaged"
+        "the message continues after its last field: its schema is of another version, or bytes are damaged"
     )]
     LeftOver,
-    /// Not an encapsulation that is read.
+    /// An encapsulation that is not supported.
     #[error(
         "the message's CDR encapsulation is 0x{0:04x}; read are plain CDR (0x0000, 0x0001), plain CDR 2 (0x0006, \
          0x0007) and delimited CDR 2 (0x0008, 0x0009), not parameter lists"
     )]
     Encapsulation(u16),
-    /// Wide strings that could be either of two things.
+    /// Wide strings that can be read in two ways, with different results.
     #[error(
         "the message has a wide string, whose characters have two or four bytes by implementation, and fits its schema \
          either way with different values"
     )]
     WideText,
-    /// No protobuf.
-    #[error(
-        "the bytes are no protobuf message: there is a field number, wire type or number that cannot be"
-    )]
+    /// The bytes are no protobuf.
+    #[error("the bytes are no protobuf message: a field number, wire type or number is not valid")]
     Wire,
-    /// Parts in parts in parts.
-    #[error("the message's parts stand in one another more than 64 deep")]
+    /// Parts nested too deep.
+    #[error("the message's parts are nested more than 64 deep")]
     Deep,
-    /// An array that no message of the field has.
+    /// An array longer than any real message has.
     #[error("a wanted array of the message has more than 100000 elements")]
     LongArray,
-    /// Longer than places in it can be told.
+    /// A message longer than the places in a row can state.
     #[error("the message has 4 GiB or more")]
     Long,
-    /// No JSON.
-    #[error("the bytes are no JSON: there is a sign where it cannot be")]
+    /// The bytes are no JSON.
+    #[error("the bytes are no JSON: there is a character where none is allowed")]
     Json,
 }

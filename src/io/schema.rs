@@ -1,8 +1,8 @@
-//! The contracts of the tables: `schemas/*.toml`, one file a table, built into the program.
+//! The contracts of the tables: `schemas/*.toml`, one file per table, built into the program.
 //!
-//! A schema says what a table is, what a row is, and for each column its type, unit, frame, whether it may be null and
-//! which words it allows. Writers are checked against it ([`super::table`]); readers find its version in every file.
-//! A change of a schema raises its version by one and adds a line to its `changes`.
+//! A schema states what a table is, what a row is, and for each column its type, unit, frame, whether it may be null and
+//! which words it allows. Writers are checked against it ([`super::table`]); readers find its version in every file. A
+//! change of a schema raises its version by one and adds a line to its `changes`.
 
 mod check;
 
@@ -19,23 +19,23 @@ pub const KEY_COLUMNS: [&str; 3] = ["robot", "session", "run"];
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSchema {
-    /// The table's name, also of its folder in a lake.
+    /// Name of the table, also of its folder in a lake.
     pub table: String,
     /// Raised by one with every change.
     pub version: u32,
-    /// The oldest version whose files are read as this one's, absent where there is none: all that later ones did was to add
-    /// columns, each of which says since when it is there and is null in older files.
+    /// The oldest version whose files are read as this version; absent where there is none. Later versions may only have
+    /// added columns, each of which states the version that added it and is null in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reads_from: Option<u32>,
     /// Whether posegrid writes or only reads it.
     pub role: Role,
-    /// What the table holds.
+    /// The contents of the table.
     pub description: String,
-    /// What a row is.
+    /// The thing that one row describes.
     pub one_row_per: String,
-    /// Columns that rows are sorted by; together they name a row within a file. Empty: a file has one row.
+    /// Columns that rows are sorted by; together they identify a row within a file. Empty: a file has one row.
     pub order: Vec<String>,
-    /// What each version changed, first version first.
+    /// The change of each version, first version first.
     pub changes: Vec<String>,
     /// The columns in order.
     #[serde(rename = "column")]
@@ -46,9 +46,9 @@ pub struct TableSchema {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ColumnSchema {
-    /// Its name, with the unit as suffix where the unit is fixed.
+    /// Name of the column, with the unit as suffix where the unit is fixed.
     pub name: String,
-    /// What its values are.
+    /// Type of its values.
     #[serde(rename = "type")]
     pub kind: ColumnType,
     /// Unit of a number (`1` without dimension, `column c` where column c names it).
@@ -57,7 +57,7 @@ pub struct ColumnSchema {
     /// Frame or clock that the value is stated in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frame: Option<String>,
-    /// The version that added it, where files of older ones are read too.
+    /// The version that added it; absent where files of older versions are not read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub since: Option<u32>,
     /// Whether a value may be absent. Absent is null, never a special number.
@@ -66,7 +66,7 @@ pub struct ColumnSchema {
     /// The words allowed, in the order that rows are sorted in; any text when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<String>>,
-    /// What it means.
+    /// Meaning of the values.
     pub description: String,
 }
 
@@ -76,7 +76,7 @@ pub struct ColumnSchema {
 pub enum Role {
     /// Written to a lake by a run.
     Published,
-    /// Read from a file that somebody else wrote.
+    /// Read from a file of another program.
     Accepted,
 }
 
@@ -92,7 +92,7 @@ pub enum ColumnType {
     /// True or false.
     #[serde(rename = "bool")]
     Bool,
-    /// Text, or one of the words allowed.
+    /// Text, or one of the allowed words.
     #[serde(rename = "string")]
     String,
     /// A list of finite numbers.
@@ -106,31 +106,31 @@ pub enum ColumnType {
     ListString,
 }
 
-/// What is wrong with a schema, or with asking for one.
+/// A fault in a schema, or in a request for one.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SchemaError {
     /// Not a schema file.
     #[error("schema: {message}")]
     Parse {
-        /// What the TOML reader says, with line and column.
+        /// The TOML reader's message, with line and column.
         message: String,
     },
     /// A rule of schema files is broken.
     #[error("schema of table {table:?}, {place}: {rule}")]
     Rule {
-        /// The table.
+        /// Name of the table.
         table: String,
         /// The column or key concerned.
         place: String,
-        /// The rule.
+        /// The rule, as text.
         rule: &'static str,
     },
-    /// No such table.
+    /// An unknown table.
     #[error("there is no table {table:?}; the tables are {}", known.join(", "))]
     UnknownTable {
-        /// The name asked for.
+        /// The requested name.
         table: String,
-        /// The names there are.
+        /// The existing names.
         known: Vec<&'static str>,
     },
 }
@@ -172,7 +172,7 @@ pub fn all() -> &'static [TableSchema] {
     &SCHEMAS
 }
 
-/// The schema of a table.
+/// The schema of a table; an error lists the existing tables.
 pub fn find(table: &str) -> Result<&'static TableSchema, SchemaError> {
     let found = all().iter().find(|schema| schema.table == table);
     found.ok_or_else(|| SchemaError::UnknownTable {
@@ -191,7 +191,7 @@ impl TableSchema {
         Ok(schema)
     }
 
-    /// Where a column stands, and its contract.
+    /// The position of a column and its contract; `None` where the table has none of this name.
     pub fn column(&self, name: &str) -> Option<(usize, &ColumnSchema)> {
         let place = self.columns.iter().position(|c| c.name == name)?;
         Some((place, &self.columns[place]))

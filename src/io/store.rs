@@ -1,11 +1,10 @@
-//! Where whole files stand under keys: a folder, or a bucket of S3-compatible storage.
+//! A store of whole files under keys: a folder, or a bucket of S3-compatible storage.
 //!
-//! A key is a path within the store, its parts parted by `/`: `runs/ROBOT/SESSION/RUN.parquet`. A store knows nothing of
-//! what its files are; the rules of a lake stand on top of these few operations ([`crate::io::lake`]), and so does the
-//! fetching of logs. Of all of them, only [`Store::create`] has to tell processes from each other: of several that create
-//! one key exactly one does.
+//! A key is a path within the store, with `/` between its parts: `runs/ROBOT/SESSION/RUN.parquet`. A store does not know
+//! the meaning of its files; the lake ([`crate::io::lake`]) and the reading of logs use these few operations. Only
+//! [`Store::create`] has to distinguish processes: of several that create one key exactly one succeeds.
 //!
-//! Buckets are there where posegrid was built with its feature `s3`; what is asynchronous about them stays in their room.
+//! Buckets need the feature `s3`; their asynchronous code stays inside `bucket`.
 
 #[cfg(feature = "s3")]
 mod bucket;
@@ -25,33 +24,33 @@ pub use error::{BucketTrouble, StoreError, advice};
 pub use folder::Folder;
 pub use place::Place;
 
-/// Where whole files stand under keys.
+/// A store of whole files under keys.
 pub trait Store: Debug + Send + Sync {
-    /// Where the file of a key is, or would be; the empty key is the store as a whole.
+    /// Place of the file with a key, whether or not it is there; the empty key is the store as a whole.
     fn place(&self, key: &str) -> Place;
 
-    /// The folder that the store is, where it is one.
+    /// Folder of the store; `None` for a bucket.
     fn folder(&self) -> Option<&Path> {
         None
     }
 
-    /// Whether the store answers at all and lets us in. A folder that is not there yet does.
+    /// Checks that the store answers and gives access. A folder that does not exist yet passes.
     fn check(&self) -> Result<(), StoreError> {
         Ok(())
     }
 
-    /// Whether there is a file of this key.
+    /// Whether there is a file with this key.
     fn exists(&self, key: &str) -> Result<bool, StoreError>;
 
-    /// A file, open for reading: what the key holds now, whatever becomes of the key later.
+    /// Opens a file for reading: it stays readable as it is now, whatever happens to the key later.
     fn open(&self, key: &str) -> Result<File, StoreError>;
 
-    /// A file as it was listed; where the store has tags, one that changed since is an error.
+    /// Opens a file as it was listed; where the store has tags, one that changed since is an error.
     fn open_listed(&self, listed: &Listed) -> Result<File, StoreError> {
         self.open(&listed.key)
     }
 
-    /// Copies such a file into one of this machine.
+    /// Copies a file, as it was listed, into a local file.
     fn copy_to(&self, listed: &Listed, mut to: File) -> Result<(), StoreError> {
         let mut from = self.open_listed(listed)?;
         let place = self.place(&listed.key).named();
@@ -59,7 +58,7 @@ pub trait Store: Debug + Send + Sync {
         copied.map(drop).map_err(StoreError::folder("copy", &place))
     }
 
-    /// Several such files; a store that answers slowly is asked for some at a time.
+    /// Opens several files as they were listed; from a slow store some are fetched at a time.
     fn open_all(&self, listed: &[Listed]) -> Vec<Result<File, StoreError>> {
         listed
             .iter()
@@ -67,45 +66,47 @@ pub trait Store: Debug + Send + Sync {
             .collect()
     }
 
-    /// The files that stand so many folders below a folder, in the order of their names, part by part; none where there
-    /// is no such folder. Files whose names begin with a dot are temporaries, and not listed.
+    /// The files that are `levels` folders below a folder, in the order of their names, part by part; empty where there is
+    /// no such folder. Files whose names begin with a dot are temporaries, and not listed.
     fn list(&self, folder: &str, levels: RangeInclusive<usize>) -> Result<Vec<Listed>, StoreError>;
 
-    /// The keys of all files below a folder, or of the store where that is empty, at whatever depth and hidden ones too, in
-    /// the order of their names, part by part. Links to folders are followed as deep as a lake is, and no deeper.
+    /// The keys of all files below a folder, or of the store where that is empty, at any depth and hidden ones too, in the
+    /// order of their names, part by part. Links to folders are followed as deep as a lake is, and no deeper.
     fn all(&self, folder: &str) -> Result<Vec<String>, StoreError>;
 
-    /// A local file to write what is to stand under the key.
+    /// A local file to write before it is put under the key.
     fn temporary(&self, key: &str) -> Result<Temporary, StoreError>;
 
-    /// Lets what was written stand under the key, whatever was there; it appears whole or not at all.
+    /// Puts a written file under the key, whether or not one is there; it appears completely or not at all. Returns its
+    /// tag.
     fn put(&self, key: &str, written: Temporary) -> Result<Tag, StoreError>;
 
-    /// The same if nothing is there yet. Of several that create one key at once exactly one does, and is told so.
+    /// Puts a written file under the key if there is none yet. Of several that create one key at once exactly one gets
+    /// `true`.
     fn create(&self, key: &str, written: Temporary) -> Result<bool, StoreError>;
 
-    /// The tag of what stands under the key now.
+    /// The tag of the file under the key now.
     fn tag(&self, key: &str) -> Result<Tag, StoreError>;
 }
 
-/// What a store calls the content of a file, so that the same tag is the same content; `None` where it has no such name.
+/// The store's name for the content of a file: the same tag means the same content; `None` where the store has no tags.
 pub type Tag = Option<String>;
 
 /// A file that a store lists.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// Its key.
+    /// Key of the file.
     pub key: String,
-    /// Its tag.
+    /// Tag of its content.
     pub tag: Tag,
-    /// Its size in bytes.
+    /// Its size, bytes.
     pub bytes: u64,
 }
 
 /// The store at a place.
 ///
 /// # Errors
-/// When it is a bucket and this program has none, or the environment does not say how to reach it.
+/// When it is a bucket and this program was built without buckets, or the environment does not state how to reach it.
 pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
     match place {
         Place::Path(path) => Ok(Arc::new(Folder::new(path))),
@@ -118,7 +119,7 @@ pub fn at(place: &Place) -> Result<Arc<dyn Store>, StoreError> {
     }
 }
 
-/// Keys by the names of folders and file, part by part, as a walk through sorted folders gives them.
+/// Orders keys by the names of folders and file, part by part, like a walk through sorted folders.
 fn by_parts(a: &str, b: &str) -> std::cmp::Ordering {
     a.split('/').cmp(b.split('/'))
 }

@@ -3,8 +3,8 @@
 //! 1. [`read()`] takes the columns of `schemas/targets.toml` by name, or the positions of a data list ([`krl`]), and refuses
 //!    a file with any wrong value, by its row and column: half a program is worse than none.
 //! 2. [`corrected`] makes table `corrected_targets`: for each target its command, or the reason why there is none.
-//! 3. [`write_csv()`] and [`write_json()`] write a table with a nanometre's digits, joint angles in a column each; Parquet is
-//!    [`super::table::write()`], and a data list comes back with its commands by [`krl::DataList::write`].
+//! 3. [`write_csv()`] and [`write_json()`] write a table with lengths to the nanometre, joint angles in a column each;
+//!    [`super::table::write()`] writes Parquet, and [`krl::DataList::write`] a data list with its commands.
 //! 4. [`driving::read()`] reads such a file again, for the session that it drove.
 
 mod angles;
@@ -64,11 +64,11 @@ impl Form {
 pub struct Targets {
     /// The targets in the file's order.
     pub targets: Vec<Target>,
-    /// Columns of the file that say something no correction uses.
+    /// Columns of the file with values that no correction uses.
     pub unused: Vec<String>,
     /// The unit of joint angles in the file.
     pub angle_unit: AngleUnit,
-    /// The text around them, where the file is a data list.
+    /// The text around the targets, where the file is a data list; otherwise `None`.
     pub list: Option<DataList>,
 }
 
@@ -82,7 +82,7 @@ fn rows(path: &Path) -> Result<Rows, TargetsError> {
     }
 }
 
-/// Reads a file of targets; its extension says which form it has.
+/// Reads a file of targets; its extension determines its form.
 pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     let Rows {
         placed,
@@ -113,8 +113,8 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
     })
 }
 
-/// What a file commands: each target's name with its joint angles, of a corrected file those to command; what was refused is
-/// left out.
+/// The commands in a file: each target's name with its joint angles; from a corrected file, the corrected ones without the
+/// refused targets.
 pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, TargetsError> {
     let rows = rows(path)?.placed.into_iter().map(|(_, row)| row);
     let refused = |row: &Row| row.table_id.is_some() && row.joints.is_none();
@@ -128,7 +128,7 @@ pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, Targ
     Ok(commands)
 }
 
-/// Where a row stands in its file.
+/// The place of a row in its file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// Line of a text, from 1.
@@ -146,7 +146,7 @@ struct Rows {
     list: Option<DataList>,
 }
 
-/// A row as it stands in the file.
+/// A row as read from the file.
 #[derive(Debug, Clone, PartialEq)]
 struct Row {
     target: String,
@@ -155,11 +155,11 @@ struct Row {
     quaternion: [Option<f64>; 4],
     configuration: Option<String>,
     tool: Option<String>,
-    /// The table that it was corrected with, or whatever else marks it as a command.
+    /// The table that it was corrected with, or another mark of a command; `None` for a target.
     table_id: Option<String>,
 }
 
-/// Quaternions as people write them have a few digits only; further from unit norm than this they are something else.
+/// Quaternions written by people have only a few digits; one further from unit norm than this is an error.
 const UNIT_NORM: f64 = 1e-3;
 
 impl Row {

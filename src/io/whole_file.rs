@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all: written under a temporary name beside their own, synced, given their name.
+//! Files that appear completely or not at all: written under a temporary name next to their own, synced, then renamed.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -7,15 +7,15 @@ use std::path::Path;
 
 use tempfile::{Builder, NamedTempFile};
 
-/// Writes `path` by `write`. When that fails, nothing stands under `path`, and no temporary is left.
+/// Writes `path` by `write`. When that fails, there is no file at `path` and no temporary is left.
 ///
 /// # Errors
-/// Of `write`, or of the folder; `AlreadyExists` when something stands under `path` already, or came there meanwhile.
+/// Those of `write` and of the folder; `AlreadyExists` when there is a file at `path`, or one appears meanwhile.
 pub fn write_whole<E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    // Said before the work, where it can be.
+    // Reported before the work, where possible.
     if path.try_exists()? {
         return Err(io::Error::from(io::ErrorKind::AlreadyExists).into());
     }
@@ -24,14 +24,14 @@ pub fn write_whole<E: From<io::Error>>(
     Ok(())
 }
 
-/// Puts `bytes` in the place of what stands under `path`, if anything does, whole or not at all.
+/// Writes `bytes` to `path`, completely or not at all; a file that is there is replaced.
 pub fn replace_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = written_beside(path, |sink| sink.write_all(bytes))?;
     temporary.persist(path).map_err(|e| e.error)?;
     Ok(())
 }
 
-/// A temporary file in the folder of `path`, written by `write` and synced; it is removed when it is dropped.
+/// A temporary file in the folder of `path`, written by `write` and synced; it is removed when dropped.
 fn written_beside<E: From<io::Error>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
@@ -45,8 +45,8 @@ fn written_beside<E: From<io::Error>>(
     Ok(temporary)
 }
 
-/// An empty temporary file in the folder of `path`, by its name with a dot before it, and with the permissions that any new
-/// file would have.
+/// An empty temporary file in the folder of `path`, with the same name after a dot, and with the permissions of any new
+/// file.
 fn beside(path: &Path) -> io::Result<NamedTempFile> {
     let name = path.file_name().ok_or(io::ErrorKind::IsADirectory)?;
     let mut prefix = OsString::from(".");

@@ -21,34 +21,35 @@ const COLUMNS: [(FigureName, &str); 6] = [
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let subjects = subjects(&content.figures);
-    let (telling, flattering): (Vec<Subject>, Vec<Subject>) = subjects.into_iter().partition(tells);
-    if telling.is_empty() && flattering.is_empty() {
+    let (listed, training): (Vec<Subject>, Vec<Subject>) =
+        subjects.into_iter().partition(is_listed);
+    if listed.is_empty() && training.is_empty() {
         return None;
     }
     Some(html! {
         p {
             "Error norms in mm on stations that took no part. Before is given twice: against the raw command where command and "
-            "measured target are one point, and with base and target fitted, which is the honest start. After is predicted, unless a "
+            "measured target are one point, and with base and target fitted, which is the fair comparison. After is predicted, unless a "
             "table drove the session: then it was measured."
         }
-        (rows(&content.figures, &telling))
-        @if !flattering.is_empty() {
+        (rows(&content.figures, &listed))
+        @if !training.is_empty() {
             details {
                 summary { "On training stations, or with a base refitted on all: for comparing models only" }
-                (rows(&content.figures, &flattering))
+                (rows(&content.figures, &training))
             }
         }
         (tip::figures(&content.tip))
     })
 }
 
-/// Figures on stations that took no part, and the command as it is.
-fn tells(subject: &Subject) -> bool {
+/// Whether the subject is judged on stations that took no part, or is the raw command.
+fn is_listed(subject: &Subject) -> bool {
     subject.model == Model::RawCommand
         || (subject.split != Split::None && subject.base_refit != BaseRefit::All)
 }
 
-/// What the figures are of, each once, before ahead of after.
+/// The subjects of the figures, each once, before ahead of after.
 fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
     let own = figures
         .iter()
@@ -73,7 +74,7 @@ fn subjects(figures: &[AccuracyRow]) -> Vec<Subject> {
 
 fn rows(figures: &[AccuracyRow], subjects: &[Subject]) -> Markup {
     let head = html! {
-        th { "What corrects" } th.word { "Judged on" } th { "n, poses" }
+        th { "Corrected by" } th.word { "Judged on" } th { "n, poses" }
         @for (_, heading) in COLUMNS { th { (heading) } }
         th { "In 95 % ellipsoid" } th.word { "Verdict" }
     };
@@ -81,7 +82,7 @@ fn rows(figures: &[AccuracyRow], subjects: &[Subject]) -> Markup {
     super::table(&head, &body)
 }
 
-/// The stations that judged; a table that did not drive them is held against another session as models are.
+/// The stations that judged; a table that did not drive them is compared with another session, as models are.
 fn stations(subject: &Subject, moment: Moment) -> String {
     if (subject.model, moment) == (Model::Table, Moment::After) {
         words::judged(subject)

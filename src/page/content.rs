@@ -1,4 +1,4 @@
-//! What a page tells: rows of a run's published tables, and what the run says besides.
+//! The content of a page: rows of a run's published tables, and statements of the run that no table has.
 
 mod origin;
 
@@ -18,55 +18,55 @@ pub use origin::{Count, Provenance, Session};
 /// Everything on the page of one run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// The robot.
+    /// Name of the robot.
     pub robot: String,
-    /// The session, or `pooled`.
+    /// Name of the session, or `pooled`.
     pub session: String,
-    /// The run.
+    /// Name of the run.
     pub run: String,
-    /// What has to be met.
+    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// Whether it is.
+    /// Whether the tolerance is met.
     pub verdict: Verdict,
-    /// Who says so: held-out blocks, and every test session.
+    /// The judges of the verdict: held-out blocks, and every test session.
     pub judges: Vec<Judge>,
-    /// The choice of the step in words.
+    /// The choice of the step as text.
     pub choice: String,
-    /// What an operator has to know beside the verdict: topics of which too much was rejected.
+    /// Warnings for the operator in addition to the verdict: topics of which too much was rejected.
     pub warnings: Vec<String>,
-    /// What the run found, in words: damage, parts of the model, stations hardly believed.
+    /// Findings of the run as text: damage, parts of the model, stations with little weight.
     pub notes: Vec<String>,
-    /// Whether the table that drove the session still holds, where one did.
+    /// Whether the table that drove the session still holds, as text; `None` where no table did.
     pub table_state: Option<String>,
-    /// `grid_steps`.
+    /// Rows of table `grid_steps`.
     pub steps: Vec<StepRow>,
-    /// `accuracy`, but for the tool tip.
+    /// Rows of table `accuracy` without the tool tip.
     pub figures: Vec<AccuracyRow>,
-    /// `accuracy` of the tool tip.
+    /// Rows of table `accuracy` of the tool tip.
     pub tip: Vec<AccuracyRow>,
-    /// `residuals`, those of one subject together, in the subjects' order.
+    /// Rows of table `residuals`, grouped by subject, in the subjects' order.
     pub residuals: Vec<Residuals>,
-    /// `semivariograms`.
+    /// Rows of table `semivariograms`.
     pub semivariograms: Vec<SemivariogramRow>,
-    /// `joint_errors`.
+    /// Rows of table `joint_errors`.
     pub joint_errors: Vec<JointErrorRow>,
-    /// `parameters`.
+    /// Rows of table `parameters`.
     pub parameters: Vec<ParameterRow>,
-    /// `calibrations`.
+    /// Rows of table `calibrations`.
     pub calibrations: Vec<CalibrationRow>,
-    /// Each session's `clocks`, `stations` and `rejects`, training sessions first.
+    /// Rows of `clocks`, `stations` and `rejects` for each session, training sessions first.
     pub sessions: Vec<Session>,
-    /// What came into each stage and what became of it.
+    /// The number of items that each stage read, kept and rejected.
     pub counts: Vec<Count>,
-    /// What the run was made from.
+    /// Files, version and settings that the run was made from.
     pub provenance: Provenance,
 }
 
 /// Measured minus predicted at all stations of a subject.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Residuals {
-    /// What they are of.
+    /// The subject of the residuals.
     pub subject: Subject,
-    /// In the order of the stations.
+    /// The rows, in the order of the stations.
     pub stations: Vec<ResidualRow>,
 }

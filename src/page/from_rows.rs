@@ -1,4 +1,4 @@
-//! The rows of a run's tables, as they are published, and what the run says besides → what its page tells.
+//! The published rows of a run's tables, and the statements that no table has → the content of its page.
 //!
 //! A figure on the page is the value of a row, so page and tables cannot differ.
 
@@ -16,37 +16,37 @@ use crate::manifest::{RunKey, StageCount, VERSION, Work, Written};
 use crate::report::Point;
 use crate::report::verdict::RunVerdict;
 
-/// What a run says besides its tables.
+/// The statements of a run that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The work.
+    /// The inputs and settings of the run.
     pub work: &'a Work,
-    /// What has to be met.
+    /// The tolerance: limit, share of positions and confidence.
     pub tolerance: Tolerance,
-    /// The choice of the step in words.
+    /// The choice of the step as text.
     pub choice: &'a str,
-    /// Whether the tolerance is met, and who says so.
+    /// Whether the tolerance is met, and by which judges.
     pub verdict: &'a RunVerdict,
-    /// What came into each stage.
+    /// The number of items that each stage read, kept and rejected.
     pub counts: &'a [StageCount],
     /// Tables written.
     pub written: &'a [Written],
-    /// What it says in words.
+    /// Warnings and notes as text.
     pub said: &'a Statements,
 }
 
-/// What a run says in words.
+/// Warnings and notes of a run as text.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Statements {
     /// Topics of which too much was rejected.
     pub warnings: Vec<String>,
-    /// What else was found.
+    /// Other findings.
     pub notes: Vec<String>,
-    /// Whether the table that drove the session still holds, where one did.
+    /// Whether the table that drove the session still holds; `None` where no table did.
     pub table_state: Option<String>,
 }
 
-/// What the page of a run tells, from the rows of all its tables and what it says besides.
+/// The content of the page of a run, from the rows of all its tables and its statements.
 pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> Content {
     let RunKey {
         robot,
@@ -83,7 +83,7 @@ pub fn content(rows: RunRows, sessions: Vec<SessionRows>, about: &About<'_>) -> 
     }
 }
 
-/// The table has them by fold; here they stand together by what they are of, in the order of the stations.
+/// Groups the rows by subject, in the order of the stations; the table has them by fold.
 fn by_subject(rows: Vec<ResidualRow>) -> Vec<Residuals> {
     let mut sets: Vec<Residuals> = Vec::new();
     for row in rows {
@@ -124,7 +124,7 @@ fn in_order(sessions: Vec<SessionRows>, work: &Work) -> Vec<Session> {
     sessions.into_iter().filter_map(session).collect()
 }
 
-/// How many dwells have each verdict for each reason, in the alphabet of the words.
+/// The number of dwells for each verdict and reason, in alphabetical order.
 fn dwells(session: &SessionRows) -> Vec<(PairingVerdict, Option<Unpaired>, usize)> {
     let mut dwells = BTreeMap::new();
     for station in &session.stations.rows {

@@ -1,7 +1,7 @@
 //! The trend page of a robot: its history → one HTML file, as a run's page is.
 //!
-//! Input is [`Content`], what the tables `history` and `drift` hold; output is the text of the page. It is a pure function: the
-//! same history gives the same bytes. Sections, the verdict first:
+//! Input is [`Content`], the rows of the tables `history` and `drift`; output is the text of the page. It is a pure
+//! function: the same history gives the same bytes. Sections, the verdict first:
 //!
 //! 1. changes, session by session; 2. accuracy before and after; 3. base, target and joint offsets since the first session, with
 //!    bands; 4. control charts; 5. joint curves, first and newest; 6. parameters, first and newest; 7. what was left out.
@@ -46,7 +46,7 @@ const SECTIONS: [Maker<Content>; 8] = [
     }),
 ];
 
-/// The page.
+/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("History · {}", content.robot),

@@ -10,7 +10,7 @@ use crate::io::tables::words::Unit;
 use crate::report::iso_9283::Characteristic;
 use crate::report::{Moment, Subject};
 
-/// Poses that are shown one by one: the standard has five, and a page is for people.
+/// Most poses that are shown one by one: the standard has five, and a page is for people.
 const SHOWN: usize = 30;
 
 /// The figures of a pose that have a column of their own.
@@ -32,7 +32,7 @@ const ANGLES: [Characteristic; 6] = [
     Characteristic::RpC,
 ];
 
-/// What figures are of: evidence and subject.
+/// The evidence and the subject of figures.
 type Of = (Moment, Subject);
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -54,7 +54,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         p {
             "Figures of ISO 9283, of poses that were commanded more than once: AP is how far the mean of the visits is from the command, "
             "RP how far visits are from each other. Where a pose has fewer visits than the standard asks for, the figure is not the "
-            "standard's. Load, speed and where the poses lie are as they were driven, not as the standard asks."
+            "standard's. Load, speed and positions of the poses are those of the session, not those that the standard asks for."
         }
         @for own in subjects { (of_subject(&own, &figures)) }
     })
@@ -95,7 +95,7 @@ fn is(figure: &AccuracyRow, own: Characteristic) -> bool {
     figure.name == FigureName::Iso(own)
 }
 
-/// A row for each pose, those visited most.
+/// A row for each of the poses visited most.
 fn one_by_one(figures: &[&AccuracyRow]) -> Markup {
     let there = |own: &Characteristic| figures.iter().any(|figure| is(figure, *own));
     let names: Vec<Characteristic> = LENGTHS.into_iter().chain(ANGLES).filter(there).collect();
@@ -149,7 +149,7 @@ fn pose_row(pose: usize, n: usize, names: &[Characteristic], figures: &[&Accurac
     }
 }
 
-/// What was measured or is predicted, corrected by what, on which stations.
+/// The heading of figures: measured or predicted, the correction, and the stations.
 fn whose((evidence, subject): &Of) -> String {
     let evidence = match evidence {
         Moment::Before => "Measured",
@@ -160,7 +160,7 @@ fn whose((evidence, subject): &Of) -> String {
     format!("{evidence}: {model}; {stations}")
 }
 
-/// A symbol of the standard, what follows the underscore below the line.
+/// A symbol of the standard; the part after the underscore is a subscript.
 fn symbol(name: FigureName) -> Markup {
     let (symbol, index) = name.word().split_once('_').unwrap_or((name.word(), ""));
     html! { (symbol) @if !index.is_empty() { sub { (index) } } }

@@ -6,7 +6,7 @@ use super::content::Content;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::report::chart::{Axis, Chart, Marks, Series};
 
-/// Points that a curve has at most: a curve of whole degrees is drawn by every second or third.
+/// Most points of a curve: of a curve in whole degrees every second or third is drawn.
 const MOST: usize = 360;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -18,9 +18,9 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     let reach = reach.fold(0.0, |reach: f64, value| reach.max(value.abs()));
     Some(html! {
         p {
-            "What each joint deviates by at its angle, beside its constant offset, all joints on one scale. The band is two "
+            "Deviation of each joint at its angle, without its constant offset, all joints on one scale. The band is two "
             "standard deviations up and down, of the curve and the gear lines together; the gear lines are too fine to be drawn "
-            "here and stand in " code { "joint_errors" } ". Dashed: beyond the angles that stations visited."
+            "here and are in " code { "joint_errors" } ". Dashed: beyond the angles that stations visited."
         }
         div.pair { @for curve in rows.chunk_by(|a, b| a.joint == b.joint) { (figure(curve, reach)) } }
     })

@@ -1,4 +1,4 @@
-//! What the logs gave: clocks, pairing, and everything that was left out, by reason.
+//! The results from the logs: clocks, pairing, and everything that was left out, by reason.
 
 use std::collections::BTreeMap;
 
@@ -46,7 +46,7 @@ fn clock_row(session: &Session) -> Markup {
     }
 }
 
-/// Why stations have no measurement, with how many.
+/// The reasons why stations have no measurement, with the number of stations for each.
 fn unmeasured(session: &Session) -> String {
     let reasons = session.dwells.iter().filter_map(|(_, reason, count)| {
         let reason = (*reason)?;
@@ -60,7 +60,7 @@ fn unmeasured(session: &Session) -> String {
     }
 }
 
-/// Reasons that are listed at most; logs can give as many as they like.
+/// Most reasons that are listed; logs can give any number.
 const MOST: usize = 40;
 
 pub(super) fn rejects_section(content: &Content) -> Markup {
@@ -79,15 +79,15 @@ pub(super) fn rejects_section(content: &Content) -> Markup {
         }
     };
     html! {
-        p { "Nothing is lost in silence: what came into a stage is what it kept and what it rejected." }
+        p { "Every item that a stage read is either kept or rejected." }
         (counts(content))
         h3 { "By reason" }
         @if reasons.is_empty() { p { "Nothing was rejected." } } @else { (super::table(&head, &body)) }
-        @if hidden > 0 { p.note { (hidden) " more reasons stand in " code { "rejects" } "." } }
+        @if hidden > 0 { p.note { (hidden) " more reasons are in " code { "rejects" } "." } }
     }
 }
 
-/// Session, stage, what, why.
+/// Session, stage, kind of item and reason.
 type Reason<'c> = (&'c str, &'c str, &'c str, &'c str);
 
 /// How many were left out for each reason.

@@ -1,4 +1,4 @@
-//! How the models came out: convergence, rank, what each part brought, what the results are valid for.
+//! The fit of the models: convergence, rank, evidence for each part, and the conditions that the results are valid for.
 
 use maud::{Markup, html};
 
@@ -23,7 +23,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p { "Identified from " (first.sessions.join(", ")) @if first.sessions.len() > 1 { ", pooled: one arm, each session with its own base and target" } "." }
         (super::table(&head, &body))
-        p.note { "An s² far above 1 says that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
+        p.note { "An s² far above 1 shows that the model, not the noise, is the limit. Converged is not accurate: accuracy is what held-out stations show." }
         @for calibration in ill {
             p.warning {
                 "The condition of the model " q { (words::model(calibration.model_kind)) } " is " (words::optional(calibration.condition, 0))
@@ -67,11 +67,11 @@ fn part_rows(calibration: &CalibrationRow) -> Markup {
     super::table(&head, &body)
 }
 
-/// What a model is valid for: name and value.
+/// The conditions that a model is valid for: name and value.
 fn valid_for(row: &CalibrationRow) -> [(&'static str, String); 9] {
     let degrees =
         |angles: &[f64]| -> Vec<f64> { angles.iter().copied().map(f64::to_degrees).collect() };
-    // A minus is wider than a hyphen.
+    // A minus sign is wider than a hyphen.
     let range =
         |(low, high): (f64, f64)| format!("{low:.1}° to {high:.1}°").replace('-', "\u{2212}");
     let joints = degrees(&row.joint_lower_rad)

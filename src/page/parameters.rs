@@ -10,7 +10,7 @@ use crate::io::tables::words::Unit;
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Marks, Series};
 
-/// Standard errors that a 95 % interval of a Gaussian reaches.
+/// Half-width of a 95 % interval of a Gaussian, in standard errors.
 const REACH: f64 = 1.96;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -29,7 +29,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         own.iter().partition(|p| is_identifiable(p));
     Some(html! {
         p {
-            "Parameters of the " (words::model(model)) ": what was identified beside the nominal arm, with 95 % intervals. "
+            "Parameters of the " (words::model(model)) ": identified offsets from the nominal arm, with 95 % intervals. "
             (identifiable.len()) " of " (own.len()) " are identifiable. Every model's are in " code { "parameters" } "."
         }
         div.pair {
@@ -47,7 +47,7 @@ fn is_identifiable(parameter: &ParameterRow) -> bool {
     parameter.identifiability == Identifiability::Identifiable
 }
 
-/// The symbol of a link's parameter: θ₁ for `theta_1`.
+/// The symbol of a link's parameter, such as θ₁ for `theta_1`.
 fn symbol(parameter: &ParameterRow) -> String {
     let (quantity, joint) = parameter
         .parameter

@@ -1,4 +1,4 @@
-//! Provenance: what the run was made from, which files it wrote, and how to read them.
+//! Provenance: the files and settings that the run was made from, the files it wrote, and how to read them.
 
 use maud::{Markup, html};
 
@@ -15,7 +15,7 @@ pub(super) fn section(content: &Content) -> Markup {
             div { dt { "Pipeline file" } dd { (provenance.pipeline) } }
             div { dt { "posegrid" } dd { (provenance.version) } }
         }
-        p.note { "The machine that computed it, and the run that this one takes the place of, stand in " code { "runs" } "." }
+        p.note { "The machine that computed it, and the run that this one replaces, are in " code { "runs" } "." }
         h3 { "Inputs" }
         (files(&provenance.inputs, "Bytes"))
         h3 { "Tables" }
@@ -35,7 +35,7 @@ pub(super) fn files(files: &[(String, u64, String)], size: &str) -> Markup {
     super::table(&head, &body)
 }
 
-/// The settings over several lines; as they are where they are no JSON.
+/// The settings over several lines; unchanged where they are no JSON.
 pub(super) fn settings(provenance: &Provenance) -> String {
     let value: Option<serde_json::Value> = serde_json::from_str(&provenance.settings).ok();
     value
@@ -50,15 +50,15 @@ pub(super) fn reading_section(content: &Content) -> Markup {
     );
     html! {
         p {
-            "Everything on this page is in the run's tables, Parquet files " code { "TABLE/ROBOT/SESSION/RUN.parquet" } " beside it; "
-            "rows of this run have its name in the column " code { "run" } ". With DuckDB, for one:"
+            "Everything on this page is in the run's tables, Parquet files " code { "TABLE/ROBOT/SESSION/RUN.parquet" } " next to it; "
+            "rows of this run have its name in the column " code { "run" } ". With DuckDB, for example:"
         }
         pre { (query) }
         p {
-            "Figures of stations that took part in a fit flatter; only held-out ones carry a verdict. A bound is distribution-free: the "
+            "Figures of stations that took part in a fit are too small; only held-out ones carry a verdict. A bound is distribution-free: the "
             "share asked for of all errors lies below it, with the confidence asked for. Visits of one pose count once, with the worst of "
-            "them; how many there were stands beside n. Poses of one block are not independent of "
-            "each other, so the number of blocks stands beside theirs. " code { "posegrid schema TABLE" } " says what each column is."
+            "them; the number of visits is next to n. Poses of one block are not independent of "
+            "each other, so the number of blocks is given too. " code { "posegrid schema TABLE" } " describes each column."
         }
     }
 }

@@ -1,8 +1,8 @@
-//! The frame that every page stands in: its parts → one HTML file that opens anywhere.
+//! The frame of every page: its parts → one HTML file that opens anywhere.
 //!
-//! Input is a [`Shell`]; output is the text of the page, well-formed as XML too. Names come from logs and settings and may be
-//! anything: maud escapes every value, and at the end what a reader would not see or what would turn the direction of the
-//! text is written out ([`visible`]).
+//! Input is a [`Shell`]; output is the text of the page, well-formed as XML too. Names come from logs and settings and may
+//! hold any character: maud escapes every value, and at the end every character that a reader would not see, or that would
+//! change the direction of the text, is written out ([`visible`]).
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -12,27 +12,27 @@ pub(super) const STYLE: &str = include_str!("page.css");
 
 /// The parts of a page.
 pub(super) struct Shell {
-    /// What the page is of, for the window's title.
+    /// The subject of the page, for the window's title.
     pub(super) title: String,
-    /// The verdict and the figures it rests on.
+    /// The verdict and the figures that it rests on.
     pub(super) header: Markup,
-    /// What follows from the verdict on.
+    /// The sections after the verdict.
     pub(super) sections: Vec<Section>,
-    /// Which version and run wrote it.
+    /// The version and the run that wrote the page.
     pub(super) footer: Markup,
 }
 
 /// A section of a page.
 pub(super) struct Section {
-    /// Its anchor.
+    /// Anchor of the section.
     pub(super) id: &'static str,
-    /// Its heading.
+    /// Heading of the section.
     pub(super) heading: &'static str,
-    /// What it says.
+    /// Content of the section.
     pub(super) body: Markup,
 }
 
-/// What makes a section: its anchor, its heading, and its content; `None` where there is nothing for it.
+/// The anchor, the heading and the content of a section; the content is `None` where there is nothing to show.
 pub(super) type Maker<C> = (&'static str, &'static str, fn(&C) -> Option<Markup>);
 
 /// The sections that `content` has something for.
@@ -44,13 +44,13 @@ pub(super) fn sections<C>(makers: &[Maker<C>], content: &C) -> Vec<Section> {
     made.collect()
 }
 
-/// The page.
+/// The page as HTML text.
 pub(super) fn page(shell: &Shell) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
-                // Written with a slash, the page is well-formed XML too, and any parser can check it.
+                // With the slash the page is well-formed XML too, and any parser can check it.
                 (PreEscaped("<meta charset=\"utf-8\"/><meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>"))
                 title { (shell.title) " · posegrid" }
                 style { (PreEscaped(chart::STYLE)) (PreEscaped(STYLE)) }
@@ -72,8 +72,8 @@ pub(super) fn page(shell: &Shell) -> String {
     visible(page.into_string())
 }
 
-/// The same page with every character written out that a reader would not see: controls, and marks that turn the direction
-/// of text, which could make a name in a log read as something else. Our own markup has none.
+/// The page with every character written out that a reader would not see: controls, and marks that change the direction of
+/// text, with which a name in a log could read as something else. The page's own markup has none.
 fn visible(page: String) -> String {
     if !page.contains(is_hidden) {
         return page;
@@ -93,7 +93,7 @@ fn is_hidden(c: char) -> bool {
     turns || (c.is_control() && c != '\n')
 }
 
-/// A table that scrolls by itself where the screen is narrow, by keys too.
+/// A table that scrolls on its own where the screen is narrow, also with keys.
 pub(super) fn table(head: &Markup, body: &Markup) -> Markup {
     html! {
         div.scroll tabindex="0" { table { thead { tr { (head) } } tbody { (body) } } }

@@ -1,4 +1,4 @@
-//! Similarity: semivariograms of what each model leaves, with the models fitted to them.
+//! Similarity: semivariograms of the errors that each model leaves, with the functions fitted to them.
 
 use maud::{Markup, html};
 
@@ -10,7 +10,7 @@ use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Series};
 use crate::similarity::{Alikeness, Quantity, Shape, Space};
 
-/// Points that a fitted curve is drawn by.
+/// Points that a fitted curve is drawn with.
 const POINTS: u32 = 48;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -25,7 +25,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     Some(html! {
         p {
             "Half the mean squared difference of the errors of two stations, against how far they are apart. A curve that rises "
-            "from near the noise says that near errors are alike, so that they can be interpolated; a flat one says there is "
+            "from near the noise shows that near errors are alike, so that they can be interpolated; a flat one shows that there is "
             "nothing left to interpolate. Dots are bins of pairs, lines the model that fits best."
         }
         div.pair {
@@ -103,7 +103,7 @@ struct Best {
 }
 
 impl Best {
-    /// The model of a row; `None` for a bin, and for one that another fits better than.
+    /// The model of a row; `None` for a bin, and for a model that fits worse than another.
     fn of(row: &SemivariogramRow) -> Option<Self> {
         Some(Self {
             shape: row.variogram.filter(|_| row.best == Some(true))?,
@@ -129,7 +129,7 @@ fn best(row: &SemivariogramRow, from: f64, reach: f64) -> Option<Vec<[f64; 2]>> 
 }
 
 fn fits(rows: &[&SemivariogramRow]) -> Markup {
-    let head = html! { th { "Errors of" } th.word { "Apart in" } th.word { "Model" } th { "Nugget, mm²" } th { "Sill, mm²" } th { "Range" } th { "Noise, mm²" } th.word { "Says" } };
+    let head = html! { th { "Errors of" } th.word { "Apart in" } th.word { "Model" } th { "Nugget, mm²" } th { "Sill, mm²" } th { "Range" } th { "Noise, mm²" } th.word { "Meaning" } };
     let body = html! {
         @for row in rows {
             @if let Some(Best { shape, nugget_mm2, sill_mm2, range }) = Best::of(row) {
@@ -153,6 +153,6 @@ const fn says(similarity: Alikeness) -> &'static str {
     match similarity {
         Alikeness::Rising => "near errors are alike",
         Alikeness::Flat => "nothing to interpolate",
-        Alikeness::TooFewPairs => "too few pairs to tell",
+        Alikeness::TooFewPairs => "too few pairs to judge",
     }
 }

@@ -1,4 +1,4 @@
-//! The work space before and after, how the errors are distributed, and in which order they came.
+//! The work space before and after, the distribution of the errors, and the errors in the order of the stations.
 
 use maud::{Markup, html};
 
@@ -17,7 +17,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-/// What a table left in the session that it drove: the only errors after that are measured.
+/// The errors that a table left in the session that it drove: only these errors after a correction are measured.
 fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
     let before = set(content, driven, &[Model::RawCommand])?;
     let after = set(content, driven, &[Model::Table])?;
@@ -36,11 +36,11 @@ fn measured(content: &Content, driven: &Subject) -> Option<Markup> {
     let n = counting(after).count();
     Some(html! {
         p {
-            (n) " stations beside those that the base was found from were measured: how far the tool point came from where it was "
-            "commanded (before) and from where it was to be (after, measured), on one scale."
+            (n) " stations other than those that the base was found from were measured: the distance of the tool point from its "
+            "command (before) and from its target pose (after, measured), on one scale."
             @if let Some([before, after]) = at_tip(content) {
                 " At the tool tip the mean error is " (words::number(before, 3)) " mm before and " (words::number(after, 3)) " mm after, measured "
-                "with the orientation as it was commanded."
+                "with the commanded orientation."
             }
         }
         (vectors(&arrows(sets))?)
@@ -81,17 +81,17 @@ fn predicted(content: &Content) -> Option<Markup> {
         (
             "After",
             after,
-            "Errors that are left when what the model predicts is subtracted.",
+            "Errors that are left when the model's prediction is subtracted.",
         ),
     ];
     Some(html! {
         p {
-            "Before: " (words::subject(&before.subject)) ". After, predicted: what is left where the prediction of the "
+            "Before: " (words::subject(&before.subject)) ". After, predicted: the error left where the prediction of the "
             (words::subject(&after.subject)) " is subtracted. Stations of " (words::stations(&after.subject)) "; none of them took part in the fit."
         }
         (vectors(&arrows(sets))?)
         div.pair {
-            figure { (distribution(content, judged)) figcaption { "How these errors are distributed." } }
+            figure { (distribution(content, judged)) figcaption { "Distribution of these errors." } }
             figure { (order(before, after)) figcaption { "In the order of the stations: drift shows as a rise or fall along it." } }
         }
     })
@@ -103,7 +103,7 @@ fn driven(content: &Content) -> Option<&Subject> {
     subjects.find(|subject| subject.model == Model::Table)
 }
 
-/// The stations that judge: of an unseen session where there is one, otherwise of held-out blocks.
+/// The stations that judge: those of an unseen session where there is one, otherwise those of held-out blocks.
 fn judged(content: &Content) -> Option<&Subject> {
     let ways = [
         (Split::Session, BaseRefit::First),
@@ -118,7 +118,7 @@ fn judged(content: &Content) -> Option<&Subject> {
     ways.into_iter().find_map(of_way)
 }
 
-/// The first of `models` that these stations judge; from commands alone where that is there.
+/// The residuals of the first of `models` that these stations judge; from commands alone where these exist.
 fn set<'c>(content: &'c Content, judged: &Subject, models: &[Model]) -> Option<&'c Residuals> {
     let alike = || {
         content
@@ -140,7 +140,7 @@ fn is_alike(own: &Subject, judged: &Subject) -> bool {
         && own.base_refit == judged.base_refit
 }
 
-/// Stations whose residuals count: those that the base was found from do not.
+/// Stations whose residuals count: all but those that the base was found from.
 fn counting(set: &Residuals) -> impl Iterator<Item = &ResidualRow> {
     set.stations
         .iter()

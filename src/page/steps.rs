@@ -1,4 +1,4 @@
-//! Error against step: what each step leaves on held-out stations, its bound, and which step was chosen.
+//! Error against step: the errors that each step leaves on held-out stations, its bound, and the chosen step.
 
 use std::collections::BTreeMap;
 
@@ -43,7 +43,7 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
         }
         @if !sessions.is_empty() {
-            p { "The chosen table held against test sessions, at those of their poses that it answers for:" }
+            p { "The chosen table compared with test sessions, at those of their poses that it covers:" }
             (session_rows(&sessions))
         }
         details {
@@ -53,8 +53,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         }
         @if !cells.is_empty() {
             details {
-                summary { "The same in a cell of its own around each held-out station" }
-                p.note { "At the station's own orientation and configuration: what a grid could do there, never a verdict." }
+                summary { "Local cells: a grid cell of its own around each held-out station" }
+                p.note { "At the station's own orientation and configuration: the accuracy that a grid could reach there, never a verdict." }
                 (all_rows(&cells))
             }
         }
@@ -106,7 +106,7 @@ fn is_alike(step: &StepRow, other: &StepRow) -> bool {
     (step.source, step.interpolation) == (other.source, other.interpolation)
 }
 
-/// The chosen table by test sessions.
+/// The chosen table judged by test sessions.
 fn session_rows(steps: &[&StepRow]) -> Markup {
     let head = html! { th.word { "Test session" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" } };
     let body = html! {
@@ -125,7 +125,7 @@ fn session_rows(steps: &[&StepRow]) -> Markup {
     super::table(&head, &body)
 }
 
-/// How many poses judged, and how many visits of them where these are more.
+/// The number of poses that judged, and of their visits where these are more.
 fn judged_on(step: &StepRow) -> Markup {
     html! { (step.held_out) @if step.visits > step.held_out { small { (step.visits) " visits" } } }
 }
@@ -177,14 +177,14 @@ fn all_rows(steps: &[&StepRow]) -> Markup {
     super::table(&head, &body)
 }
 
-/// Why steps are not shown, each reason once.
+/// The reasons why steps are not shown, each once.
 fn reasons(steps: &[&StepRow]) -> Vec<String> {
     let not_shown = steps
         .iter()
         .filter(|step| step.verdict == TableVerdict::NotShown);
     let reason = |step: &&StepRow| {
         let reason = step.reason.as_deref()?;
-        // How many poses each step has stands in the table already.
+        // The number of poses of each step is in the table already.
         let needed = reason.split_once(" held out; ").map(|(_, needed)| needed);
         let reason = needed.map_or_else(
             || reason.to_owned(),

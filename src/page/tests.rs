@@ -1,4 +1,4 @@
-//! The page of a small run, with names that would break a careless one.
+//! The page of a small run, with names that would break a page that does not escape them.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ use crate::report::verdict::{Judge, Judging};
 use crate::report::{Angles, BaseRefit, Model, Moment, Point, Split, Subject, chart};
 use crate::similarity::{Alikeness, Bin, Quantity, Semivariogram, Shape, Space, VariogramModel};
 
-/// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that turns the
+/// Markup, quotes of both kinds, an entity, a comment's end, a line's end, a terminal's escape, and a mark that changes the
 /// direction of text: `gpj.exe` would read `exe.jpg`.
 pub(super) const HOSTILE: &str = "</title><script>alert('1')</script>\"><img src=x onerror=\"a\">&lt;-->\n\u{1b}[2J\u{202e}gpj.exe";
 
@@ -410,7 +410,7 @@ fn content(name: &str) -> Content {
     }
 }
 
-/// Parses the page as XML, which every element closed and every value escaped makes it.
+/// Parses the page as XML; it is well-formed because every element is closed and every value escaped.
 pub(super) fn parsed(page: &str) -> Document<'_> {
     let options = ParsingOptions {
         allow_dtd: true,

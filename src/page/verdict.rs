@@ -1,4 +1,4 @@
-//! The head of the page: the verdict in words that an operator reads, and the figures it rests on.
+//! The head of the page: the verdict as text for an operator, and the figures that it rests on.
 
 use maud::{Markup, html};
 
@@ -26,8 +26,8 @@ pub(super) fn header(content: &Content) -> Markup {
             @for warning in &content.warnings { p.warning { "Too much rejected: " (warning) } }
             @if let Some(step) = chosen { (facts(content, step)) }
             p.note {
-                "Chosen: " (content.choice) ". What is left after the table is predicted, from stations that took no part; "
-                "it is measured only once a session driven by this table is."
+                "Chosen: " (content.choice) ". The error left after the table is predicted, from stations that took no part; "
+                "it is measured only in a session that this table drives."
             }
         }
     }
@@ -87,7 +87,7 @@ const fn headline(verdict: &Verdict) -> (&'static str, &'static str) {
     }
 }
 
-/// Distinguished without colour too.
+/// The sign distinguishes the verdicts without colour too.
 const fn sign(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::Meets => "✓",
@@ -102,12 +102,12 @@ fn sentence(content: &Content, chosen: Option<&StepRow>) -> Markup {
     let step = chosen.map(|step| step.step_mm);
     match (&content.verdict, bound, step) {
         (Verdict::DoesNotMeet, _, _) if decided_by_a_session(content) => html! {
-            "Held-out blocks meet it, but on another session it is not shown that " (words::percent(tolerance.share))
-            " % of positions come within " (tolerance.mm) " mm: what was learnt does not hold there."
+            "Held-out blocks meet it, but another session does not show that " (words::percent(tolerance.share))
+            " % of positions come within " (tolerance.mm) " mm: the correction does not hold there."
         },
         (Verdict::NotShown(reason), _, _) => html! {
             "Whether " (words::percent(tolerance.share)) " % of positions come within " (tolerance.mm)
-            " mm cannot be said: " (reason) "."
+            " mm is not known: " (reason) "."
         },
         (verdict, Some((bound, uncertainty)), Some(step)) => html! {
             "Corrected by the table of " (step) " mm steps, at least " (words::percent(tolerance.share))
@@ -121,7 +121,7 @@ fn sentence(content: &Content, chosen: Option<&StepRow>) -> Markup {
     }
 }
 
-/// Whether the verdict is worse than that of held-out blocks, which are told first.
+/// Whether a test session makes the verdict worse than that of held-out blocks, which come first.
 fn decided_by_a_session(content: &Content) -> bool {
     let blocks = content.judges.first();
     blocks.is_some_and(|blocks| blocks.verdict == Verdict::Meets)

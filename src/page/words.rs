@@ -1,4 +1,4 @@
-//! Values of the tables → words on the page, and numbers in fixed digits.
+//! Values of the tables → text of the page, and numbers in fixed digits.
 
 use maud::{Markup, html};
 
@@ -10,7 +10,7 @@ use crate::io::tables::words::TableVerdict;
 use crate::plan::Kind;
 use crate::report::{BaseRefit, Model, Split, Subject};
 
-/// What corrects the error.
+/// A model as text.
 pub(super) const fn model(model: Model) -> &'static str {
     model.about().name
 }
@@ -50,7 +50,7 @@ pub(super) fn stations(subject: &Subject) -> String {
     judged(subject)
 }
 
-/// The stations that took no part or did, by how they were kept from training.
+/// The stations that judged, with how they were kept from training or that they were not.
 pub(super) fn judged(subject: &Subject) -> String {
     let session = &subject.of_session;
     match (subject.split, subject.base_refit) {
@@ -66,7 +66,7 @@ pub(super) fn judged(subject: &Subject) -> String {
     }
 }
 
-/// A verdict in words.
+/// A verdict as text.
 pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
     match verdict {
         TableVerdict::Met => "met",
@@ -137,12 +137,12 @@ pub(super) fn plain(word: &str) -> String {
     }
 }
 
-/// A number in fixed digits, with a real minus; the element carries the value that the table has.
+/// A number in fixed digits, with a minus sign; the element carries the value of the table.
 pub(super) fn number(value: f64, digits: usize) -> Markup {
     html! { data value=(value) { (fixed(value, digits)) } }
 }
 
-/// The same of a value that may be absent.
+/// A number in fixed digits, or a dash where it is absent.
 pub(super) fn optional(value: Option<f64>, digits: usize) -> Markup {
     html! { @match value { Some(value) => (number(value, digits)), None => "–" } }
 }
@@ -157,7 +157,7 @@ pub(super) fn fixed(value: f64, digits: usize) -> String {
     }
 }
 
-/// A whole number with its thousands apart.
+/// A whole number with its thousands separated.
 pub(super) fn whole(value: u64) -> String {
     let digits = value.to_string();
     let place = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);

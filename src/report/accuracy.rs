@@ -12,7 +12,7 @@ use crate::grid::{Tolerance, Verdict};
 /// The 95 % quantile of chi squared with three degrees of freedom.
 const CHI_SQUARED_3_95: f64 = 7.814_727_903;
 
-/// The figures of one set; `folds` says in which block a station lies, where blocks were held out.
+/// The figures of one set; `folds` gives the block of each station, where blocks were held out.
 pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accuracy {
     let judged: Vec<_> = set.judged().collect();
     let norms: Vec<f64> = judged
@@ -24,7 +24,7 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
     let verdict = match set.subject.split {
         Split::None => Verdict::NotShown("the stations took part in the fit".to_owned()),
         Split::Blocks | Split::Session => {
-            told(set, counted, tolerance.verdict(bound, counted, guard_mm))
+            explained(set, counted, tolerance.verdict(bound, counted, guard_mm))
         }
     };
     let corrects = set.subject.model.about().corrects;
@@ -54,9 +54,9 @@ pub fn accuracy(set: &ResidualSet, tolerance: &Tolerance, guard_mm: f64) -> Accu
     }
 }
 
-/// Figures whose bound includes between-session variation: `moved` are the changes of a station's error that another session may bring,
-/// mm, several for each station ([`crate::method::accuracy`]: what a table will do, not what one
-/// session did). Never less than the session's own bound.
+/// Figures whose bound includes between-session variation: `moved` are the changes of a station's error that another
+/// session may bring, mm, several for each station ([`crate::method::accuracy`]: the errors that a table will leave, not
+/// those of one session). The bound is never less than the session's own.
 pub fn with_between_session_variation<'m>(
     own: Accuracy,
     set: &ResidualSet,
@@ -78,8 +78,8 @@ pub fn with_between_session_variation<'m>(
     }
 }
 
-/// A verdict that is not shown, with how many stations the session's base took of those that could have judged.
-fn told(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
+/// A verdict; one that is not shown also states how many stations that could have judged were used for the session's base.
+fn explained(set: &ResidualSet, counted: Counted, verdict: Verdict) -> Verdict {
     let Verdict::NotShown(reason) = verdict else {
         return verdict;
     };
@@ -118,7 +118,7 @@ mod tests {
         confidence: 0.95,
     };
 
-    /// As many visits of `poses` poses in turn, the first `first` of which find the base; later rounds leave more.
+    /// Visits of `poses` poses, `rounds` times in turn, the first `first` of which find the base; later rounds leave more.
     fn visits(poses: usize, rounds: usize, first: usize) -> ResidualSet {
         let residual = |station: usize| Residual {
             station,
@@ -155,7 +155,7 @@ mod tests {
                     .to_owned()
             )
         );
-        // Sixty poses do, by the worst of their visits: the third round's 0.3 mm.
+        // Sixty poses are enough, by the worst of their visits: the third round's 0.3 mm.
         let of = accuracy(&visits(60, 3, 0), &TOLERANCE, 0.0);
         assert!(
             of.bound.is_some_and(|bound| (bound - 0.3).abs() < 1e-12),
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn poses_that_found_the_base_do_not_judge() {
         let of = accuracy(&visits(60, 2, 50), &TOLERANCE, 0.0);
-        // Ten poses are left, each visited twice; figures are of all stations that did not find the base.
+        // Ten poses are left, each visited twice; the figures cover all stations that did not find the base.
         assert_eq!((of.counted.poses, of.counted.visits), (10, 20));
         assert_eq!(of.figures.map(|figures| figures.n), Some(70));
         let Verdict::NotShown(reason) = of.verdict else {

@@ -1,11 +1,11 @@
-//! Charts: series of numbers → an inline SVG with axes, units, a legend and words for those who cannot see it.
+//! Charts: series of numbers → an inline SVG with axes, units, a legend and a description for readers who cannot see it.
 //!
 //! Input is a [`Chart`] or sets of error [`Vectors`]; output is markup for a page that carries [`STYLE`]. Colours come from
 //! that style's variables, so a chart follows the reader's light or dark mode and prints in ink; series differ in dash and
 //! marker too. Coordinates have one decimal and no clock or map order takes part: the same numbers give the same bytes.
 //!
-//! The SVG is written through maud, whose macros escape every value and check the nesting: of the alternatives, plotters has
-//! had no release for two years and its SVG knows neither classes nor alternative text, and askama would need each nested
+//! The SVG is written through maud, whose macros escape every value and check the nesting. Of the alternatives, plotters
+//! has had no release for two years and its SVG has neither classes nor alternative text, and askama would need each nested
 //! part marked as safe by hand.
 //!
 //! 1. [`scale`]: nice ranges and ticks, linear or logarithmic. 2. `frame`: axes, limits, legend. 3. `series` and their
@@ -27,56 +27,56 @@ pub use vectors::{Arrow, Vectors, vectors};
 use frame::Frame;
 use scale::Scale;
 
-/// The style that charts need of their page: variables for both colour modes and for print, and the classes of marks.
+/// The style that a page with charts needs: variables for both colour modes and for print, and the classes of marks.
 pub const STYLE: &str = include_str!("chart/chart.css");
 
 /// Width that a chart is drawn for, px.
 pub const WIDTH: f64 = 480.0;
 /// Height of a chart without its legend, px.
 pub const HEIGHT: f64 = 270.0;
-/// Looks (colour, dash and marker together) that series can have; more series begin again.
+/// Number of different looks (colour, dash and marker together) of series; further series repeat them.
 pub const LOOKS: usize = 6;
 
 /// One set of axes with everything drawn in them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Chart {
-    /// What the chart shows, in a few words: its name for those who cannot see it.
+    /// The contents in a few words: the chart's name for readers who cannot see it.
     pub title: String,
-    /// What is to be seen in it, in a sentence or two.
+    /// Description of the chart, in a sentence or two.
     pub description: String,
     /// The horizontal axis.
     pub x: Axis,
     /// The vertical axis.
     pub y: Axis,
-    /// What is drawn, in this order; the legend names it.
+    /// The series, in drawing order; the legend names them.
     pub series: Vec<Series>,
-    /// Horizontal lines that values are held against, a tolerance for one.
+    /// Horizontal lines to compare values with, such as a tolerance.
     pub limits: Vec<Limit>,
 }
 
-/// What an axis measures.
+/// The quantity, unit and range of an axis.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Axis {
     /// The quantity.
     pub quantity: String,
     /// Its unit; empty for a number without one.
     pub unit: String,
-    /// Whether the axis is logarithmic; values that are not positive are then left out, and the chart says how many.
+    /// Whether the axis is logarithmic; values that are not positive are then left out, and the chart states how many.
     pub log: bool,
-    /// Values that the axis has to reach beside those of the series.
+    /// Values that the axis has to reach in addition to those of the series.
     pub include: Vec<f64>,
-    /// Names of a horizontal axis that counts things, the first at 1; none for an axis of numbers.
+    /// Names of a horizontal axis that counts things, the first at 1; empty for an axis of numbers.
     pub names: Vec<String>,
-    /// Whether only whole numbers mean something on a horizontal axis.
+    /// Whether a horizontal axis has whole numbers only.
     pub whole: bool,
 }
 
-/// A value that is not to be exceeded.
+/// A value that must not be exceeded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limit {
-    /// What it is, with its value: `tolerance 0.5 mm`.
+    /// Name of the limit with its value: `tolerance 0.5 mm`.
     pub name: String,
-    /// Where it lies on the vertical axis.
+    /// Position on the vertical axis.
     pub value: f64,
 }
 
@@ -106,14 +106,14 @@ impl Axis {
         }
     }
 
-    /// The same axis, logarithmic.
+    /// Makes the axis logarithmic.
     #[must_use]
     pub const fn logarithmic(mut self) -> Self {
         self.log = true;
         self
     }
 
-    /// The same axis, reaching `values` too.
+    /// Makes the axis reach `values` too.
     #[must_use]
     pub fn including(mut self, values: &[f64]) -> Self {
         self.include.extend(values);
@@ -183,7 +183,7 @@ impl Chart {
         Scale::over(corners.chain(limits).chain(self.y.included()), self.y.log)
     }
 
-    /// The series with what the axes can show of them, and how many values they cannot.
+    /// The series with the values that the axes can show, and the number of values that they cannot.
     fn drawable(&self) -> (Vec<Series>, usize) {
         let mut left_out = 0;
         let mut series = self.series.clone();
@@ -203,7 +203,8 @@ fn px(value: f64) -> String {
     (rounded + 0.0).to_string()
 }
 
-/// About how wide a text of thirteen pixels is, px, in a wide typeface, `DejaVu Sans`: what fits there fits in others.
+/// Approximate width of a text of thirteen pixels, px, in a wide typeface, `DejaVu Sans`: a text that fits there fits in
+/// others.
 fn text_width(text: &str) -> f64 {
     let width = |c: char| match c {
         ' ' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' | 'i' | 'j' | 'l' | 'I' => 4.2,

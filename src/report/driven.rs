@@ -1,10 +1,10 @@
-//! A session that a table drove: what the table achieved, how it was applied, whether its promise is kept.
+//! A session that a table drove: the accuracy that the table achieved, how it was applied, whether its promise is kept.
 //!
-//! Inputs: the corrected targets that were driven ([`CorrectedTarget`]), the session's commands, and where its tool point came
-//! to stand. Outputs are figures *measured after* ([`crate::method::accuracy`]), against the promise of the table's own
-//! run. Steps:
-//! 1. each station's command is matched with the target it is near to ([`matched`]): nearer than any other by half, so that
-//!    a command corrected wrongly is still told whose it is;
+//! Inputs: the corrected targets that were driven ([`CorrectedTarget`]), the session's commands, and the attained positions
+//! of its tool point. Outputs are figures *measured after* ([`crate::method::accuracy`]), compared with the promise of the
+//! table's own run. Steps:
+//! 1. each station's command is matched with the target near it ([`matched`]): nearer than any other by half, so that a
+//!    command corrected wrongly is still assigned to its target;
 //! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);
 //! 3. [`application()`] tells from the errors how the corrections were applied;
 //! 4. the promised bound is held against the stations that judge ([`PromiseKept`]).
@@ -23,33 +23,33 @@ use crate::geometry::align;
 pub use application::{Application, application};
 pub use base_motion::{BaseMotion, base_motion};
 
-/// A target and the command that a table made of it, in the frame of commands.
+/// A target and the command that a table computed for it, in the frame of commands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CorrectedTarget {
-    /// Its name.
+    /// Name of the target.
     pub name: String,
-    /// Where the tool point shall be, mm.
+    /// Target position of the tool point, mm.
     pub target: Point3<f64>,
-    /// The command that was to bring it there, mm.
+    /// Command that was to bring the tool point there, mm.
     pub command: Point3<f64>,
     /// Covariance of the correction, mm².
     pub covariance: Matrix3<f64>,
 }
 
-/// Stations and the corrected targets they went to.
+/// Stations and their corrected targets.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Matched {
-    /// For each command the place of its target; `None` where there is none.
+    /// For each command the index of its target; `None` where there is none.
     pub of_command: Vec<Option<usize>>,
-    /// Commands too far from every target.
+    /// Number of commands too far from every target.
     pub far: usize,
-    /// Commands between two targets.
+    /// Number of commands between two targets.
     pub between: usize,
 }
 
-/// A command further than this from its target is of none, mm: several times what arms are off.
+/// Largest distance of a command from its target, mm: several times the error of an arm.
 const FAR_MM: f64 = 10.0;
-/// The next target has to be this many times as far as the nearest.
+/// Smallest ratio of the distances to the next target and to the nearest.
 const CLEARLY: f64 = 2.0;
 
 /// Matches commands with targets, both in the frame of commands.
@@ -96,41 +96,41 @@ fn nearest(command: &Point3<f64>, targets: &[CorrectedTarget]) -> Near {
 /// One station of a session that a table drove; everything in the base frame of the session's own base + target fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivenStation {
-    /// Its number.
+    /// Number of the station.
     pub station: usize,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
-    /// Where the tool point was to be, mm.
+    /// Target position of the tool point, mm.
     pub target: Point3<f64>,
-    /// What was commanded, mm.
+    /// Command, mm.
     pub command: Point3<f64>,
-    /// Where the tool point came to stand, mm.
+    /// Attained position of the tool point, mm.
     pub attained: Point3<f64>,
-    /// The correction that the table gave, mm.
+    /// Correction that the table states, mm.
     pub stated: Vector3<f64>,
-    /// Its covariance, mm².
+    /// Covariance of the correction, mm².
     pub covariance: Matrix3<f64>,
-    /// How the flange stood and was commanded to stand, where both are known.
+    /// Attained and commanded orientation of the flange; `None` where one of them is not known.
     pub turn: Option<Turn>,
 }
 
 impl DrivenStation {
-    /// How far the command is from target and stated correction, mm.
+    /// Distance of the command from target plus stated correction, mm.
     pub fn departure_mm(&self) -> f64 {
         (self.command - self.target - self.stated).norm()
     }
 }
 
-/// The errors of a session that a table drove, both of the tool point and of the same stations.
+/// The errors of a session that a table drove, both of the tool point and at the same stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// Attained minus commanded: what the arm would have missed its targets by.
+    /// Attained minus commanded: the errors that the arm would have had at its targets.
     pub before: ResidualSet,
-    /// Attained minus wanted: what the table left.
+    /// Attained minus target: the errors that the table left.
     pub after: ResidualSet,
 }
 
-/// The errors before and after, the base found from the first `first` stations and their targets, or from half of all
+/// The errors before and after. The base is found from the first `first` stations and their targets, or from half of all
 /// stations where there are fewer than twice as many. `None` where these do not span space.
 pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Option<Measured> {
     let first = first.min(stations.len() / 2);
@@ -172,7 +172,7 @@ pub fn measured(stations: &[DrivenStation], session: &str, first: usize) -> Opti
     })
 }
 
-/// How the flange stood in the base as it was found from the first stations, and was commanded to stand.
+/// The attained orientations of the flange in the base that was found from the first stations, and the commanded ones.
 fn turns(
     stations: &[DrivenStation],
     base: &UnitQuaternion<f64>,
@@ -240,7 +240,7 @@ mod tests {
         ];
         let commands = commands.map(|x| x.map(|x| Point3::new(x, 0.0, 0.0)));
         let found = matched(&commands, &targets);
-        // 9 mm from one and 11 mm from the next is between both; 200 mm from all is of none; a visit may be repeated.
+        // 9 mm from one and 11 mm from the next is between both; 200 mm from all belongs to none; a visit may be repeated.
         assert_eq!(
             found.of_command,
             [Some(0), None, Some(1), None, None, Some(0)]
@@ -248,7 +248,7 @@ mod tests {
         assert_eq!((found.far, found.between), (1, 1));
     }
 
-    /// Stations whose errors after are `norms`, the base moved by 3 mm.
+    /// Stations whose errors after compensation are `norms`, the base moved by 3 mm.
     fn stations(norms: &[f64]) -> Vec<DrivenStation> {
         let station = |(i, norm): (usize, &f64)| {
             let target = Point3::new(
@@ -296,8 +296,8 @@ mod tests {
 
     #[test]
     fn the_tip_of_a_driven_session_is_seen_from_the_base_as_it_was_found() {
-        // The base turned by 2 mrad since and the target mounted at an angle: neither is an error of the tip. At the last
-        // station the flange is 1 mrad off.
+        // The base has turned by 2 mrad since and the target is mounted at an angle: neither is an error of the tip. At the
+        // last station the flange is 1 mrad off.
         let base = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 2e-3, 0.0));
         let mounted = UnitQuaternion::from_scaled_axis(Vector3::new(0.01, 0.02, -0.01));
         let mut all = stations(&[0.0; 28]);

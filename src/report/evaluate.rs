@@ -13,26 +13,27 @@ use crate::units::MM_PER_M;
 /// A held-out session or the training session itself, as observations.
 #[derive(Debug, Clone, Copy)]
 pub struct Stations<'s> {
-    /// The session's name.
+    /// Name of the session.
     pub session: &'s str,
-    /// Its paired stations.
+    /// Paired stations of the session.
     pub observations: &'s [Observation],
 }
 
-/// How an unseen session's frames are found.
+/// Settings for finding an unseen session's frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RefitSettings {
-    /// How many first stations the verdict's base is found from.
+    /// Number of first stations that the verdict's base is found from.
     pub first: usize,
     /// Whether the session has a target mounting of its own.
     pub with_target: bool,
 }
 
-/// A target as a model predicts it at a station, in the tracker's frame.
+/// A target as predicted by a model at a station, in the tracker's frame.
 struct Predicted {
-    /// What the model says of it.
+    /// The model's prediction.
     target: Prediction,
-    /// How the flange stood and is predicted to, in the tracker's axes, where its orientation was measured.
+    /// Measured and predicted orientation of the flange, in the tracker's axes; `None` where its orientation was not
+    /// measured.
     turn: Option<Turn>,
 }
 
@@ -139,17 +140,17 @@ pub fn unseen_session(
     Ok(sets)
 }
 
-/// An unseen session's predictions by one model, and which first stations its base is found from.
+/// An unseen session's predictions by one model, and the number of first stations that its base is found from.
 struct Unseen<'u> {
     model: &'u dyn PoseModel,
-    /// Standard deviation of the session's own scale, a share; 0 of a model that knows no scales.
+    /// Standard deviation of the session's own scale, a share; 0 for a model without scales.
     scale_sd: f64,
     predictions: &'u [Predicted],
     placed: &'u [Placed],
     to_base: &'u Isometry3<f64>,
     settings: RefitSettings,
     used: usize,
-    /// Whether only the others judge, however many there are; a base of all its stations is for comparing models.
+    /// Whether only the other stations judge, however many there are; a base from all stations is for comparing models.
     judges_rest: bool,
 }
 
@@ -184,7 +185,7 @@ impl Unseen<'_> {
         )
     }
 
-    /// The frames of the session: those of training where they are not found from its stations.
+    /// The frames of the session; those of training where they are not found from its stations.
     fn found(&self, measured: &[Point3<f64>]) -> Option<Refit> {
         if self.used == 0 {
             return Some(Refit {
@@ -203,8 +204,8 @@ impl Unseen<'_> {
         )
     }
 
-    /// How the flange stood in the base as it was found, and was predicted to; a mounting of the session's own turns the target
-    /// as the stations say that its base is found from.
+    /// The measured orientations of the flange in the base that was found, and the predicted ones; where the session has
+    /// its own mounting, the target is turned as the stations that the base is found from show.
     fn turns(&self, base_from_tracker: &Isometry3<f64>) -> Vec<Option<Turn>> {
         let (found, trained) = (base_from_tracker.rotation, self.to_base.rotation);
         let turn = |turn: &Turn| Turn {
@@ -220,8 +221,8 @@ impl Unseen<'_> {
         }
     }
 
-    /// Covariance of what is left on each station: the model's share that the refitted frames do not take up, noise, what
-    /// drift and scale the session may have, and what the frames inherit from the stations they were found from.
+    /// Covariance of the remaining error at each station: the model's share that the refitted frames do not absorb, noise,
+    /// drift and scale of the session, and the share that the frames inherit from the stations they were found from.
     fn covariances(
         &self,
         observations: &[Observation],
@@ -235,7 +236,7 @@ impl Unseen<'_> {
             .zip(observations)
             .map(|(predicted, o)| turned(&(self.model.noise(o) + predicted.alone()), &to_tracker))
             .collect();
-        // What a scale moves is one more column of rows.
+        // The effect of scale is one more column.
         let last = rows.ncols();
         rows = rows.insert_column(last, 0.0);
         rows.set_column(last, &(self.levers(found) * self.scale_sd));
@@ -256,7 +257,7 @@ impl Unseen<'_> {
         Some(match frames.filter(|_| self.used < observations.len()) {
             None => own.collect(),
             Some(frames) => {
-                // Where the base stood during the first stations is in the frames, and is not where it stands later.
+                // The base's place during the first stations is in the frames, and differs from its later place.
                 let inherited = frames.inherited(&noise[..self.used]);
                 own.zip(inherited)
                     .map(|(own, frames)| own + frames + drift)
@@ -265,7 +266,7 @@ impl Unseen<'_> {
         })
     }
 
-    /// Where every station is predicted from the middle of those that the frames are found from, mm, stacked.
+    /// Each station's predicted position relative to the middle of those that the frames are found from, mm, stacked.
     fn levers(&self, found: &Refit) -> DVector<f64> {
         let levers = self.placed.iter().flat_map(|placed| {
             let lever = placed.position - found.middle;
@@ -274,7 +275,7 @@ impl Unseen<'_> {
         DVector::from_iterator(3 * self.placed.len(), levers)
     }
 
-    /// The frames' columns at all stations, and how the frames follow from the stations they are found from.
+    /// The frames' columns at all stations, and the dependence of the frames on the stations that they are found from.
     fn frames(&self, found: &Refit) -> RefittedFrames {
         let positions: Vec<_> = self.placed.iter().map(|p| p.position).collect();
         let flanges: Vec<_> = self.placed.iter().map(|p| p.flange).collect();
@@ -298,7 +299,7 @@ impl Unseen<'_> {
     }
 }
 
-/// Refitted frames: their columns at all stations, and how they follow from residuals of the first ones.
+/// Refitted frames: their columns at all stations, and their dependence on residuals of the first ones.
 struct RefittedFrames {
     columns: DMatrix<f64>,
     from_first: DMatrix<f64>,
@@ -329,9 +330,11 @@ fn placed(prediction: &Prediction, base_from_tracker: &Isometry3<f64>) -> Placed
     }
 }
 
-/// A model with its predictions in the tracker's frame: of the session itself, or with the frames of the first one where it is unseen.
+/// A model with its predictions in the tracker's frame: with the session's own frames, or with those of the first session
+/// where it is unseen.
 ///
-/// `None` where there is no such model, or it has no prediction at these angles: figures of other stations would not compare.
+/// `None` where there is no such model, or it has no prediction at these angles: figures of other stations would not be
+/// comparable.
 fn predictions<'m>(
     models: &'m Models,
     model: Model,
@@ -375,7 +378,8 @@ fn predictions<'m>(
     Some((model, predicted?))
 }
 
-/// How the flange stood at a station and is predicted to, in the tracker's axes; `None` where no orientation was measured.
+/// The measured and predicted orientation of the flange at a station, in the tracker's axes; `None` where none was
+/// measured.
 fn turn(
     model: &dyn PoseModel,
     query: &Query<'_>,
@@ -420,19 +424,19 @@ fn own_covariances(
 }
 
 impl Predicted {
-    /// Covariance of what this point has alone, mm².
+    /// Covariance of this point's independent part, mm².
     fn alone(&self) -> Matrix3<f64> {
         let open = self.target.open.as_ref();
         open.map_or_else(Matrix3::zeros, |open| open.alone)
     }
 
-    /// How the point moves with the model's unknowns; `None` where the model has no covariance.
+    /// Derivatives of the point with respect to the model's unknowns; `None` where the model has no covariance.
     fn rows(&self) -> Option<&DMatrix<f64>> {
         Some(&self.target.open.as_ref()?.rows)
     }
 }
 
-/// All rows below each other, turned into another frame; `None` where the model has no rows or there are no stations.
+/// All rows stacked, rotated into another frame; `None` where the model has no rows or there are no stations.
 fn stacked(predictions: &[Predicted], to: &Isometry3<f64>) -> Option<DMatrix<f64>> {
     let columns = predictions.first()?.rows()?.ncols();
     let turn = to.rotation.to_rotation_matrix();
@@ -445,7 +449,7 @@ fn stacked(predictions: &[Predicted], to: &Isometry3<f64>) -> Option<DMatrix<f64
     Some(stacked)
 }
 
-/// A covariance of the frame `to_from`'s target stated in its source: `Rᵀ C R`.
+/// A covariance stated in the target frame of `to_from`, converted to its source frame: `Rᵀ C R`.
 fn turned(covariance: &Matrix3<f64>, to_from: &Isometry3<f64>) -> Matrix3<f64> {
     let turn = to_from.rotation.to_rotation_matrix();
     turn.transpose() * covariance * turn

@@ -1,15 +1,15 @@
-//! Figures of ISO 9283: what repeated visits of a pose say of an arm.
+//! Figures of ISO 9283: the accuracy and repeatability that repeated visits of a pose show.
 //!
-//! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the standard's
-//! names, lengths mm, angles rad (ISO 9283:1998, clause 7; [`crate::method::accuracy`]). Steps:
+//! Inputs: poses and their visits ([`Visited`]), commanded and attained in one frame. Output: [`Figure`]s under the
+//! standard's names, lengths mm, angles rad (ISO 9283:1998, clause 7; [`crate::method::accuracy`]). Steps:
 //! 1. dwells that went to one pose are its visits ([`crate::fit::visits`]);
 //! 2. of each pose: accuracy AP, the barycentre of the attained positions against the command, and repeatability RP,
 //!    `l̄ + 3 S_l` of the distances to the barycentre (`pose`);
 //! 3. of a pair of poses visited in turn: distance accuracy AD and repeatability RD (`distance`);
-//! 4. of poses come to from several others: multi-directional variation vAP; over time: drift dAP (`variation`).
+//! 4. of poses approached from several others: multi-directional variation vAP; over time: drift dAP (`variation`).
 //!
-//! A figure that the visits do not allow is a row without a value and with the reason. The error of a single visit is no AP.
-//! What the standard asks of load, speed and where the poses lie is not looked at; how often they were visited is.
+//! A figure that the visits do not allow is a row without a value and with the reason. The error of a single visit is no
+//! AP. The standard's requirements on load, speed and positions of the poses are not checked; the number of visits is.
 
 mod distance;
 mod pose;
@@ -21,34 +21,34 @@ use super::{Moment, Point, Subject};
 use crate::figures::median;
 use crate::units::{Controller, Stamp};
 
-/// Visits of a pose that the standard asks for.
+/// Number of visits of a pose that the standard asks for.
 pub const VISITS: usize = 30;
-/// Poses whose figures are given one by one: those that were visited most.
+/// Most poses whose figures are given one by one: those that were visited most.
 const ONE_BY_ONE: usize = 500;
 
 /// One visit of a pose; positions in one frame, mm.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visit {
-    /// The station.
+    /// Number of the station.
     pub station: usize,
-    /// When it began.
+    /// Start of the visit.
     pub start: Stamp<Controller>,
-    /// The pose that the arm stood at before, by the station it was first visited as.
+    /// The pose that the arm was at before, by the station of its first visit; `None` where it is not known.
     pub from: Option<usize>,
-    /// Where the point was to be.
+    /// Commanded position.
     pub commanded: Point3<f64>,
-    /// Where it was.
+    /// Attained position.
     pub attained: Point3<f64>,
-    /// How it stood, where orientations were measured.
+    /// Orientation of the tool; `None` where orientations were not measured.
     pub orientation: Option<Orientation>,
 }
 
-/// How the tool stood at a visit, in the frame of its position.
+/// Orientation of the tool at a visit, in the frame of its position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orientation {
-    /// As it was to be, where the log has what was sent.
+    /// Commanded orientation; `None` where the log does not have it.
     pub commanded: Option<UnitQuaternion<f64>>,
-    /// As it was.
+    /// Attained orientation.
     pub attained: UnitQuaternion<f64>,
 }
 
@@ -61,22 +61,22 @@ impl Visit {
 /// A pose with its measured visits, in time order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Visited {
-    /// The station that it was first visited as.
+    /// Number of the station of its first visit.
     pub pose: usize,
-    /// Two or more.
+    /// The visits, two or more.
     pub visits: Vec<Visit>,
 }
 
 /// Figures of the same visits, in the same frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Iso9283 {
-    /// What corrects the errors, and where the base comes from.
+    /// The model that corrects the errors, and the source of the base.
     pub subject: Subject,
     /// The point that was commanded and attained.
     pub point: Point,
     /// Before compensation, or after.
     pub moment: Moment,
-    /// The run whose table drove the stations, where one did.
+    /// The run whose table drove the stations; `None` where none did.
     pub driven_by: Option<String>,
     /// Expanded uncertainty (k = 2) of one measured position, mm.
     pub expanded_uncertainty_mm: f64,
@@ -87,22 +87,22 @@ pub struct Iso9283 {
 /// One figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// Which.
+    /// Name of the figure.
     pub characteristic: Characteristic,
-    /// The pose, by the station it was first visited as; `None` over all poses.
+    /// The pose, by the station of its first visit; `None` over all poses.
     pub pose: Option<usize>,
-    /// mm or rad; `None` where the visits do not allow it.
+    /// Value, mm or rad; `None` where the visits do not allow it.
     pub value: Option<f64>,
-    /// Visits, or for a distance pairs of visits, that it is over.
+    /// Number of visits, or for a distance of pairs of visits.
     pub n: usize,
-    /// How many the standard asks for.
+    /// Number that the standard asks for.
     pub n_needed: usize,
-    /// What limits it, in words.
+    /// Limitations of the figure, as text; `None` without any.
     pub remark: Option<String>,
 }
 
 impl Figure {
-    /// A row without a value, and why.
+    /// A row without a value, with the reason.
     fn missing(characteristic: Characteristic, n_needed: usize, remark: &str) -> Self {
         Self {
             characteristic,
@@ -115,7 +115,7 @@ impl Figure {
     }
 }
 
-/// The characteristics of ISO 9283, by its own symbols.
+/// The characteristics of ISO 9283, with the standard's symbols.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Characteristic {
     /// `AP_p`: distance of the barycentre from the command.
@@ -166,16 +166,16 @@ impl Characteristic {
     }
 }
 
-/// What may be said of the visits.
+/// The characteristics that visits can show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Says {
-    /// Everything: positions are attained ones.
+    /// All of them: positions are attained ones.
     Everything,
-    /// Accuracy alone: positions are what a model would leave, and no model repeats better or worse than its arm.
+    /// Accuracy alone: positions are predictions of a model, and no model repeats better or worse than its arm.
     Accuracy,
 }
 
-/// The figures of poses with two visits or more, in the order of the first; nothing without any.
+/// The figures of poses with two visits or more, in the order of the first; empty without any.
 pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     if visited.is_empty() {
         return Vec::new();
@@ -200,21 +200,21 @@ pub fn figures(visited: &[Visited], says: Says) -> Vec<Figure> {
     figures
 }
 
-/// What stands where no pose was visited twice, with the reason.
+/// The rows without a value where no pose was visited twice, with the reason.
 pub fn none(remark: &str) -> Vec<Figure> {
     [Characteristic::ApP, Characteristic::RpL]
         .map(|characteristic| Figure::missing(characteristic, VISITS, remark))
         .into()
 }
 
-/// The poses that are told one by one, in order.
+/// The poses that are given one by one, in order.
 fn most_visited(visited: &[Visited]) -> Vec<usize> {
     let mut most: Vec<&Visited> = visited.iter().collect();
     most.sort_by_key(|own| (std::cmp::Reverse(own.visits.len()), own.pose));
     most.iter().take(ONE_BY_ONE).map(|own| own.pose).collect()
 }
 
-/// The characteristics of which the largest over all poses is told; the others have signs.
+/// The characteristics whose largest value over all poses is given; the others have signs.
 const LARGEST: [Characteristic; 7] = [
     Characteristic::ApP,
     Characteristic::RpL,
@@ -232,7 +232,7 @@ fn over_all(of_poses: &[Figure], poses: usize) -> Vec<Figure> {
             .filter(move |figure| figure.characteristic == characteristic);
         let values: Vec<f64> = own.clone().filter_map(|figure| figure.value).collect();
         let middle = median(&values)?;
-        // Of equal ones the first stays.
+        // If several are equal, the first is kept.
         let worst = own.reduce(|worst, next| {
             if next.value > worst.value {
                 next
@@ -261,17 +261,17 @@ fn remark_of_largest(worst: &Figure, of: usize, poses: usize, middle: f64) -> St
     let more = if of < poses || of <= ONE_BY_ONE {
         String::new()
     } else {
-        format!("; the {ONE_BY_ONE} visited most are told one by one")
+        format!("; the {ONE_BY_ONE} visited most are given one by one")
     };
     format!("largest of {of} poses, pose {pose}; their median is {unit}{limit}{more}")
 }
 
-/// What is to be said of too few visits.
+/// A remark where there are too few visits.
 fn too_few(n: usize, needed: usize) -> Option<String> {
     (n < needed).then(|| format!("{n} visits, the standard asks for {needed}"))
 }
 
-/// The mean of vectors; zero of none.
+/// The mean of vectors; zero without any.
 fn mean(vectors: impl ExactSizeIterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let n = vectors.len().max(1) as f64;
     vectors.sum::<Vector3<f64>>() / n

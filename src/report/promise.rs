@@ -7,8 +7,8 @@ use std::collections::BTreeSet;
 
 use crate::figures::{Counted, Figures, PoseErrors, share_interval};
 
-/// A station stands at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that is
-/// planned. Which stations are visits of one pose is told by [`crate::fit::visits`].
+/// A station is at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that
+/// is planned. [`crate::fit::visits`] finds which stations are visits of one pose.
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 
 /// What was promised of errors before they were measured.
@@ -18,9 +18,9 @@ pub struct Promise {
     pub mean_mm: Option<f64>,
     /// What `share` of errors stays below, mm; `None` where nothing is promised of it.
     pub bound_mm: Option<f64>,
-    /// The share of errors that the bound is of.
+    /// Share of errors below the bound.
     pub share: f64,
-    /// How sure the promise is.
+    /// Confidence of the promise.
     pub confidence: f64,
 }
 
@@ -40,7 +40,7 @@ pub struct PlanPromise {
 pub struct Verified {
     /// Reported joint angles, rad.
     pub joints: Vec<f64>,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// Number of the station that names its pose; all visits of one pose share it.
     pub pose: usize,
     /// Norm of the error left, mm.
     pub left_mm: f64,
@@ -49,7 +49,7 @@ pub struct Verified {
 /// A promise held against errors that were measured. A pose counts once however often it was visited, with its worst visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PromiseKept {
-    /// What was promised.
+    /// The promise.
     pub promise: Promise,
     /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,
@@ -57,7 +57,7 @@ pub struct PromiseKept {
     pub counted: Counted,
     /// Of these poses, how many are within the promised bound.
     pub within: usize,
-    /// The share of all errors within the bound that this leaves possible, two-sided at the promise's confidence.
+    /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
     pub interval: (f64, f64),
 }
 
@@ -152,13 +152,13 @@ pub fn is_same_pose(one: &[f64], other: &[f64]) -> bool {
     one.len() == other.len() && apart(one, other) <= SAME_POSE_RAD
 }
 
-/// How far the joint is apart that is most, rad.
+/// The largest difference of a joint, rad.
 fn apart(one: &[f64], other: &[f64]) -> f64 {
     let joints = one.iter().zip(other);
     joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The pose of the station nearest to a planned pose, if one stands there.
+/// The pose of the station nearest to a planned pose; `None` where no station is there.
 fn at(pose: &[f64], stations: &[Verified]) -> Option<usize> {
     let away = |station: &Verified| apart(&station.joints, pose);
     let nearest = stations.iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// A station a quarter of a degree beside each planned pose but the last two.
+    /// A station a quarter of a degree from each planned pose except the last two.
     fn stations(left_mm: f64) -> Vec<Verified> {
         let beside = |i: i32| Verified {
             joints: vec![f64::from(i) * 0.1 + 0.004, 0.496],

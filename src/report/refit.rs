@@ -1,7 +1,8 @@
-//! Where the base of an unseen session stands: found from its own stations, the arm held as identified.
+//! The base of an unseen session: found from its own stations, with the arm fixed as identified.
 //!
-//! Six numbers of the base, and three of the target where the session has a mounting of its own; unweighted. For a model that knows how
-//! much sessions differ in scale ([`refit_with_scale`]), the session's scale too, held to that.
+//! Six numbers of the base, and three of the target where the session has a mounting of its own; unweighted. For a model
+//! that knows the variation of scale between sessions ([`refit_with_scale`]), also the session's scale, with that variation
+//! as its prior.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -10,29 +11,29 @@ use crate::geometry::align;
 /// A predicted target in the base frame, and the flange's rotation there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
-    /// mm.
+    /// Position of the target, mm.
     pub position: Point3<f64>,
-    /// From flange to base axes.
+    /// Rotation from flange to base axes.
     pub flange: UnitQuaternion<f64>,
 }
 
 /// The session's own frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refit {
-    /// Where the tracker stands in the base frame.
+    /// Pose of the tracker in the base frame.
     pub base_from_tracker: Isometry3<f64>,
-    /// How far the target sits from where training had it, along the flange's axes, mm.
+    /// Displacement of the target from its place in training, along the flange's axes, mm.
     pub target_shift: Vector3<f64>,
-    /// How much longer than the model the session measures, as a share of the way from `middle`.
+    /// Scale of the session relative to the model, minus one, about `middle`.
     pub scale: f64,
-    /// What the scale's prior counts for beside its column, mm²; 0 where the scale was not found.
+    /// Weight of the scale's prior in addition to its column, mm²; 0 where the scale was not found.
     pub scale_ridge_mm2: f64,
     /// The middle of the stations, in the base frame, mm.
     pub middle: Point3<f64>,
 }
 
 impl Refit {
-    /// Where a predicted target is in the session's own frames and scale.
+    /// The position of a predicted target in the session's own frames and scale.
     pub fn predicted(&self, placed: &Placed) -> Point3<f64> {
         self.scaled(placed).position + placed.flange * self.target_shift
     }
@@ -45,13 +46,14 @@ impl Refit {
     }
 }
 
-/// Keeps the target's shift from running away where one tool orientation does not show it.
+/// Ridge that bounds the target's shift where one tool orientation does not determine it.
 pub const RIDGE: f64 = 1e-3;
 const PASSES: usize = 4;
-/// A scale beyond so many of its prior's standard deviations is no scale that sessions ordinarily have: it stays in what is left.
+/// Largest scale, in standard deviations of its prior, that sessions ordinarily have: a larger one stays in the remaining
+/// error.
 const ORDINARY: f64 = 3.0;
 
-/// The frames that bring `measured` (tracker frame) nearest to `predicted`; `None` where stations do not span space.
+/// The frames that bring `measured` (tracker frame) closest to `predicted`; `None` where stations do not span space.
 pub fn refit(measured: &[Point3<f64>], predicted: &[Placed], with_target: bool) -> Option<Refit> {
     let mut target_shift = Vector3::zeros();
     let shifted = |shift: &Vector3<f64>| {
@@ -88,8 +90,8 @@ pub fn middle(predicted: &[Placed]) -> Point3<f64> {
     Point3::from(sum / predicted.len().max(1) as f64)
 }
 
-/// The same with the session's scale, which is expected to be off by `scale_sd` (a share); without it where the session's scale is
-/// beyond what is ordinary, or nothing is left that it could be held against.
+/// The frames with the session's scale, whose expected error is `scale_sd` (a share); without it where the session's scale
+/// is beyond what is ordinary, or too few numbers remain to estimate the noise.
 pub fn refit_with_scale(
     measured: &[Point3<f64>],
     predicted: &[Placed],
@@ -115,8 +117,8 @@ pub fn refit_with_scale(
     Some(if is_ordinary { found } else { plain })
 }
 
-/// The scale in the frames of `found`, and what its prior counts for: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² what is left per
-/// axis.
+/// The scale in the frames of `found`, and the weight of its prior: `Σ l r / (Σ l² + σ²/τ²)`, l from the middle, σ² the
+/// remaining variance per axis.
 fn scale_of(
     measured: &[Point3<f64>],
     predicted: &[Placed],
@@ -201,7 +203,7 @@ mod tests {
     fn a_session_s_own_scale_is_found_as_far_as_it_is_ordinary() {
         let truth = isometry_from_rpy([2000.0, -50.0, 30.0], [0.01, -0.02, 1.5]);
         let predicted: Vec<_> = (0..30).map(placed).collect();
-        // A micrometre of noise: what is left is held against the prior.
+        // A micrometre of noise: the remaining error is compared with the prior.
         let measured = |scale: f64| -> Vec<Point3<f64>> {
             let of = |(i, p): (usize, &Placed)| {
                 let noise = Vector3::repeat(1e-3 * (7.0 * i as f64).sin());
@@ -217,7 +219,7 @@ mod tests {
         let left =
             left.map(|(m, p)| (ordinary.base_from_tracker * m - ordinary.predicted(p)).norm());
         assert!(left.fold(0.0, f64::max) < 4e-3);
-        // 0.1 % is a fault, and stays in what is left.
+        // 0.1 % is a fault, and stays in the remaining error.
         let fault = found(1e-3).expect("stations in space");
         assert!(fault.scale == 0.0, "{fault:?}");
     }

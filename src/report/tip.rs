@@ -1,24 +1,25 @@
 //! Figures for the tool tip: the error of the point that was measured, carried there by lever arm
 //! ([`crate::method::accuracy`]).
 //!
-//! Input: residuals, each with how the flange stood and how it was predicted or commanded to stand ([`Turn`]), and the lever
-//! from their point to the tip. Output: residuals of the tip, `e_tip = e + (R_attained − R_wanted) · lever`, as vectors
-//! station by station.
+//! Input: residuals, each with the attained and the predicted or commanded orientation of the flange ([`Turn`]), and the
+//! lever from their point to the tip. Output: residuals of the tip, `e_tip = e + (R_attained − R_wanted) · lever`, as
+//! vectors station by station.
 //!
-//! A constant turn between measured and commanded orientation is how the target sits and how the controller rounds its tool: no
-//! error of the arm ([`without_constant`]). Only stations whose orientation was measured have an error of the tip.
+//! A constant rotation between measured and commanded orientation comes from the mounting of the target and the
+//! controller's rounding of its tool: it is no error of the arm ([`without_constant`]). Only stations whose orientation was
+//! measured have an error of the tip.
 
 use nalgebra::{UnitQuaternion, Vector3};
 
 use super::{Residual, ResidualSet};
 use crate::figures::median;
 
-/// The flange's axes as they stood and as they were to stand, both in the base frame.
+/// The attained and the wanted axes of the flange, both in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn {
-    /// As measured.
+    /// Measured orientation.
     pub attained: UnitQuaternion<f64>,
-    /// As predicted or commanded.
+    /// Predicted or commanded orientation.
     pub wanted: UnitQuaternion<f64>,
 }
 
@@ -28,12 +29,12 @@ impl Turn {
         (self.attained * self.wanted.inverse()).scaled_axis()
     }
 
-    /// What it adds to the error at the end of a lever along the flange's axes, mm.
+    /// The error that it adds at the end of a lever along the flange's axes, mm.
     pub fn at_end_of(&self, lever: &Vector3<f64>) -> Vector3<f64> {
         self.attained * lever - self.wanted * lever
     }
 
-    /// The same seen from another frame.
+    /// The turn stated in another frame.
     #[must_use]
     pub fn seen_from(&self, to_from: &UnitQuaternion<f64>) -> Self {
         Self {
@@ -42,7 +43,7 @@ impl Turn {
         }
     }
 
-    /// Attained seen from wanted, as a rotation vector along the flange's axes, rad.
+    /// Attained relative to wanted orientation, as a rotation vector along the flange's axes, rad.
     fn vector(&self) -> Vector3<f64> {
         (self.wanted.inverse() * self.attained).scaled_axis()
     }
@@ -70,7 +71,7 @@ pub fn without_constant(
         .collect()
 }
 
-/// The same residuals at the tip, `lever` from their point along the flange's axes, mm; stations without a measured orientation
+/// The residuals at the tip, `lever` from their point along the flange's axes, mm; stations without a measured orientation
 /// are left out.
 #[must_use]
 pub fn at_tip(set: &ResidualSet, lever: &Vector3<f64>) -> ResidualSet {
@@ -130,7 +131,7 @@ mod tests {
         }
     }
 
-    /// The flange at some orientation, turned from it by `vector` along its own axes.
+    /// The flange at some orientation, rotated from it by `vector` along its own axes.
     fn turned(vector: Vector3<f64>, wanted: UnitQuaternion<f64>) -> Turn {
         Turn {
             attained: wanted * UnitQuaternion::from_scaled_axis(vector),
@@ -174,7 +175,7 @@ mod tests {
         let constant = Vector3::new(0.02, -0.01, 0.03);
         let of = |i: i32| {
             let wanted = UnitQuaternion::from_euler_angles(f64::from(i), 0.5, -0.2 * f64::from(i));
-            // The last one is off by 1 mrad besides.
+            // The last one is off by another 1 mrad.
             let own = if i == 4 { 1e-3 } else { 0.0 };
             let off = UnitQuaternion::from_scaled_axis(Vector3::x() * own);
             Some(Turn {

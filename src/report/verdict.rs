@@ -1,16 +1,16 @@
-//! The verdict of a run: the worst of everything that judges it, made once and shown everywhere.
+//! The verdict of a run: the worst of all its judges, computed once and shown everywhere.
 //!
-//! Inputs: what held-out blocks say of the chosen table, and what each test session says of the full error model and of that table.
-//! Output: a [`RunVerdict`]. Tables, page, summary and exit code take verdict and reason from it.
-//! - Held-out blocks are of the sessions that were learnt from: whatever is peculiar to that day is in the model too.
-//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model by commands alone at
-//!   all of them, and the table at those it answers for. One that is shown is enough, as a table answers for one orientation;
-//!   where neither is, the session shows nothing.
+//! Inputs: the judgement of held-out blocks on the chosen table, and that of each test session on the full error model and
+//! on that table. Output: a [`RunVerdict`]. Tables, page, summary and exit code take verdict and reason from it.
+//! - Held-out blocks belong to the training sessions: errors peculiar to a session are in the model too.
+//! - A test session has between-session variation. Its base is found from its first stations, the others judge: the model
+//!   from commands alone at all of them, and the table at those that it covers. One that is shown is enough, as a table
+//!   covers one orientation; where neither is, the session shows nothing.
 
 use super::{Accuracy, BaseRefit, Model, Point, Split};
 use crate::grid::{Covered, Tolerance, Verdict};
 
-/// What judges a run, and the worst of what they say.
+/// The judges of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunVerdict {
     judges: Vec<Judge>,
@@ -21,11 +21,11 @@ pub struct RunVerdict {
 pub struct Judge {
     /// The stations that judge.
     pub stations: Judging,
-    /// What they say; a reason that is not shown is in `words` too.
+    /// Their verdict; the reason of one that is not shown is in `words` too.
     pub verdict: Verdict,
-    /// Figures or reason, in words.
+    /// Figures or reason, as text.
     pub words: String,
-    /// What else has to be known of it, in words: a session that the model does not fit.
+    /// A further remark, as text: a session that the model does not fit. `None` without any.
     pub remark: Option<String>,
 }
 
@@ -39,7 +39,7 @@ pub enum Judging {
 }
 
 impl Judging {
-    /// The stations in words.
+    /// The stations as text.
     pub fn words(&self) -> String {
         match self {
             Self::Blocks(session) => format!("held-out blocks of {session}"),
@@ -101,7 +101,7 @@ impl Judge {
         }
     }
 
-    /// Who judges, and what they say, in a line that a person reads.
+    /// The judge and its verdict, in one line for a person.
     pub fn line(&self) -> String {
         format!(
             "{}: {}: {}",
@@ -120,12 +120,12 @@ impl Judge {
 }
 
 impl RunVerdict {
-    /// The worst of `judges`, in the order in which they are told: held-out blocks first.
+    /// The verdict of `judges`, in the order in which they are shown: held-out blocks first.
     pub const fn of(judges: Vec<Judge>) -> Self {
         Self { judges }
     }
 
-    /// Everything that judges.
+    /// All judges.
     pub fn judges(&self) -> &[Judge] {
         &self.judges
     }
@@ -140,7 +140,7 @@ impl RunVerdict {
         }
     }
 
-    /// Why the tolerance is not met or not shown to be, with who says so; `None` where it is met.
+    /// Why the tolerance is not met or not shown to be, with the judges that decide; `None` where it is met.
     pub fn reason(&self) -> Option<String> {
         let named = |judge: &Judge| match &self.judges[..] {
             [_] => judge.reason(),
@@ -151,7 +151,8 @@ impl RunVerdict {
         (!reasons.is_empty()).then(|| reasons.join("; "))
     }
 
-    /// Who says that the tolerance is not met or not shown to be, where several judge, and else why; `None` where it is met.
+    /// The judges that decide that the tolerance is not met or not shown to be, where there are several, otherwise the
+    /// reason; `None` where it is met.
     pub fn decided_by(&self) -> Option<String> {
         let reason = self.reason()?;
         let names: Vec<String> = self.worst().map(|judge| judge.stations.words()).collect();
@@ -161,7 +162,7 @@ impl RunVerdict {
         })
     }
 
-    /// The judges whose verdict none is worse than.
+    /// The judges with the worst verdict.
     fn worst(&self) -> impl Iterator<Item = &Judge> {
         let all = || self.judges.iter();
         let worst = all().map(|judge| badness(&judge.verdict)).max();
@@ -169,8 +170,8 @@ impl RunVerdict {
     }
 }
 
-/// The figures by which a session that took no part judges the model, its base from its first stations: from commands alone, which
-/// is all that a program has, where they are known. `None` where its base cannot be found.
+/// The figures of the model on a session that took no part, its base from its first stations: from commands alone, which is
+/// all that a program has, where they are known. `None` where its base cannot be found.
 pub fn figure_of_model<'a>(accuracy: &'a [Accuracy], session: &str) -> Option<&'a Accuracy> {
     Model::judging().find_map(|(model, angles)| {
         accuracy.iter().find(|own| {
@@ -182,7 +183,7 @@ pub fn figure_of_model<'a>(accuracy: &'a [Accuracy], session: &str) -> Option<&'
     })
 }
 
-/// How bad a verdict is: what is shown not to hold is worse than what is not shown.
+/// The rank of a verdict: one that is shown not to hold is worse than one that is not shown.
 const fn badness(verdict: &Verdict) -> u8 {
     match verdict {
         Verdict::Meets => 0,
@@ -248,7 +249,7 @@ mod tests {
         confidence: 0.95,
     };
 
-    /// A figure whose bound is that of as many poses; too few have none.
+    /// A figure whose bound counts `poses` poses; too few have none.
     fn of(model: Model, bound: f64, poses: usize) -> Accuracy {
         let bound = (poses >= 59).then_some(bound);
         Accuracy {
@@ -313,14 +314,14 @@ mod tests {
             matches!(&verdict, Verdict::NotShown(reason) if reason.contains("wed: full error model") && reason.contains("40 poses")),
             "{verdict:?}"
         );
-        // What is shown not to hold is worse.
+        // A verdict that is shown not to hold is worse.
         let both = RunVerdict::of(vec![mon(0.6), few]);
         assert_eq!(both.verdict(), Verdict::DoesNotMeet);
         assert_eq!(
             both.reason().as_deref(),
             Some("held-out blocks of mon: no step holds")
         );
-        // A table answers for few stations of a session that the model is shown on: the session is shown.
+        // A table covers few stations of a session on which the model is shown: the session is shown.
         let shown = wed(&of(Model::Full, 0.3, 100), &of(Model::Table, 0.9, 12));
         assert_eq!(shown.verdict, Verdict::Meets);
         let no_base = Judge::session("wed", None, None, &TOLERANCE, None);

@@ -194,7 +194,7 @@ fn a_record_that_cannot_be_believed_stops_the_work_and_names_itself() {
         fs::write(file, bytes).unwrap();
         let error = cell.compensate("targets.csv", None).unwrap_err();
         assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().contains("cannot be believed"), "{error}");
+        assert!(error.to_string().contains("cannot be used"), "{error}");
         assert!(
             error.to_string().contains(&file.display().to_string()),
             "{error}"
@@ -208,7 +208,7 @@ fn a_table_outside_of_a_lake_corrects_and_says_that_nothing_is_recorded() {
     let (done, _) = cell.csv(TARGETS).unwrap();
     assert!(
         done.to_string()
-            .contains("not recorded: the table stands in no lake"),
+            .contains("not recorded: the table is in no lake"),
         "{done}"
     );
     // Under the name of another run it is not the lake's.

@@ -39,7 +39,7 @@ fn what_is_within_outside_or_not_checked_is_reported() {
         "{said}"
     );
     assert!(
-        said.contains("as it was not said with what the targets will be run: tool\n"),
+        said.contains("as it is not stated for the targets: tool\n"),
         "{said}"
     );
     assert!(

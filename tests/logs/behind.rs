@@ -209,7 +209,7 @@ fn an_end_before_the_last_records_is_reported_and_they_are_read() {
                 ("twice", twice),
                 ("behind a summary", log_of(&summary_first, &summary)),
                 (
-                    "behind the closing mark",
+                    "after the closing mark",
                     [&log_of(one, &summary)[..], &bytes(two)].concat(),
                 ),
             ];

@@ -401,7 +401,7 @@ fn a_log_cut_behind_its_data_loses_no_message_and_says_so() {
             panic!("{:?}", found.rejects)
         };
         assert!(
-            note.messages == Some(0) && note.reason.contains("behind its data"),
+            note.messages == Some(0) && note.reason.contains("after its data"),
             "{note:?}"
         );
     }

@@ -127,7 +127,7 @@ fn joints_are_found_by_name_in_each_message() {
         [
             (Some(1), "a joint angle is not a finite number"),
             (Some(1), "joint \"a\" is missing from the message"),
-            (Some(1), "joint \"a\" stands twice in the message"),
+            (Some(1), "joint \"a\" is twice in the message"),
             (Some(1), "joint \"b\" is missing from the message"),
             (
                 Some(1),

@@ -245,7 +245,7 @@ fn the_last_row_is_reported_by_a_list_kept_elsewhere() {
     }
     assert_eq!(list(&cell, &["mon"]).results.lines().count(), 1);
     let expect = |names: &[&str]| verify(&cell, &[&["--expect", &kept], names].concat());
-    expect(&[]).expect(0, &["every row of the list is there as it says"]);
+    expect(&[]).expect(0, &["every row of the list is there unchanged"]);
     // A row that the list does not have yet is new.
     let shorter = cell.path("shorter.txt");
     fs::write(&shorter, format!("# of monday\n{}\n", lines[0])).expect("writable");
@@ -383,7 +383,7 @@ fn a_table_that_is_not_what_its_run_wrote_corrects_nothing() {
     // A table without a digest is read, and that nothing vouches for it is told; in its lake the row does.
     unsealed(&outside);
     let old = compensate(&outside);
-    old.expect(0, &["nothing shows that it is as it was written"]);
+    old.expect(0, &["nothing shows that it is unchanged"]);
     assert_eq!(old.results, sound.results);
     let cell = copied();
     let table = cell.table_file("compensation", "mon");

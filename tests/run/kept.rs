@@ -129,7 +129,7 @@ fn logs_may_be_archived_and_what_came_of_them_is_still_checked() {
     };
     let (controller, tracker) = (digest("controller.mcap"), digest("tracker.mcap"));
     let sound = format!(
-        "its {} files have the digests that its row says",
+        "its {} files have the digests that its row states",
         files_of(&cell, &run).len()
     );
     let told = [
@@ -169,7 +169,7 @@ fn a_file_that_was_deleted_is_the_same_when_it_is_made_again() {
         &[
             "outputs missing",
             "output residuals/mon: missing",
-            "computed again it is as the row says",
+            "recomputed, it is as the row states",
         ],
     );
     // `run` finds the run in the lake and makes nothing; into another folder it makes the same.
@@ -210,7 +210,7 @@ fn a_driven_session_is_verified_with_the_run_that_drove_it() {
         &[
             "what it cites is missing",
             &told,
-            "12 files computed again, byte for byte the same",
+            "12 files recomputed, byte for byte the same",
             "report/tue: the page says something else",
         ],
     );

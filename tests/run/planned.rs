@@ -165,7 +165,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     so_far.expect(
         3,
         &[
-            &format!("{of} stations that identify (12 poses are planned), {verify} that verify"),
+            &format!("{of} stations to identify (12 poses are planned), {verify} to verify"),
             "not enough for 0.5 mm",
         ],
     );
@@ -186,7 +186,7 @@ fn a_session_is_held_against_its_plan_while_it_is_measured() {
     assert!(
         whole
             .results
-            .contains("12 stations that identify (12 poses are planned), 4 that verify")
+            .contains("12 stations to identify (12 poses are planned), 4 to verify")
     );
     whole.no_defect();
 }

@@ -267,7 +267,7 @@ fn a_night_whose_words_found_no_room_says_that_its_work_stands() {
     );
     assert_eq!(full.code, Some(1), "{full:?}");
     assert!(
-        full.messages.contains("what was published stands"),
+        full.messages.contains("the published files are complete"),
         "{full:?}"
     );
     assert!(cell.lake() == of_monday());

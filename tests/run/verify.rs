@@ -139,7 +139,7 @@ fn the_same_work_is_the_same_byte_for_byte() {
             "kr210-demo/mon run ",
             ": the same\n",
             // Eleven tables and the page; the row of runs is compared by value.
-            "13 files computed again, byte for byte the same",
+            "13 files recomputed, byte for byte the same",
             "2 runs: 2 the same",
         ],
     );
@@ -160,9 +160,9 @@ fn a_flipped_byte_of_a_published_table_is_reported_by_table_with_both_digests() 
     let altered = digest_of(&path);
     let ended = verify(&cell, &["mon"]);
     let told = format!(
-        "output residuals/mon: digest {altered}, the row says {sound}; computed again it is as the row says"
+        "output residuals/mon: digest {altered}, the row states {sound}; recomputed, it is as the row states"
     );
-    ended.expect(3, &["outputs altered", &told, "12 files computed again"]);
+    ended.expect(3, &["outputs altered", &told, "12 files recomputed"]);
 }
 
 #[test]
@@ -173,8 +173,8 @@ fn a_table_that_is_gone_is_reported() {
     ended.expect(
         3,
         &[
-            "output compensation/mon: missing, and cited by its run's row and page, the row says ",
-            "computed again it is as the row says",
+            "output compensation/mon: missing, and cited by its run's row and page, the row states ",
+            "recomputed, it is as the row states",
             "2 runs: 1 outputs missing, 1 the same",
         ],
     );
@@ -217,7 +217,7 @@ fn a_changed_setting_is_reported_by_key_with_both_values() {
         3,
         &[
             "settings differ",
-            "setting tolerance.mm: 0.4, the row says 0.5",
+            "setting tolerance.mm: 0.4, the row states 0.5",
         ],
     );
     let settings = ended.results.matches("\n  setting ").count();
@@ -269,7 +269,7 @@ fn a_file_written_anew_with_the_same_values_is_reported_as_such() {
         &[
             ": the same values in other bytes, largest relative difference 0.0e0",
             "parameters/mon: the same values in other bytes",
-            "12 files computed again, byte for byte the same",
+            "12 files recomputed, byte for byte the same",
         ],
     );
 }
@@ -342,7 +342,7 @@ fn a_version_that_computes_differently_is_reported_with_the_largest_difference()
         3,
         &[
             "computed by version 0.0.9, this is ",
-            "setting similarity.bins: 15, the row says nothing",
+            "setting similarity.bins: 15, the row states nothing",
             "the same values in other bytes, largest relative difference 0.0e0",
             "parameters/tue: column offset: 1 of ",
             "relative 9.990e-4",
@@ -367,14 +367,14 @@ fn a_plan_is_verified_like_a_session() {
         &[
             "/plan run ",
             ": the same\n",
-            " files computed again, byte for byte the same",
+            " files recomputed, byte for byte the same",
         ],
     );
     let cell = cell.with("seed = 4", "seed = 5");
     let other = verify(&cell, &[]);
     other.expect(
         3,
-        &["settings differ", "setting plan.seed: 5, the row says 4"],
+        &["settings differ", "setting plan.seed: 5, the row states 4"],
     );
 }
 

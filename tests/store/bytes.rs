@@ -35,7 +35,7 @@ fn a_lake_on_object_storage_is_verified_planned_for_and_read_by_others() {
         remote.no_temporaries();
         ended
     };
-    verify(&[]).expect(0, &["computed again, byte for byte the same"]);
+    verify(&[]).expect(0, &["recomputed, byte for byte the same"]);
     verify(&["nobody"]).expect(2, &["neither a run nor a session in s3://"]);
     // A reader with nothing of ours sees as many rows as we wrote.
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! What can be wrong with a command for corrected targets.
+//! Errors of `posegrid compensate`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::io::lake::LakeError;
 use crate::io::table::{FileError, TableError};
 use crate::io::targets::TargetsError;
 
-/// A file of targets that posegrid wrote as corrected, or that has commands of one.
+/// The targets are corrected already: posegrid wrote the file, or it holds commands that posegrid wrote.
 #[derive(Debug, Error)]
 #[error(
     "{}: corrected already: {what} posegrid wrote {when} with table {run} of robot {robot:?}, session {session:?} ({}); \
@@ -22,19 +22,19 @@ use crate::io::targets::TargetsError;
     record.display()
 )]
 pub struct CorrectedAlready {
-    /// The file of targets.
+    /// Path of the file of targets.
     pub path: PathBuf,
-    /// The file, or which of its targets.
+    /// "the file", or which of its targets.
     pub what: String,
-    /// When it was written, in words.
+    /// Date and time of the correction, as text.
     pub when: String,
     /// The run whose table corrected them.
     pub run: String,
-    /// Its robot.
+    /// Robot of that run.
     pub robot: String,
-    /// Its session.
+    /// Session of that run.
     pub session: String,
-    /// The record.
+    /// Path of the lake's record of the correction.
     pub record: PathBuf,
 }
 
@@ -52,7 +52,7 @@ pub enum CompensateCommandError {
     OtherTable {
         /// The file.
         path: PathBuf,
-        /// What it holds.
+        /// The table in the file, or that there is none.
         found: String,
     },
     /// The table of nodes cannot be read.
@@ -61,20 +61,20 @@ pub enum CompensateCommandError {
     /// The identified arm cannot be read.
     #[error(transparent)]
     Arm(#[from] CalibrationsTableError),
-    /// The targets cannot be read, or the result is to have a form that is not known.
+    /// The targets cannot be read, or the output file has an unknown form.
     #[error(transparent)]
     Targets(#[from] TargetsError),
-    /// The file, or some of its targets, are commands that this lake knows.
+    /// The file, or some of its targets, are commands that the lake recorded.
     #[error(transparent)]
     Again(Box<CorrectedAlready>),
-    /// A record of corrections that says nothing.
+    /// A record of corrections that cannot be read.
     #[error(
-        "{}: this record of corrections cannot be believed: {problem}; what was written then could be corrected again unseen: \
-         bring the file back, or take it out of the lake",
+        "{}: this record of corrections cannot be used: {problem}; without it a corrected file \
+         could be corrected again unnoticed: restore the file, or remove it from the lake",
         place.display()
     )]
     Unreadable {
-        /// The record.
+        /// Path of the record.
         place: PathBuf,
         /// Why.
         problem: String,
@@ -82,19 +82,19 @@ pub enum CompensateCommandError {
     /// The records of the lake cannot be listed.
     #[error(transparent)]
     Records(#[from] LakeError),
-    /// The lake takes no record.
+    /// The lake cannot record the correction.
     #[error(
-        "the lake {} takes no record of what is corrected with its table, so nothing was written: {source}; without a record a \
-         file whose marks are stripped could be corrected again unseen: make the lake writable, or give --no-record",
+        "the lake {} cannot record this correction, so nothing was written: {source}; without a record a \
+         file whose marks are removed could be corrected again unnoticed: make the lake writable, or give --no-record",
         lake.display()
     )]
     NotRecorded {
-        /// The lake.
+        /// Folder of the lake.
         lake: PathBuf,
         /// Why.
         source: Box<LakeError>,
     },
-    /// The file of targets cannot be digested.
+    /// The digest of the file of targets cannot be computed.
     #[error("cannot read {}: {source}", path.display())]
     Digest {
         /// The file.
@@ -102,9 +102,10 @@ pub enum CompensateCommandError {
         /// Why.
         source: io::Error,
     },
-    /// They will be run with something that the table is not valid for.
+    /// The table is not valid for what the targets will be run with.
     #[error(
-        "the table is not valid for what the targets will be run with: {}; use a table measured so, or --allow one of them",
+        "the table is not valid for what the targets will be run with: {}; use a table measured under \
+         these conditions, or --allow one of them",
         .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
     )]
     Outside(Vec<Outside>),
@@ -115,24 +116,24 @@ pub enum CompensateCommandError {
         targets.display()
     )]
     OnlyFromKrl {
-        /// The result.
+        /// The output file.
         out: PathBuf,
-        /// The targets.
+        /// The file of targets.
         targets: PathBuf,
     },
-    /// S means nothing for this arm.
+    /// The targets state KUKA's S, which is not defined for this arm.
     #[error(
-        "the targets state S, and this {what} is of no arm whose configurations KUKA's S names: its axes are other or counted \
-         otherwise; use table \"calibrations\" of a KUKA arm's run, or leave S out"
+        "the targets state S, but KUKA's S does not describe the arm of this {what}: its axes differ, or are counted \
+         differently; use table \"calibrations\" of a KUKA arm's run, or leave S out"
     )]
     Status {
         /// The kind of table.
         what: &'static str,
     },
-    /// Something stands where the result is to be.
+    /// The output file exists already.
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
-    /// The result is no table.
+    /// The result does not fit its table.
     #[error(transparent)]
     Result(#[from] TableError),
     /// The result cannot be written.
@@ -148,13 +149,13 @@ pub enum CompensateCommandError {
 /// Why a result was not written.
 #[derive(Debug, Error)]
 pub enum WriteCause {
-    /// The folder or the disk refused.
+    /// The folder or the disk refused the file.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// As CSV.
+    /// The CSV writer failed.
     #[error(transparent)]
     Csv(#[from] csv::Error),
-    /// As Parquet.
+    /// The Parquet writer failed.
     #[error(transparent)]
     Parquet(#[from] ParquetError),
 }

@@ -1,9 +1,8 @@
-//! The lake's record of what was corrected: no file that it knows is corrected again.
+//! The lake's record of corrections: no file that the lake knows is corrected twice.
 //!
-//! Marks can be stripped of a file, with its comments or by a script that writes it anew. So where the table stands in its
-//! lake, every file written is recorded there, and targets are held against all records of the lake, of whatever robot and
-//! run: the file as a whole by its digest, and its targets by what they are: a target that stands where a command does
-//! is that command.
+//! Marks can be removed from a file, with its comments or by a script that rewrites it. So where the table is in its lake,
+//! every file written is recorded there, and targets are compared with all records of the lake, of every robot and run: the
+//! file as a whole by its digest, and its targets by their values: a target that equals a recorded command is that command.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -20,40 +19,40 @@ use crate::io::table::Word as _;
 use crate::io::targets::{CorrectedBy, Form};
 use crate::manifest::{self, VERSION};
 
-/// A target as near as this to a command, on each axis, is the command, mm: files have a micrometre at least, and
+/// A target this close to a command on each axis is taken for the command, mm: files have a micrometre at least, and
 /// controllers keep 32-bit numbers, which at 4 m are 0.24 µm apart.
 const SAME_MM: f64 = 0.001_5;
-/// The same of each joint angle, rad: 2 µm at 2 m.
+/// The tolerance for each joint angle, rad: 2 µm at 2 m.
 const SAME_RAD: f64 = 1e-6;
 
-/// Records of the lake that a table stands in.
+/// Records of the lake that holds the table.
 pub(super) struct Recorded {
     lake: Option<Lake>,
-    /// With the place of each, and when it was written.
+    /// Each record with its path, and the time it was written.
     records: Vec<(PathBuf, Option<SystemTime>, Correction)>,
 }
 
-/// What became of the record of this correction.
+/// The outcome of recording this correction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Recording {
-    /// The lake has it.
+    /// The record is in the lake.
     Done,
-    /// The table stands in no lake.
+    /// The table is in no lake.
     NoLake,
-    /// The lake takes none, and the caller knows.
+    /// The lake cannot take the record, and the caller accepts that (`--no-record`).
     Refused,
 }
 
 impl Recording {
-    /// What a person should know of it.
+    /// A note for the user; `None` where the record was made.
     pub(super) const fn words(self) -> Option<&'static str> {
         match self {
             Self::Done => None,
             Self::NoLake => Some(
-                "not recorded: the table stands in no lake, so what is written is known as corrected by its marks alone",
+                "not recorded: the table is in no lake, so the file written is recognised as corrected by its marks alone",
             ),
             Self::Refused => Some(
-                "not recorded: the lake takes no record, so what is written is known as corrected by its marks alone",
+                "not recorded: the lake takes no record, so the file written is recognised as corrected by its marks alone",
             ),
         }
     }
@@ -78,7 +77,7 @@ impl Recorded {
         Ok(Self { lake, records })
     }
 
-    /// That a file is none that was written as corrected.
+    /// Checks that the file is none that was written as corrected.
     pub(super) fn check_file(&self, targets: &Path) -> Result<(), CompensateCommandError> {
         if self.records.is_empty() {
             return Ok(());
@@ -89,11 +88,11 @@ impl Recorded {
             .iter()
             .find(|(_, _, own)| own.file_digest == digest);
         known.map_or(Ok(()), |known| {
-            Err(told(targets, "the file".to_owned(), known))
+            Err(corrected_already(targets, "the file".to_owned(), known))
         })
     }
 
-    /// That no target is a command that was written.
+    /// Checks that no target is a command that was written.
     pub(super) fn check_targets(
         &self,
         path: &Path,
@@ -109,13 +108,13 @@ impl Recorded {
                     targets.len(),
                     first.name
                 );
-                return Err(told(path, what, known));
+                return Err(corrected_already(path, what, known));
             }
         }
         Ok(())
     }
 
-    /// Records what will be written. The record is there before the file: where a file stands, its record does.
+    /// Records what will be written. The record is written before the file: no file exists without its record.
     pub(super) fn add(
         &self,
         args: &CompensateArgs,
@@ -129,10 +128,10 @@ impl Recorded {
         };
         let done = || outcomes.iter().filter_map(|outcome| outcome.as_ref().ok());
         if done().next().is_none() {
-            // There is no command that anybody could take for a target.
+            // No target has a command, so none can be mistaken for a target.
             return Ok(Recording::Done);
         }
-        // A command that hardly differs from its target is no other.
+        // A command that equals its target, within the tolerance, is not recorded.
         let moved: Vec<&Corrected> = done().filter(|done| is_moved(done)).collect();
         let joints = moved
             .iter()
@@ -180,12 +179,12 @@ fn digest(targets: &Path) -> Result<String, CompensateCommandError> {
     Ok(manifest::digest(file).map_err(wrong)?.0)
 }
 
-/// Whether a command is further from its target than two that are the same can be.
+/// Whether a command differs from its target by more than equal values can.
 fn is_moved(done: &Corrected) -> bool {
     done.correction.amax() > 2.0 * SAME_MM
 }
 
-fn told(
+fn corrected_already(
     targets: &Path,
     what: String,
     (place, written, record): &(PathBuf, Option<SystemTime>, Correction),
@@ -201,7 +200,7 @@ fn told(
     }))
 }
 
-/// A time of the file system as a person reads it, to the minute.
+/// A file-system time for a person to read, to the minute.
 fn day(time: SystemTime) -> String {
     let since = time.duration_since(SystemTime::UNIX_EPOCH);
     let seconds = since.ok().and_then(|own| i64::try_from(own.as_secs()).ok());
@@ -212,7 +211,7 @@ fn day(time: SystemTime) -> String {
     )
 }
 
-/// The commands of a record, to be found by their place.
+/// The commands of a record, indexed by their values.
 struct Commands<'r> {
     positions: Near<'r>,
     joints: Near<'r>,
@@ -237,10 +236,10 @@ impl<'r> Commands<'r> {
     }
 }
 
-/// Lists of numbers, sorted by their first: those near to another are found without a look at all.
+/// Lists of numbers, sorted by their first number, so that those near a value are found without a scan.
 struct Near<'r> {
     sorted: Vec<&'r [f64]>,
-    /// How far two numbers of the same place may be apart.
+    /// Largest difference between corresponding numbers of lists that count as near.
     apart: f64,
 }
 

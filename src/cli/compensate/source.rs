@@ -1,4 +1,4 @@
-//! What corrects targets: either of two tables of a run, distinguished by what the file says it holds.
+//! The source of a correction: either of two tables of a run, distinguished by the table's name in the file.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, Targets};
 
-/// What corrects targets.
+/// The source of a correction.
 #[derive(Debug)]
 pub(super) enum Source {
     /// The nodes of a grid.
@@ -36,7 +36,7 @@ impl Source {
         }
     }
 
-    /// The command of each target, or why there is none; `allow` names what is not refused.
+    /// The command of each target, or why there is none; `allow` names a reason that does not refuse a target.
     pub(super) fn compensate(
         &self,
         targets: &[Target],
@@ -76,7 +76,7 @@ impl Source {
         }
     }
 
-    /// Gives the targets of a data list the arm configurations that their S asks for.
+    /// Gives the targets of a data list the arm configurations that their S states.
     pub(super) fn name_configurations(
         &self,
         targets: &mut Targets,
@@ -107,7 +107,7 @@ impl Source {
         }
     }
 
-    /// Where it was measured: joint ranges, arm configuration, the reflector.
+    /// The measured region as text: joint ranges, arm configurations, the reflector.
     pub(super) fn measured(&self) -> String {
         let (joints, target, configurations) = match self {
             Self::Table(own) => {
@@ -135,7 +135,7 @@ impl Source {
         )
     }
 
-    /// What every row of the result says.
+    /// The identity of the correction, which every row of the result repeats.
     pub(super) fn by<'a>(&'a self, joint_names: &'a [String]) -> CorrectedBy<'a> {
         let (key, table_id, table) = match self {
             Self::Table(own) => (
@@ -153,7 +153,7 @@ impl Source {
         }
     }
 
-    /// The joints in the order of corrected joint angles; none of a table, which knows positions only.
+    /// Joint names in the order of corrected joint angles; empty for a compensation table, which knows positions only.
     pub(super) fn joint_names(&self) -> Vec<String> {
         match self {
             Self::Table(_) => Vec::new(),
@@ -178,8 +178,8 @@ impl Source {
         }
     }
 
-    /// Whether the tolerance is met; an identified arm has no step to hold against one, each correction says how sure
-    /// it is.
+    /// Whether the tolerance is met; an identified arm has no grid step to judge, each of its corrections states its
+    /// uncertainty.
     pub(super) const fn verdict(&self) -> TableVerdict {
         match self {
             Self::Table(own) => own.verdict,
@@ -187,7 +187,7 @@ impl Source {
         }
     }
 
-    /// What a person should know of how these targets are corrected.
+    /// Warnings about how these targets are corrected.
     pub(super) fn warnings(&self, targets: &[Target]) -> Vec<String> {
         let mut warnings = Vec::new();
         let Self::Table(own) = self else {

@@ -1,4 +1,4 @@
-//! What became of the targets, in words.
+//! The outcome of the targets, as text.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,10 +9,10 @@ use crate::compensation::validity::{Held, Term};
 use crate::io::table::Word as _;
 use crate::io::targets::{DataList, RefusedFor};
 
-/// Each refusal stands in a line of its own up to this many.
+/// Most refusals that have a line of their own.
 const REFUSALS_SHOWN: usize = 20;
 
-/// The table, what was done, what was not.
+/// Writes the table, the corrections and the refusals.
 impl fmt::Display for Compensated {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let by = self.source.by(&[]);
@@ -78,7 +78,7 @@ impl Compensated {
         Ok(())
     }
 
-    /// How many were refused for which reason.
+    /// The number of refused targets for each reason.
     fn refusals(&self) -> String {
         let mut reasons = BTreeMap::<&str, usize>::new();
         self.refused().for_each(|refused| {
@@ -98,7 +98,7 @@ impl Compensated {
     }
 }
 
-/// What was held against the table's terms, and what could not be.
+/// The conditions that were compared with the table's, and those that could not be.
 fn checked(held: &Held) -> Vec<String> {
     let named = |terms: &[Term]| {
         let names: Vec<&str> = terms.iter().map(|term| term.name()).collect();
@@ -118,7 +118,7 @@ fn checked(held: &Held) -> Vec<String> {
     }
     if !held.not_said.is_empty() {
         lines.push(format!(
-            "not checked, as it was not said with what the targets will be run: {}",
+            "not checked, as it is not stated for the targets: {}",
             named(&held.not_said)
         ));
     }
@@ -160,7 +160,7 @@ fn valid_for(validity: &Validity) -> String {
     ];
     let stated: Vec<String> = parts.into_iter().flatten().collect();
     if stated.is_empty() {
-        "it does not say what it is valid for: see to it that tool, payload and base are those of the session".to_owned()
+        "it does not state what it is valid for: make sure that tool, payload and base are those of the session".to_owned()
     } else {
         format!("valid for {}", stated.join(", "))
     }

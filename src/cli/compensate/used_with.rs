@@ -1,13 +1,15 @@
-//! What the caller says of the program that corrected targets will run in.
+//! The conditions under which corrected targets will be run, as the caller states them.
 
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum};
 
 use crate::compensation::{Conditions, Exception, Term, UsedWith};
 
-/// What targets will be run with.
+/// The conditions that targets will be run with; one that is not given is not checked.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
-#[command(next_help_heading = "What the targets will be run with; what is not said is not checked")]
+#[command(
+    next_help_heading = "Conditions that the targets will be run with; one that is not given is not checked"
+)]
 pub struct UsedWithArgs {
     /// The tool, by the name in the pipeline file
     #[arg(long, value_name = "NAME")]

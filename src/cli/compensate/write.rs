@@ -1,4 +1,4 @@
-//! The result in its form, whole or not at all.
+//! Writes the result in its form, completely or not at all.
 
 use std::fs;
 use std::io::Write;
@@ -11,7 +11,7 @@ use crate::io::table::{self, Table};
 use crate::io::targets::{self, Form, Targets};
 use crate::io::whole_file::write_whole;
 
-/// What is to be written.
+/// The result to write.
 pub(super) struct Written<'a> {
     pub(super) result: &'a Table,
     pub(super) targets: &'a Targets,
@@ -19,7 +19,7 @@ pub(super) struct Written<'a> {
     pub(super) table_id: &'a str,
 }
 
-/// The file beside a data list that says of each target what the list cannot.
+/// Path of the file next to a data list that holds, for each target, the columns that the list cannot.
 pub(super) fn sidecar(out: &Path) -> PathBuf {
     let mut name = out.as_os_str().to_owned();
     name.push(".corrections.csv");
@@ -66,12 +66,12 @@ impl CompensateArgs {
         if form != Form::Krl {
             return whole().map_err(failed(Some(out)));
         }
-        // The list last: where it stands, its corrections do too.
+        // The list is written last: where it exists, its corrections do too.
         let beside = sidecar(out);
         write_whole(&beside, |sink| written.form(Form::Csv, sink))
             .map_err(failed(Some(&beside)))?;
         whole().map_err(|cause| {
-            // The first error is the one to tell.
+            // The first error is the one to report.
             let _ = fs::remove_file(&beside);
             failed(Some(out))(cause)
         })

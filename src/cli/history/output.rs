@@ -42,7 +42,7 @@ pub(super) fn output(
     Ok(written)
 }
 
-/// The figures of each session; what of them cannot be read is told.
+/// The figures of each session; those that cannot be read are logged.
 fn read(lake: &Lake, robot: &RobotHistory) -> Vec<Vec<Figure>> {
     let (figures, wrong) = figures(lake, &robot.sessions);
     for reason in wrong {
@@ -61,7 +61,7 @@ fn rows<'h>(
     each.collect()
 }
 
-/// Named as the lake names it: a robot's name may be anything.
+/// The file name of a robot's page, encoded as in the lake: a robot's name may hold any character.
 fn file_name(lake: &Lake, robot: &str) -> Result<String, HistoryError> {
     let key = RunKey::new("robot", "session", robot);
     let path = lake.page(&key)?.named();
@@ -76,7 +76,7 @@ fn bytes(table: &Table, folder: &Path) -> Result<Vec<u8>, HistoryCommandError> {
     })
 }
 
-/// Puts a file in the place of the one of last time, whole or not at all.
+/// Replaces an earlier file, completely or not at all.
 fn put(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, HistoryCommandError> {
     let path = folder.join(name);
     match replace_whole(&path, bytes) {

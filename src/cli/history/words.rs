@@ -6,10 +6,10 @@ use crate::history::FALSE_ALARM;
 use crate::io::tables::past::PastSession;
 use crate::pipeline::history::RobotHistory;
 
-/// Changes told on stdout, the newest ones.
-const TOLD: usize = 3;
+/// Most changes printed on stdout, the newest ones.
+const PRINTED: usize = 3;
 
-/// The lines.
+/// The lines of text.
 pub(super) fn words(robot: &RobotHistory) -> Vec<String> {
     let count = robot.sessions.len();
     let mut lines = Vec::new();
@@ -43,14 +43,14 @@ fn newest(session: &PastSession) -> String {
         .in_words()
         .unwrap_or_else(|| "nothing moved".to_owned());
     match judged.against {
-        0 if judged.began.is_empty() => "the first, nothing to hold it against".to_owned(),
+        0 if judged.began.is_empty() => "the first, nothing to compare it with".to_owned(),
         0 => format!(
-            "begins segment {}, as {} changed: nothing to hold it against",
+            "begins segment {}, as {} changed: nothing to compare it with",
             judged.segment,
             judged.began.join(", ")
         ),
-        1 => format!("{what}, against the session before"),
-        count => format!("{what}, against {count} sessions before"),
+        1 => format!("{what}, compared with the session before"),
+        count => format!("{what}, compared with {count} sessions before"),
     }
 }
 
@@ -89,7 +89,7 @@ fn changes(robot: &RobotHistory) -> Vec<String> {
         "changes: {all} sessions, {lasting} lasting, {alone} of one session, {open} not settled; out of control: {out} sessions; \
          segments: {segments}"
     );
-    let newest = changed.iter().rev().take(TOLD).rev();
+    let newest = changed.iter().rev().take(PRINTED).rev();
     [summary].into_iter().chain(newest.map(change)).collect()
 }
 

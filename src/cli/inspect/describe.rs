@@ -1,4 +1,4 @@
-//! One log in words.
+//! The description of one log, as text.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -8,12 +8,12 @@ use crate::ingest::LogReject;
 use crate::io::inspect::{ChannelSummary, ClockSummary, Differences, Inspection, Traffic};
 use crate::io::log::{Ending, ReadSummary};
 
-/// Rejects of one log that are printed.
+/// Most rejects of one log that are printed.
 const MOST_PRINTED: usize = 20;
-/// A gap is worth a line from so many usual steps on.
+/// A gap of this many usual steps or more is described.
 const LONG_GAP: f64 = 5.0;
 
-/// One log in words.
+/// The description of one log, as text.
 pub fn describe(found: &Inspection) -> String {
     let read_summary = &found.read_summary;
     let mut text = String::new();
@@ -84,12 +84,12 @@ fn storage(read_summary: &ReadSummary) -> String {
     }
 }
 
-/// What is unusual and no damage.
+/// Properties that are unusual and no damage.
 fn remarks(read_summary: &ReadSummary) -> Vec<String> {
     let mut found = Vec::new();
     if read_summary.logs > 1 {
         found.push(format!(
-            "  {} logs in one file, one behind another",
+            "  {} logs in one file, one after another",
             read_summary.logs
         ));
     }
@@ -97,7 +97,7 @@ fn remarks(read_summary: &ReadSummary) -> Vec<String> {
         let of = |(opcode, count): (&u8, &u64)| format!("{count} with opcode 0x{opcode:02x}");
         let opcodes: Vec<String> = read_summary.private_records.iter().map(of).collect();
         found.push(format!(
-            "  records of an application's own, stepped over: {}",
+            "  application-specific records, skipped: {}",
             opcodes.join(", ")
         ));
     }
@@ -119,7 +119,7 @@ const fn ending(ending: Ending) -> &'static str {
     }
 }
 
-/// A channel, of so many that have its topic.
+/// The lines of a channel; `of_topic` is the number of channels with its topic.
 fn of_channel(channel: &ChannelSummary, of_topic: usize) -> String {
     let mut text = format!("\n  {}\n", shown(&channel.topic));
     let mut line = |line: String| text.extend(["    ", line.as_str(), "\n"]);
@@ -224,7 +224,7 @@ fn seconds(ns: i64) -> f64 {
     ns as f64 * 1e-9
 }
 
-/// Times within a second of each other are taken for one clock; a recorder is rarely later.
+/// Times within a second of each other are taken for one clock; a recorder rarely lags by more.
 fn compare_clocks(other: &str, differences: Differences) -> Option<String> {
     let (least_ns, most_ns) = differences.0?;
     if (least_ns, most_ns) == (0, 0) {
@@ -250,7 +250,7 @@ fn damage(read_summary: &ReadSummary) -> String {
     }
     let (lost, bytes) = (read_summary.bytes_lost(), read_summary.bytes.max(1));
     let mut text = format!(
-        "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %){}; [input] max_lost_share says how much may be",
+        "\n  DAMAGED in {} places: {lost} of {} bytes lost ({:.2} %){}; [input] max_lost_share sets how much may be",
         rejects.len(),
         read_summary.bytes,
         100.0 * lost as f64 / bytes as f64,
@@ -267,7 +267,7 @@ fn damage(read_summary: &ReadSummary) -> String {
     text
 }
 
-/// How many messages are known to be lost, with a leading comma; empty where none is.
+/// The number of messages known to be lost, after a comma; empty where none is.
 fn messages_lost(read_summary: &ReadSummary) -> String {
     let lost = read_summary.messages_lost;
     if lost == 0 {

@@ -1,6 +1,6 @@
-//! The sections of a pipeline file that would read the logs, as far as types, topics and times tell.
+//! The sections of a pipeline file that would read the logs, as far as types, topics and times show.
 //!
-//! What no log states is left as a comment that says what has to be filled in.
+//! Values that no log states are comments that say what has to be filled in.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,10 +9,10 @@ use super::{escaped, shown, toml_text};
 use crate::io::inspect::{ChannelSummary, Inspection};
 use crate::io::log::Layout;
 
-/// Topics that are named where none fits.
+/// Most topics that are named where none fits.
 const MOST_TOPICS: usize = 100;
 
-/// A section that a topic is looked for.
+/// A section that needs a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Section {
     Controller,
@@ -29,7 +29,7 @@ impl Section {
         }
     }
 
-    /// The unit of ROS custom, and the choices.
+    /// The usual unit in ROS, and the choices.
     const fn unit(self) -> (&'static str, &'static str) {
         match self {
             Self::Controller => ("rad", "rad or deg"),
@@ -37,7 +37,8 @@ impl Section {
         }
     }
 
-    /// Commands stand beside joint states; poses in a log without joint states are a tracker's, whatever they are called.
+    /// Commands are in logs with joint states; poses in a log without joint states are a tracker's, whatever their topic is
+    /// called.
     fn suits(self, beside_joints: bool, channel: &ChannelSummary) -> bool {
         let is_pose = matches!(
             layout(channel),
@@ -51,7 +52,7 @@ impl Section {
         }
     }
 
-    /// What no log states, to be filled in.
+    /// The lines to fill in with values that no log states.
     const fn to_fill_in(self) -> &'static str {
         match self {
             Self::Controller => "",
@@ -85,7 +86,7 @@ pub fn snippet(found: &[Inspection]) -> Option<String> {
         return None;
     }
     let mut text = String::from(
-        "# A pipeline file would read this with (units are a guess from ROS custom, check them; fill in what stands behind #):\n\n",
+        "# A pipeline file would read this with (units are guessed from ROS convention: check them; fill in what follows #):\n\n",
     );
     text += &input(found);
     let mut missing = Vec::new();
@@ -213,7 +214,7 @@ fn parts(found: &[Inspection], topic: &str) -> Vec<Part> {
     parts
 }
 
-/// How the files of a split recording follow each other.
+/// Comments on how each file of a split recording follows the one before.
 fn joints_of(parts: &[Part]) -> String {
     let between = |pair: &[Part]| {
         let gap = pair[1].first.saturating_sub(pair[0].last) as f64 * 1e-9;
@@ -230,7 +231,7 @@ fn joints_of(parts: &[Part]) -> String {
     parts.windows(2).map(between).collect()
 }
 
-/// Why a section is not there, and what might do.
+/// A comment on why a section is missing, and which topics might serve.
 fn of_missing(section: Section, found: &[Inspection]) -> String {
     let what = match section {
         Section::Controller => "joint states",

@@ -8,14 +8,14 @@ use indicatif::TermLike;
 
 use crate::cli::streams::Stream;
 
-/// stderr as a terminal that never refuses: a bar that cannot be drawn, as the terminal was closed, is not drawn.
+/// stderr as a terminal that never fails: a bar that cannot be drawn, because the terminal was closed, is dropped.
 ///
-/// The bars' own terminal passes an error on to whoever suspends them, who takes it for a defect, and keeps what it could not
-/// write, more of it with each step.
+/// The bars' own terminal passes an error on to whoever suspends the bars, which takes it for a defect, and keeps the text
+/// that it could not write, more with each step.
 #[derive(Debug)]
 pub(super) struct Screen {
     size: Term,
-    /// What is written at the next flush, all at once, so that a bar does not flicker.
+    /// Text for the next flush, written all at once so that a bar does not flicker.
     pending: Mutex<String>,
 }
 
@@ -38,7 +38,7 @@ impl Screen {
         self.pending().push_str(text);
     }
 
-    /// Moves the cursor by so many places; 0 would be taken for 1.
+    /// Moves the cursor by so many places; a terminal would take 0 for 1.
     fn go(&self, places: usize, direction: char) {
         if places > 0 {
             self.put(&format!("\x1b[{places}{direction}"));
@@ -93,7 +93,7 @@ impl TermLike for Screen {
 
     fn flush(&self) -> io::Result<()> {
         let pending = std::mem::take(&mut *self.pending());
-        // There is nowhere to tell it.
+        // A failure has nowhere to be reported.
         let _ = Stream::Messages.write(pending.as_bytes());
         Ok(())
     }

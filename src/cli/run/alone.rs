@@ -1,4 +1,4 @@
-//! The lake's lock, as a batch takes it: at once, after the other one, or not at all.
+//! Takes the lake's lock for a batch: at once, after the other batch, or not at all.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -8,21 +8,21 @@ use crate::cli::messages::Printable;
 use crate::io::lake::{Holder, Lake, Lock, Locking};
 use crate::units::span;
 
-/// How often a batch that waits looks again: short against any batch, and nothing for a machine.
+/// Time between two looks of a waiting batch: short compared with any batch, and no load on the machine.
 const LOOK_AGAIN: Duration = Duration::from_millis(250);
 
-/// Whose turn it is.
+/// The outcome of waiting for the lake's lock.
 #[derive(Debug)]
 pub enum Turn {
     /// Ours: with the lock, where the file system gives one.
     Ours(Option<Lock>),
-    /// Another batch's, or nobody's as an end was asked for; it was told.
+    /// Another batch's, or nobody's because an end was asked for; the reason was logged.
     NotOurs,
 }
 
 /// Locks the lake, after the batch that has it if `wait` says so.
 pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
-    let mut told = false;
+    let mut is_reported = false;
     loop {
         let holder = match lake.lock(by) {
             Locking::Done(lock) => return Turn::Ours(Some(lock)),
@@ -47,9 +47,9 @@ pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
             );
             return Turn::NotOurs;
         }
-        if !told {
+        if !is_reported {
             tracing::info!("{}; waiting for its end", held(&holder));
-            told = true;
+            is_reported = true;
         }
         sleep(LOOK_AGAIN);
     }
@@ -57,7 +57,7 @@ pub fn turn(lake: &Lake, by: &str, wait: bool, stop: &Stop) -> Turn {
 
 fn held(holder: &Holder) -> String {
     let who = match holder.words.as_str() {
-        "" => "a process that has not said which",
+        "" => "a process that has not stated its name",
         words => words,
     };
     let since = holder
@@ -85,6 +85,6 @@ mod tests {
             held(&holder("process 7 on host a: run b\u{1b}.toml")),
             "another batch works on this lake: process 7 on host a: run b\\u{1b}.toml; for 2 min (it locks lake/.lock)"
         );
-        assert!(held(&holder("")).contains("has not said which"));
+        assert!(held(&holder("")).contains("has not stated its name"));
     }
 }

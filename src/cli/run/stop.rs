@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM: the first one asks for an end, the second one is the end.
+//! SIGINT and SIGTERM: the first one asks for an end, the second one ends the process.
 
 use std::io;
 use std::panic;
@@ -17,7 +17,7 @@ pub struct Stop {
     signal: Arc<AtomicUsize>,
 }
 
-/// Exit codes of processes that a signal ended begin here, by the shells' custom.
+/// The exit code of a process that a signal ended is this plus the signal's number, by the shells' convention.
 const BY_SIGNAL: u8 = 128;
 
 impl Stop {
@@ -26,7 +26,7 @@ impl Stop {
         let stop = Self::default();
         let asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
-            // What is registered first is done first: at the first signal nothing was asked yet.
+            // Handlers run in the order of registration: at the first signal no end was asked for yet.
             flag::register_conditional_default(signal, Arc::clone(&asked))?;
             flag::register(signal, Arc::clone(&asked))?;
             let number = usize::try_from(signal).expect("signals have small positive numbers");
@@ -50,7 +50,7 @@ impl Stop {
         }
     }
 
-    /// The exit code that tells of the signal, if there was one: 130 or 143.
+    /// The exit code for the signal, 130 or 143; `None` without one.
     pub fn exit_code(&self) -> Option<u8> {
         let signal = u8::try_from(self.signal.load(Ordering::Relaxed)).unwrap_or(0);
         (signal != 0).then_some(BY_SIGNAL + signal)
@@ -95,7 +95,7 @@ mod tests {
     use crate::progress::Quiet;
 
     #[test]
-    fn a_task_ends_at_its_next_word_once_that_is_asked_for() {
+    fn a_task_ends_at_its_next_step_once_an_end_is_asked_for() {
         let stop = Stop::default();
         let progress = Stoppable {
             progress: &Quiet,

@@ -1,4 +1,4 @@
-//! What a batch comes to: a line for each session, what is new in words, the totals, the exit code.
+//! The summary of a batch: a line for each session, text for each new result, the totals, the exit code.
 //!
 //! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
 //! what it says; a name cannot break a line or begin one. Sessions stand in the order of the configuration.
@@ -119,7 +119,7 @@ fn outcome(done: &Done) -> String {
     text
 }
 
-/// What is new; of what was done before, the line says enough.
+/// The paragraph of a new result; for one that was there before, its line is enough.
 fn paragraph(ending: &Ending) -> String {
     let Ending::Done(done) = ending else {
         return String::new();
@@ -147,7 +147,7 @@ const fn verdict(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// How many sessions ended how.
+/// The number of sessions for each ending.
 #[derive(Debug, Default)]
 struct Totals {
     new: usize,
@@ -155,7 +155,7 @@ struct Totals {
     met: usize,
     failed: usize,
     waiting: usize,
-    /// By a signal: ended or not begun.
+    /// Ended or not begun because of a signal.
     stopped: usize,
 }
 
@@ -205,7 +205,7 @@ impl Totals {
     }
 }
 
-/// The exit code of a batch: a signal that left work undone before all, then a session without a result, then a tolerance.
+/// The exit code of a batch: first a signal that left work undone, then a session without a result, then a tolerance.
 pub fn exit_code(endings: &[Ending], set_aside: &[SetAside], stop: &Stop) -> u8 {
     let undone = |ending: &Ending| matches!(ending, Ending::Stopped | Ending::NotStarted);
     if let (true, Some(code)) = (endings.iter().any(undone), stop.exit_code()) {

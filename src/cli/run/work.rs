@@ -12,7 +12,7 @@ use crate::cli::progress::Bars;
 use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
-/// How one piece of work ended.
+/// The ending of one piece of work.
 #[derive(Debug)]
 pub enum Ending {
     /// With a result.
@@ -28,17 +28,17 @@ pub enum Ending {
 /// Why a piece of work has no result.
 #[derive(Debug)]
 pub struct Failure {
-    /// In words.
+    /// The reason as text.
     pub reason: String,
-    /// The session whose fault it is, where it is one's.
+    /// The session that caused it; `None` where no single one did.
     pub session: Option<String>,
 }
 
-/// A piece's ending, and the sessions that it had to do without.
+/// A piece's ending, and the sessions that it left out.
 type Ended = (Ending, Vec<SetAside>);
 
-/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that pools
-/// had to do without.
+/// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
+/// pools left out.
 pub fn all(
     configuration: &Configuration,
     jobs: NonZeroUsize,
@@ -100,7 +100,7 @@ fn pooled(
                 });
             }
             ending => {
-                // Learnt until a session, each one before it has a piece and a line of its own.
+                // A piece of a single session learns from the sessions before it, each of which has a piece and a line of
                 without.retain(|_| piece.session == POOLED);
                 return (ending, without);
             }
@@ -108,7 +108,7 @@ fn pooled(
     }
 }
 
-/// Whether a piece is one still without this session.
+/// Whether a piece still has a session to learn from without this one.
 fn can_spare(piece: &WorkPiece, session: &str) -> bool {
     let learnt = piece.training.iter().any(|files| files.name == session);
     learnt && piece.training.len() > 1 && piece.session != session
@@ -129,13 +129,13 @@ fn one(configuration: &Configuration, piece: &WorkPiece, bars: &Bars, stop: &Sto
             reason: error.to_string(),
             session: error.session().map(str::to_owned),
         },
-        // However a thread of the piece passed it on, it was unwound because an end was asked for.
+        // Whichever thread of the piece unwound first, the reason is that an end was asked for.
         Err(_) if stop.asked() => {
             tracing::warn!(session, "ended by {}", stop.name());
             return Ending::Stopped;
         }
         Err(_) => Failure {
-            reason: "a defect of posegrid, told above; please report it".to_owned(),
+            reason: "a defect of posegrid, logged above; please report it".to_owned(),
             session: None,
         },
     };

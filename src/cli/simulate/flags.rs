@@ -30,7 +30,7 @@ pub(super) struct PoseFlags {
     /// Measure this many random poses in the box.
     #[arg(long, value_name = "N", conflicts_with = "random_joints")]
     random: Option<usize>,
-    /// Random poses: largest turn away from home's orientation, degrees.
+    /// Random poses: largest rotation away from home's orientation, degrees.
     #[arg(long, value_name = "DEG", value_parser = finite, default_value_t = 30.0)]
     cone_deg: f64,
     /// Measure this many random joint configurations about home.
@@ -87,7 +87,7 @@ impl PoseFlags {
 
     /// A grid or random poses in the box about where the target is at home.
     fn boxed(&self, at_home: &Isometry3<f64>) -> Poses {
-        // Home gives whole millimetres: a centre with twelve digits helps nobody.
+        // Home gives whole millimetres, to keep the number short.
         let centre = self
             .centre
             .map_or(at_home.translation.vector.map(f64::round), |Triple(c)| {
@@ -115,7 +115,7 @@ impl PoseFlags {
     }
 }
 
-/// Which errors there are; 0 switches one off.
+/// Sizes of the errors; 0 switches one off.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "each is a flag of the command line"
@@ -145,16 +145,16 @@ pub(super) struct ErrorFlags {
     /// Backlash, µrad.
     #[arg(long, value_name = "URAD", value_parser = finite)]
     backlash_urad: Option<f64>,
-    /// How far the controller stops short of its command, µrad.
+    /// Settling error: how far the controller stops before its command, µrad.
     #[arg(long, value_name = "URAD", value_parser = finite)]
     stops_short_urad: Option<f64>,
-    /// Share of the way from reported to commanded angle at which the arm stands.
+    /// Command–feedback weight: where the arm stops between reported (0) and commanded (1) angle.
     #[arg(long, value_name = "SHARE", value_parser = finite)]
     nearer_command: Option<f64>,
     /// Repeatability, µrad per joint.
     #[arg(long, value_name = "URAD", value_parser = finite)]
     repeatability_urad: Option<f64>,
-    /// What a joint gives way under the stretched arm's weight, µrad.
+    /// Deflection of a joint under the stretched arm's weight, µrad.
     #[arg(long, value_name = "URAD", value_parser = finite)]
     sag_urad: Option<f64>,
     /// Standard deviation of the target's mounting, mm per axis.
@@ -169,7 +169,7 @@ pub(super) struct ErrorFlags {
     /// A tracker without noise.
     #[arg(long)]
     no_tracker_noise: bool,
-    /// How much too long the tracker measures, ppm: a wrong length unit.
+    /// Scale error of the tracker, ppm, positive where it measures too long: a wrong length unit.
     #[arg(long, value_name = "PPM", value_parser = finite, allow_hyphen_values = true)]
     tracker_scale_ppm: Option<f64>,
     /// Share of stations that the beam misses.
@@ -181,10 +181,10 @@ pub(super) struct ErrorFlags {
     /// Share of readings that are 2 to 20 mm off.
     #[arg(long, value_name = "SHARE", value_parser = finite)]
     outlier_share: Option<f64>,
-    /// How far the tracker's clock is ahead at the first joint state, s.
+    /// Time by which the tracker's clock is ahead at the first joint state, s.
     #[arg(long, value_name = "S", value_parser = finite, allow_hyphen_values = true)]
     clock_offset_s: Option<f64>,
-    /// How much faster the tracker's clock runs, ppm.
+    /// Rate by which the tracker's clock is fast, ppm.
     #[arg(long, value_name = "PPM", value_parser = finite, allow_hyphen_values = true)]
     clock_drift_ppm: Option<f64>,
     /// Shortest dwell, s.

@@ -1,11 +1,11 @@
-//! What stands under a lake, and where its rows are not as a list says, in lines that a person reads.
+//! The files under a lake, and the rows that differ from a list, as lines of text.
 
 use std::collections::BTreeMap;
 
 use crate::cli::messages::Printable;
 use crate::pipeline::verify::{FilesOfLake, Unexpected, WithoutRow};
 
-/// What does not belong, and what is left over, a line each; then how many files are whose.
+/// A line for each file that does not belong or is left over; then the number of files of each owner.
 pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
     let mut lines: Vec<String> = account.without_row.iter().map(without_row).collect();
     lines.extend(account.foreign.iter().map(|own| {
@@ -21,7 +21,7 @@ pub(super) fn lines(account: &FilesOfLake, is_whole: bool) -> Vec<String> {
     }));
     lines.extend(account.temporaries.iter().map(|place| {
         format!(
-            "temporary: {}: being written, or left over by a run that was stopped, and the next one removes it",
+            "temporary: {}: being written, or left over by a run that was stopped; the next run removes it",
             place.display()
         )
     }));
@@ -77,21 +77,21 @@ fn counts(account: &FilesOfLake, is_whole: bool) -> String {
     format!("{} files {place}: {}", account.files(), counted.join(", "))
 }
 
-/// Where the rows are not as the list says, and how many it does not have.
+/// The rows that differ from the list, and the number of rows that the list lacks.
 pub(super) fn against_list(unexpected: &[Unexpected], newer: usize) -> Vec<String> {
-    let told = |own: &Unexpected| match own {
+    let line = |own: &Unexpected| match own {
         Unexpected::Removed(row) => format!(
             "expected: the row of run {} of {} is not there: it was removed",
             row.run, row.session
         ),
         Unexpected::Changed { expected, found } => format!(
-            "expected: the row of run {} of {} has the digest {found}, and the list says {}: it was changed",
+            "expected: the row of run {} of {} has the digest {found}, and the list states {}: it was changed",
             expected.run, expected.session, expected.digest
         ),
     };
-    let mut lines: Vec<String> = unexpected.iter().map(told).collect();
+    let mut lines: Vec<String> = unexpected.iter().map(line).collect();
     if unexpected.is_empty() {
-        lines.push("expected: every row of the list is there as it says".to_owned());
+        lines.push("expected: every row of the list is there unchanged".to_owned());
     }
     if newer > 0 {
         let rows = if newer == 1 { "row is" } else { "rows are" };

@@ -1,4 +1,4 @@
-//! What verifying came to, in lines that a person reads.
+//! The outcome of a verification, as lines of text.
 
 use std::fmt::Write as _;
 
@@ -50,7 +50,7 @@ const fn word(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// How many runs came to what, and how many were not looked at.
+/// The number of runs with each verdict, and of runs that were not looked at.
 pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
     let mut words: Vec<(&str, usize)> = Vec::new();
     for verdict in verdicts {
@@ -83,12 +83,12 @@ pub(super) fn summary(verdicts: &[Verdict], selected: &Selected) -> String {
     text
 }
 
-/// Everything found out about a run, line by line.
+/// All findings about a run, one per line.
 pub(super) fn details(verified: &Verified) -> Vec<String> {
     let mut lines = verified.claim.elsewhere();
     if !verified.claim.row.are_due() {
         lines.push(format!(
-            "runs: written before rows carried a digest (version {} of the table), so not every change of it would be told",
+            "runs: written before rows carried a digest (version {} of the table), so not every change of it can be detected",
             verified.claim.row.version
         ));
     }
@@ -100,22 +100,22 @@ pub(super) fn details(verified: &Verified) -> Vec<String> {
     lines.extend(verified.settings.iter().map(setting));
     match &verified.recomputed {
         Recomputed::No(reason) if !matches!(verified.verdict(), Verdict::NotRecomputed(_)) => {
-            lines.push(format!("not computed again: {reason}"));
+            lines.push(format!("not recomputed: {reason}"));
         }
         Recomputed::No(_) => {}
-        Recomputed::OtherWork => lines.push("not computed again, as it is other work".to_owned()),
+        Recomputed::OtherWork => {
+            lines.push("not recomputed, as inputs or settings differ".to_owned());
+        }
         Recomputed::Yes { same, others } => {
             let files = if *same == 1 { "file" } else { "files" };
-            lines.push(format!(
-                "{same} {files} computed again, byte for byte the same"
-            ));
+            lines.push(format!("{same} {files} recomputed, byte for byte the same"));
             lines.extend(others.iter().flat_map(file));
         }
     }
     lines
 }
 
-/// The files that are not what the row says; or, where nothing was computed again, that all of them are.
+/// The files that differ from the row; or, where nothing was recomputed, a line that none does.
 fn outputs(verified: &Verified) -> Vec<String> {
     let outputs = &verified.outputs;
     if matches!(verified.verdict(), Verdict::Removed { .. }) {
@@ -127,14 +127,14 @@ fn outputs(verified: &Verified) -> Vec<String> {
         .collect();
     if others.is_empty() && !matches!(verified.recomputed, Recomputed::Yes { .. }) {
         return vec![format!(
-            "its {} files have the digests that its row says: no byte of them has changed",
+            "its {} files have the digests that its row states: no byte of them has changed",
             outputs.len()
         )];
     }
     others
 }
 
-/// What is to be known of another run that it rests on.
+/// A line about another run that this one depends on.
 fn citation(cited: &Citation) -> Option<String> {
     let (as_what, lost) = match cited.role {
         Role::Replaced => (
@@ -143,11 +143,11 @@ fn citation(cited: &Citation) -> Option<String> {
         ),
         Role::Drove => (
             "whose table drove the session",
-            "its promise cannot be held against the session again",
+            "its promise cannot be compared with the session again",
         ),
         Role::Planned => (
             "the plan it was measured by",
-            "its promise cannot be held against the session again",
+            "its promise cannot be compared with the session again",
         ),
         Role::KnownArm => ("whose arm it starts from", "it cannot be planned again"),
     };
@@ -184,12 +184,12 @@ fn output(output: &Output, recomputed: &Recomputed) -> String {
         Recomputed::No(_) | Recomputed::OtherWork => None,
     };
     let judged = match again {
-        Some(digest) if *digest == output.claimed => "; computed again it is as the row says",
-        Some(_) => "; computed again it is neither",
+        Some(digest) if *digest == output.claimed => "; recomputed, it is as the row states",
+        Some(_) => "; recomputed, it is neither",
         None => "",
     };
     format!(
-        "output {}: {found}, the row says {}{judged}",
+        "output {}: {found}, the row states {}{judged}",
         output.name, output.claimed
     )
 }
@@ -202,16 +202,16 @@ fn input(input: &ChangedInput) -> String {
     };
     let claimed = input.claimed.as_ref();
     let claimed = claimed.map_or_else(|| "no such input".to_owned(), file);
-    format!("input {}: {found}; the row says {claimed}", input.name)
+    format!("input {}: {found}; the row states {claimed}", input.name)
 }
 
 fn setting(setting: &ChangedSetting) -> String {
-    let told = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+    let shown = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
     format!(
-        "setting {}: {}, the row says {}",
+        "setting {}: {}, the row states {}",
         setting.key,
-        told(&setting.found),
-        told(&setting.claimed)
+        shown(&setting.found),
+        shown(&setting.claimed)
     )
 }
 

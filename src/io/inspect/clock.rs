@@ -1,32 +1,32 @@
-//! One clock of one channel: span, gaps, steps back; summed up block by block.
+//! One clock of one channel: span, gaps, steps back; summarised block by block.
 
 /// One clock's times on one channel, ns.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ClockSummary {
-    /// Times seen.
+    /// Number of times.
     pub count: u64,
-    /// Earliest.
+    /// Earliest time.
     pub first: i64,
-    /// Latest.
+    /// Latest time.
     pub last: i64,
-    /// Steps back.
+    /// Number of steps back.
     pub backward: u64,
-    /// Largest step back.
+    /// Largest step back, ns.
     pub largest_step_back: i64,
-    /// Steps of zero.
+    /// Number of steps of zero.
     pub duplicate: u64,
-    /// Largest step forward.
+    /// Largest step forward, ns.
     pub largest_gap: i64,
-    /// When the largest step forward began.
+    /// Time at which the largest step forward began.
     pub gap_start: i64,
-    /// The first in the order of the file.
+    /// First time in the order of the file.
     begin: i64,
-    /// The last in the order of the file.
+    /// Last time in the order of the file.
     end: i64,
 }
 
 impl ClockSummary {
-    /// Takes the next time in.
+    /// Adds the next time.
     pub fn add(&mut self, time: i64) {
         let one = Self {
             count: 1,
@@ -39,7 +39,7 @@ impl ClockSummary {
         self.append(&one);
     }
 
-    /// Takes in what follows in the file.
+    /// Adds the times that follow in the file.
     pub fn append(&mut self, later: &Self) {
         if self.count == 0 || later.count == 0 {
             if self.count == 0 {
@@ -65,29 +65,29 @@ impl ClockSummary {
         self.count += later.count;
     }
 
-    /// From the earliest to the latest, s.
+    /// The span from the earliest to the latest time, s.
     pub fn span_s(&self) -> f64 {
         self.last.saturating_sub(self.first) as f64 * 1e-9
     }
 
-    /// Times per second, where there are at least two moments.
+    /// Times per second; `None` with fewer than two distinct times.
     pub fn rate_hz(&self) -> Option<f64> {
         let span = self.span_s();
         (span > 0.0).then(|| (self.count - 1) as f64 / span)
     }
 }
 
-/// The smallest and the largest of some differences of two clocks, ns.
+/// The smallest and the largest of some differences of two clocks, ns; `None` without any.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Differences(pub Option<(i64, i64)>);
 
 impl Differences {
-    /// Takes a difference in.
+    /// Adds a difference.
     pub fn add(&mut self, difference: i64) {
         self.append(Self(Some((difference, difference))));
     }
 
-    /// Takes others in.
+    /// Adds the differences of another summary.
     pub fn append(&mut self, others: Self) {
         self.0 = match (self.0, others.0) {
             (Some((a, b)), Some((c, d))) => Some((a.min(c), b.max(d))),

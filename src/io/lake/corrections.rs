@@ -1,8 +1,10 @@
-//! What `posegrid compensate` wrote with the tables of a lake: a file `corrections/ROBOT/SESSION/CORRECTION.parquet` each.
+//! Records of the files that `posegrid compensate` wrote with the tables of a lake:
+//! `corrections/ROBOT/SESSION/CORRECTION.parquet`, one file each.
 //!
-//! A record is no part of a run: it comes later, as often as somebody corrects a file, and says of itself whether it is
-//! as it was written ([`Correction::of`]). It is created as a run's row is: whole or not at all, and once, whoever else
-//! writes the same. Names follow from what they name, so the same correction is the same file with the same bytes.
+//! A record is no part of a run: it is written later, each time somebody corrects a file, and its own digest shows whether
+//! it is unchanged ([`Correction::of`]). It is created like a run's row: completely or not at all, and once, even if
+//! another process writes the same record. Its name follows from its content, so the same correction gives the same file
+//! with the same bytes.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -66,10 +68,10 @@ pub fn is_correction(key: &str) -> bool {
     name.len() == NAME && name.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// One file that was written.
+/// The record of one file that was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Correction {
-    /// The run whose table corrected.
+    /// The run whose table corrected the targets.
     pub key: RunKey,
     /// The table.
     pub corrected_by: CorrectingTable,
@@ -81,9 +83,9 @@ pub struct Correction {
     pub targets_digest: String,
     /// BLAKE3 of the file written, hexadecimal.
     pub file_digest: String,
-    /// Targets read.
+    /// Number of targets read.
     pub targets: i64,
-    /// Targets that have a command.
+    /// Number of targets that have a command.
     pub corrected: i64,
     /// Positions commanded, mm, in the frame of commands.
     pub positions: Vec<[f64; 3]>,
@@ -91,11 +93,12 @@ pub struct Correction {
     pub joints: Vec<Vec<f64>>,
 }
 
-/// A record, and when its file was written, as far as the file system tells.
+/// The place of a record, the time at which it was written, where the file system states it, and the record or why it
+/// cannot be read.
 pub type Recorded = (Place, Option<SystemTime>, Result<Correction, String>);
 
 impl Correction {
-    /// The record's own row.
+    /// The record as a table of one row.
     pub fn table(&self) -> Result<Table, TableError> {
         Ok(CorrectionRow::table(vec![self.row()], &self.key)?.table)
     }
@@ -122,7 +125,7 @@ impl Correction {
         }
     }
 
-    /// The record that a table holds; or what is wrong with it.
+    /// The record in a table; an error states what is wrong with it.
     pub fn of(table: &Table) -> Result<Self, String> {
         let rows = CorrectionRow::read(table);
         let [row] = &rows[..] else {
@@ -150,11 +153,11 @@ impl Correction {
         if record.row() == *row {
             Ok(record)
         } else {
-            Err("its row is not the one that was written: its digest is another".to_owned())
+            Err("its row is not the one that was written: its digest is different".to_owned())
         }
     }
 
-    /// Where it stands in its lake.
+    /// Key of the record's file in its lake.
     fn file_key(&self) -> Result<String, LakeError> {
         let (robot, session) = (
             encoded("robot", &self.key.robot)?,
@@ -166,7 +169,7 @@ impl Correction {
 
     fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
-        // Each text goes in with its length: ("ab", "c") and ("a", "bc") are different records.
+        // Each text is hashed with its length: ("ab", "c") and ("a", "bc") are different records.
         let mut add = |bytes: &[u8]| {
             hasher.update(&(bytes.len() as u64).to_le_bytes());
             hasher.update(bytes);
@@ -204,8 +207,8 @@ impl Correction {
 }
 
 impl Lake {
-    /// The lake that a file of a run's table stands in, in a folder: `TABLE/ROBOT/SESSION/RUN.parquet` beside `runs`.
-    /// `None` where the file stands elsewhere, or under another name than its run's.
+    /// The lake, in a folder, that holds a file of a run's table: `TABLE/ROBOT/SESSION/RUN.parquet` next to `runs`. `None`
+    /// where the file is elsewhere, or has another name than its run's.
     pub fn around(file: &Path, table: &str, key: &RunKey) -> Option<Self> {
         let real = file.canonicalize().ok()?;
         let root = real.ancestors().nth(4)?;
@@ -213,7 +216,8 @@ impl Lake {
         (root.join("runs").is_dir() && root.join(own) == real).then(|| Self::new(root))
     }
 
-    /// Every record of corrections, in the order of robot, session and name; one that cannot be read stops no other.
+    /// All records of corrections, in the order of robot, session and name; one that cannot be read does not stop the
+    /// others.
     pub fn corrections(&self) -> Result<Vec<Recorded>, LakeError> {
         let listed = self.store.list(CORRECTIONS, 2..=2)?.into_iter();
         let keys = listed.map(|listed| listed.key);
@@ -227,22 +231,22 @@ impl Lake {
         Ok(records.collect())
     }
 
-    /// The record of a key; or why it is none that was written, there.
+    /// The record of a key; an error states why the file there is no valid record.
     pub fn correction(&self, key: &str) -> Result<Correction, String> {
-        let told = |error: LakeError| error.to_string();
+        let text = |error: LakeError| error.to_string();
         let schema = schema::find(CORRECTIONS).map_err(|error| error.to_string())?;
-        let file = self.store.open(key).map_err(|error| told(error.into()))?;
+        let file = self.store.open(key).map_err(|error| text(error.into()))?;
         let table = table::read_open(file, &self.store.place(key).named(), schema);
         let record = Correction::of(&table.map_err(|error| error.to_string())?)?;
-        let own = record.file_key().map_err(told)?;
+        let own = record.file_key().map_err(text)?;
         if own == key {
             Ok(record)
         } else {
-            Err(format!("it says of itself that it is {own}"))
+            Err(format!("its content is that of {own}"))
         }
     }
 
-    /// Records what was written; whether it was not recorded yet.
+    /// Records a correction; returns whether it was not recorded yet.
     pub fn record(&self, correction: &Correction) -> Result<bool, LakeError> {
         let table = correction
             .table()
@@ -320,7 +324,7 @@ mod tests {
         ];
         for edited in edited {
             let told = Correction::of(&edited.finish().unwrap()).unwrap_err();
-            assert!(told.contains("its digest is another"), "{told}");
+            assert!(told.contains("its digest is different"), "{told}");
         }
     }
 

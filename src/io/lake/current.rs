@@ -1,4 +1,4 @@
-//! Which run of a session is the current one: the one that no other says it replaces.
+//! The current run of a session: the one that no other run replaces.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,10 +7,10 @@ use crate::io::tables::runs::row_digest;
 use crate::manifest::{Replaced, RunKey};
 
 impl Lake {
-    /// The current run of the robot and session of `key` with the digest of its row, or `None` where there is none yet.
+    /// The current run of the robot and session of `key`, with the digest of its row; `None` where there is none yet.
     ///
-    /// Where several are replaced by none, which two machines writing at once can leave, it is the last by name. A file that
-    /// does not stand where its row would is nobody's row, and takes no part.
+    /// Where several runs are replaced by none, which two machines writing at once can leave, it is the last by name. A
+    /// file that is not at the place of its row is not read as a row.
     pub fn current(&self, key: &RunKey) -> Result<Option<Replaced>, LakeError> {
         let rows = self.rows(&session_key("runs", key)?, 0)?;
         let (mut runs, mut replaced) = (BTreeMap::new(), BTreeSet::new());

@@ -1,4 +1,4 @@
-//! What can go wrong with a lake, and what to try.
+//! Errors of a lake, with advice.
 
 use std::io;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::io::schema::SchemaError;
 use crate::io::store::{Place, StoreError};
 use crate::io::table::{FileError, TableError};
 
-/// Why a lake cannot be used.
+/// The reason why a lake cannot be used.
 #[derive(Debug, Error)]
 pub enum LakeError {
     /// The folder or the object storage refused.
@@ -23,11 +23,11 @@ pub enum LakeError {
         longest = name::LONGEST
     )]
     Name {
-        /// Robot, session or run.
+        /// The part: robot, session or run.
         part: &'static str,
-        /// The name.
+        /// The name that is too long.
         name: String,
-        /// Bytes it would take.
+        /// Length of the encoded name, bytes.
         length: usize,
     },
     /// A table of another run, or of none.
@@ -35,22 +35,22 @@ pub enum LakeError {
         "table {table}: its rows belong to {found}, the run being written is {expected} of robot {robot:?}"
     )]
     OtherRun {
-        /// The table.
+        /// Name of the table.
         table: String,
-        /// Whose rows they are.
+        /// The run that its rows belong to, or that there is none.
         found: String,
-        /// The run being written.
+        /// Name of the run being written.
         expected: String,
-        /// Its robot.
+        /// Robot of the run being written.
         robot: String,
     },
-    /// A published table would change.
+    /// A published table would be changed.
     #[error(
-        "{place} is published, and computing it again gave other bytes: run `posegrid verify` to see the difference \
+        "{place} is published, and recomputing it gave other bytes: run `posegrid verify` to see the difference \
          (another processor, or a changed program under the same version); nothing published is rewritten"
     )]
     Rewrite {
-        /// The file.
+        /// Place of the file.
         place: Place,
     },
     /// A table changed between writing and committing.
@@ -58,24 +58,24 @@ pub enum LakeError {
         "{place} changed while its run was being written: digest {found}, written as {written}; run it again"
     )]
     Changed {
-        /// The file.
+        /// Place of the file.
         place: Place,
-        /// Digest of what is there.
+        /// Digest of the file now.
         found: String,
         /// Digest of what was written.
         written: String,
     },
-    /// A file that is not what its run wrote.
+    /// A file differs from the one that its run wrote.
     #[error(
-        "{place} is not what its run wrote: its digest is {found}, the row of runs says {written}; it was damaged or changed: \
-         get it anew from a copy, or run its session again into another lake and copy the file"
+        "{place} is not what its run wrote: its digest is {found}, the row of runs states {written}; it was damaged or changed: \
+         restore it from a copy, or run its session again into another lake and copy the file"
     )]
     NotAsWritten {
-        /// The file.
+        /// Place of the file.
         place: Place,
-        /// Its digest.
+        /// Digest of the file now.
         found: String,
-        /// The digest by the row.
+        /// Digest in the run's row.
         written: String,
     },
     /// A file that its run did not write.
@@ -83,30 +83,30 @@ pub enum LakeError {
         "{place} is none of the files that the row of run {run} in runs names: it does not belong there"
     )]
     NotOfRun {
-        /// The file.
+        /// Place of the file.
         place: Place,
-        /// The run.
+        /// Name of the run.
         run: String,
     },
-    /// A record of corrections breaks its contract.
+    /// A record of corrections does not fit its schema.
     #[error("the record of corrections: {source}")]
     Record {
-        /// What is wrong with it.
+        /// The fault in the record.
         source: TableError,
     },
     /// The file of a table cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// No such table.
+    /// The table is unknown.
     #[error(transparent)]
     Schema(#[from] SchemaError),
 }
 
-/// The error of doing something at a path, of what the system says.
+/// Makes the error of an operation at a path from the system's error.
 pub(super) fn folder_error<'a>(
     doing: &'static str,
     path: &'a Path,
 ) -> impl Fn(io::Error) -> LakeError + use<'a> {
-    let told = StoreError::folder(doing, path);
-    move |source| told(source).into()
+    let error = StoreError::folder(doing, path);
+    move |source| error(source).into()
 }

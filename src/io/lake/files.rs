@@ -1,7 +1,8 @@
-//! Every file under a lake, and what its place says of it.
+//! All files under a lake, and the role of each by its place.
 //!
 //! A lake has files of runs, `TABLE/ROBOT/SESSION/RUN.parquet` and `report/ROBOT/SESSION/RUN.html`; its own, `.lock` and
-//! `.history/ROBOT.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or were stopped. Whatever else stands there is foreign.
+//! `.history/ROBOT.jsonl`, and the records of corrections ([`is_correction`]); and temporaries of processes that write or
+//! were stopped. Every other file there is foreign.
 
 use std::fs::File;
 
@@ -17,36 +18,36 @@ const HISTORY: &str = ".history";
 /// A file under a lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LakeFile {
-    /// Its path below the lake, parts parted by `/`.
+    /// Its path below the lake, with `/` between the parts.
     pub key: String,
-    /// What its place says of it.
+    /// Role of the file, by its place.
     pub stands: Stands,
 }
 
-/// What the place of a file says of it.
+/// The role of a file, by its place.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stands {
-    /// Where a run has a file.
+    /// At the place of a file of a run.
     OfRun {
-        /// The table, or [`PAGES`].
+        /// Name of the table, or [`PAGES`].
         table: String,
-        /// The folder of the robot, its name encoded.
+        /// Folder of the robot, its name encoded.
         robot: String,
-        /// The folder of the session, its name encoded.
+        /// Folder of the session, its name encoded.
         session: String,
-        /// The run.
+        /// Name of the run.
         run: String,
     },
     /// The lake's own: its lock, the summary of a history, or a record of corrections.
     Own,
     /// Under a temporary name: being written, or left over by a process that was stopped.
     Temporary,
-    /// At no place that a lake has.
+    /// At a place that no file of a lake has.
     Foreign,
 }
 
 impl Lake {
-    /// Every file below a folder of the lake, which is all of it where that is empty: hidden ones too, at whatever depth.
+    /// All files below a folder of the lake, or of the whole lake where that is empty: hidden ones too, at any depth.
     pub fn files(&self, folder: &str) -> Result<Vec<LakeFile>, LakeError> {
         let keys = self.store.all(folder)?.into_iter();
         let file = |key: String| LakeFile {
@@ -56,12 +57,12 @@ impl Lake {
         Ok(keys.map(file).collect())
     }
 
-    /// The path below the lake of a file of a run: the table of that name, or its page ([`PAGES`]).
+    /// The path, below the lake, of a file of a run: the table of that name, or its page ([`PAGES`]).
     pub fn file_key(&self, table: &str, key: &RunKey) -> Result<String, LakeError> {
         file_key(table, key)
     }
 
-    /// Where the file of a key stands.
+    /// Place of the file with this key.
     pub fn place_of(&self, file_key: &str) -> Place {
         self.store.place(file_key)
     }
@@ -71,7 +72,7 @@ impl Lake {
         Ok(self.store.open(file_key)?)
     }
 
-    /// The folders that runs have files in: one for each published table, and that of the pages.
+    /// The folders with files of runs: one for each published table, and that of the pages.
     pub fn folders() -> impl Iterator<Item = &'static str> {
         let tables = schema::all().iter();
         let published = tables.filter(|schema| schema.role == Role::Published);
@@ -126,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_says_what_a_file_may_be() {
+    fn a_place_determines_the_role_of_a_file() {
         let of_run = |table: &str| Stands::OfRun {
             table: table.to_owned(),
             robot: "r%20x".to_owned(),
@@ -157,7 +158,7 @@ mod tests {
             ("accuracy/r/mon/more/0a.parquet", Stands::Foreign),
             ("accuracy/0a.parquet", Stands::Foreign),
             ("accuracy/r/mon/0a.html", Stands::Foreign),
-            // A table that is read, and one that nobody knows.
+            // A table that is an input, and one that is unknown.
             ("targets/r/mon/0a.parquet", Stands::Foreign),
             ("figures/r/mon/0a.parquet", Stands::Foreign),
             (".lock/x", Stands::Foreign),

@@ -1,8 +1,8 @@
-//! The lock of a lake: of several runs at once, one works and the others are told which.
+//! The lock of a lake: of several batches at once, one works and the others learn which one.
 //!
-//! It saves work, not bytes: a lake stays sound without it, since a run is committed by a hard link. The system locks the
-//! file `.lock` for as long as the process lives, however it ends, so no lock is ever left over; the file itself stays, and
-//! says who locked it last. Only those who write whole batches lock; readers never do.
+//! It saves work, but a lake is sound without it too, since a run is committed by a hard link. The system locks the file
+//! `.lock` for as long as the process lives, however it ends, so no lock is ever left over; the file itself stays and names
+//! the process that locked it last. Only processes that write whole batches lock; readers never do.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
@@ -12,44 +12,44 @@ use std::time::Duration;
 use super::temporary::host;
 use super::{Lake, LakeError, folder_error};
 
-/// The locked file, hidden from readers by its dot.
+/// The locked file; its dot hides it from readers.
 const FILE: &str = ".lock";
 
-/// Bytes of a holder's own words that are read.
+/// Most bytes that are read of a holder's description.
 const MOST_WORDS: u64 = 1000;
 
-/// A lake that this process has to itself until this is dropped.
+/// The lock of a lake, held by this process until it is dropped.
 #[derive(Debug)]
 pub struct Lock {
     _file: File,
 }
 
-/// Who has the lake.
+/// The process that holds the lock.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Holder {
     /// The file that is locked.
     pub path: PathBuf,
-    /// What the holder says of itself, where it has come to that.
+    /// The holder's description of itself; empty where it has not written it yet.
     pub words: String,
-    /// For how long, as far as the file system's clock tells.
+    /// Time since the lock was taken, by the file system's clock; `None` where that is not known.
     pub age: Option<Duration>,
 }
 
-/// What became of locking.
+/// The outcome of locking.
 #[derive(Debug)]
 pub enum Locking {
-    /// The lake is ours.
+    /// The lake is locked by this process.
     Done(Lock),
-    /// Another process has it.
+    /// Another process holds the lock.
     Held(Holder),
-    /// This file system gives no lock here.
+    /// This file system does not support locks here.
     Refused(LakeError),
     /// The lake is on object storage, which has no locks: of two batches that do the same work one commits it.
     NoFolder,
 }
 
 impl Lake {
-    /// Locks the lake, if no other process has it; `by` is what others are told of this one, besides its number and host.
+    /// Locks the lake, if no other process has it; `by` describes this process to others, after its number and host.
     pub fn lock(&self, by: &str) -> Locking {
         let Some(root) = self.folder() else {
             return Locking::NoFolder;
@@ -62,7 +62,7 @@ impl Lake {
         };
         match file.try_lock() {
             Ok(()) => {
-                // It is locked whether or not there is room to say by whom.
+                // It is locked even if there is no room to write by which process.
                 let _ = sign(&mut file, by);
                 Locking::Done(Lock { _file: file })
             }
@@ -95,7 +95,7 @@ fn sign(file: &mut File, by: &str) -> io::Result<()> {
 impl Holder {
     fn of(path: PathBuf, file: &File) -> Self {
         let mut words = Vec::new();
-        // Words that cannot be read are no reason to say nothing of the rest.
+        // A description that cannot be read is left empty.
         let _ = file.take(MOST_WORDS).read_to_end(&mut words);
         let signed = file.metadata().and_then(|metadata| metadata.modified());
         Self {
@@ -117,7 +117,7 @@ mod tests {
         let Locking::Done(lock) = lake.lock("run a.toml") else {
             panic!("nobody else has it");
         };
-        // Another opening of the file is another owner, in the same process too.
+        // Another opening of the file is another owner, even in the same process.
         let Locking::Held(holder) = lake.lock("run b.toml") else {
             panic!("it is locked");
         };

@@ -1,20 +1,20 @@
 //! Names of robots and sessions → names of folders.
 //!
-//! Names come from logs and pipeline files and may be anything. ASCII letters, digits, `-`, `_` and inner dots stay;
+//! Names come from logs and pipeline files and may hold any character. ASCII letters, digits, `-`, `_` and inner dots stay;
 //! every other byte is percent-encoded, also a leading or trailing dot, so no name is a path, a hidden file, a temporary
-//! (they begin with a dot), or a `key=value` folder that readers would guess columns from. The empty name is `%`.
-//! Names that differ in case alone share a folder where the file system ignores case; nothing is lost, as the names of
-//! runs differ and every file carries its robot and session as columns.
+//! (they begin with a dot), or a `key=value` folder that readers would guess columns from. The empty name is `%`. Names
+//! that differ only in case share a folder where the file system ignores case; nothing is lost, since the names of runs
+//! differ and every file has its robot and session as columns.
 
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 
-/// Bytes that are encoded wherever they stand.
+/// Bytes that are encoded at any position.
 const ENCODED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'_').remove(b'.');
 
 /// The longest encoded name: file systems allow 255 bytes, and a temporary name adds some to a file's.
 pub(super) const LONGEST: usize = 180;
 
-/// The folder's name, or its length in bytes where that is too long.
+/// The folder's name; an error is its length in bytes, where that is too long.
 pub(super) fn encode(name: &str) -> Result<String, usize> {
     if name.is_empty() {
         return Ok("%".to_owned());

@@ -1,4 +1,4 @@
-//! A table of a run that comes in parts: each encoded and put behind the others, under a temporary name until the end.
+//! A table of a run that is written in parts: each is encoded and appended, under a temporary name until the end.
 
 use std::io;
 use std::path::PathBuf;
@@ -13,26 +13,26 @@ use super::temporary::Temporary;
 use crate::io::table::{Encoder, PartsFile, RowGroups, Table};
 use crate::manifest::Written;
 
-/// Parts of a table that are in memory at the same time: each takes some 20 MB meanwhile.
+/// Most parts of a table that are in memory at the same time: each takes some 20 MB.
 const PARTS_AT_ONCE: usize = 4;
 
-/// A table of a run, being written part by part. Dropped, it leaves nothing.
+/// A table of a run, being written part by part. Dropped before its end, it leaves no file.
 pub struct OpenTable<'r> {
     run: &'r OpenRun<'r>,
     begun: Option<Begun>,
 }
 
-/// A table of which at least one part came.
+/// A table with at least one part.
 struct Begun {
     key: String,
-    /// What errors of writing name.
+    /// The path that errors of writing name.
     path: PathBuf,
     encoder: Encoder,
     file: PartsFile<Temporary>,
     written: Written,
 }
 
-/// A table that is whole, but not in its place yet. Dropped, it leaves nothing.
+/// A complete table under its temporary name. Dropped, it leaves no file.
 #[derive(Debug)]
 pub struct WholeTable {
     pub(super) key: String,
@@ -41,12 +41,12 @@ pub struct WholeTable {
 }
 
 impl<'r> OpenTable<'r> {
-    /// A table of `run` without parts yet.
+    /// A table of `run` without parts.
     pub const fn new(run: &'r OpenRun<'r>) -> Self {
         Self { run, begun: None }
     }
 
-    /// Encodes a part and puts it behind those before it.
+    /// Encodes a part and appends it.
     pub fn append(&mut self, part: &Table) -> Result<(), LakeError> {
         let begun = match &mut self.begun {
             Some(begun) => begun,
@@ -57,8 +57,8 @@ impl<'r> OpenTable<'r> {
         begun.append(&encoded)
     }
 
-    /// Puts parts behind those before them, in order. They are made (`table`) and encoded on all threads, while those
-    /// before them are written; at most four of each are in memory. The bytes are the same at any number of threads.
+    /// Appends parts, in order. They are made (`table`) and encoded on all threads, while earlier ones are written; at most
+    /// four of each are in memory. The bytes are the same at any number of threads.
     pub fn append_all<P: Send, E: From<LakeError> + Send>(
         &mut self,
         parts: impl IntoIterator<Item = P>,
@@ -90,14 +90,14 @@ impl<'r> OpenTable<'r> {
             let (appended, made) = rayon::join(append, make_all);
             appended.map_err(wrong)?;
             begun.written.rows += ready.iter().map(RowGroups::rows).sum::<u64>();
-            // Of several that are wrong the first is told.
+            // If several are wrong, the first one's error is returned.
             let made = made.into_iter().collect::<Result<Vec<_>, E>>()?;
             file.digest(made.iter().map(|(_, part)| part));
             ready = made.into_iter().map(|(encoded, _)| encoded).collect();
         }
     }
 
-    /// Brings the table to the disk, under its temporary name still; `None` where no part came.
+    /// Syncs the table to the disk, still under its temporary name; `None` where there was no part.
     pub fn finish(self) -> Result<Option<WholeTable>, LakeError> {
         self.begun.map(Begun::finish).transpose()
     }

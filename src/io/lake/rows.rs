@@ -5,19 +5,19 @@ use crate::io::schema;
 use crate::io::store::{Listed, Place};
 use crate::io::table::{self, Opened};
 
-/// Files of rows that are asked for at a time.
+/// Number of row files that are read at a time.
 const AT_ONCE: usize = 64;
 
-/// The place of a row of `runs`, and the row as its file has it, or why it cannot be read.
+/// The place of a row of `runs`, and the row or why it cannot be read.
 pub type RunRow = (Place, Result<Opened, LakeError>);
 
 impl Lake {
-    /// The row of every run, in the order of robot, session and run; one that cannot be read stops no other.
+    /// The rows of all runs, in the order of robot, session and run; one that cannot be read does not stop the others.
     pub fn runs(&self) -> Result<Vec<RunRow>, LakeError> {
         self.rows("runs", 2)
     }
 
-    /// The rows that stand `levels` folders below a folder.
+    /// The rows `levels` folders below a folder.
     pub(super) fn rows(&self, folder: &str, levels: usize) -> Result<Vec<RunRow>, LakeError> {
         let schema = schema::find("runs")?;
         let listed = self.store.list(folder, levels..=levels)?.into_iter();

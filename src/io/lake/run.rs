@@ -1,4 +1,4 @@
-//! A run being written: its tables one by one, then the row that makes it exist.
+//! A run being written: its tables one by one, then the row with which it begins to exist.
 
 use std::io::{self, Write as _};
 
@@ -18,18 +18,18 @@ pub struct OpenRun<'a> {
     lake: &'a Lake,
     key: RunKey,
     written: Vec<Written>,
-    /// What the store calls each of them.
+    /// The store's tag of each table.
     tags: Vec<Tag>,
-    /// Tables that wait for the run's result; if there is none they go with it.
+    /// Tables that wait for the run's result; they are removed if it has none.
     kept: Vec<WholeTable>,
 }
 
-/// What became of a commit.
+/// The outcome of a commit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Commit {
-    /// This call made the run exist.
+    /// This call committed the run.
     Done,
-    /// Another process finished the same work first; its result stands.
+    /// Another process committed the same work first; its result stays.
     AlreadyThere,
 }
 
@@ -44,12 +44,12 @@ impl<'a> OpenRun<'a> {
         }
     }
 
-    /// The lake that it is written to.
+    /// The lake that the run is written to.
     pub(super) const fn lake(&self) -> &Lake {
         self.lake
     }
 
-    /// The run.
+    /// Key of the run.
     pub const fn key(&self) -> &RunKey {
         &self.key
     }
@@ -59,7 +59,7 @@ impl<'a> OpenRun<'a> {
         &self.written
     }
 
-    /// Writes a table of the run; its session may be another that the run read.
+    /// Writes a table of the run; its session may be any of those that the run read.
     pub fn publish(&mut self, table: &Table) -> Result<(), LakeError> {
         let key = self.file_key(table)?;
         let (temporary, digest) = self.lake.write(table, &key)?;
@@ -95,7 +95,7 @@ impl<'a> OpenRun<'a> {
         self.kept.push(table);
     }
 
-    /// Puts the tables kept so far in their places.
+    /// Moves the kept tables to their places.
     pub fn publish_kept(&mut self) -> Result<(), LakeError> {
         for table in std::mem::take(&mut self.kept) {
             self.put_file(&table.key, table.temporary, table.written)?;
@@ -103,7 +103,7 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Puts what was written in its place.
+    /// Moves a temporary to its place.
     fn put_file(
         &mut self,
         key: &str,
@@ -122,10 +122,10 @@ impl<'a> OpenRun<'a> {
         Ok(())
     }
 
-    /// Makes the run exist by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`].
+    /// Commits the run by creating its row in `runs`, made with [`crate::manifest::Work::runs_table`].
     ///
     /// # Panics
-    /// When the table is not the `runs` row of this very run.
+    /// When the table is not the `runs` row of this run.
     pub fn commit(self, runs: &Table) -> Result<Commit, LakeError> {
         assert_eq!(
             runs.schema().table,
@@ -145,7 +145,7 @@ impl<'a> OpenRun<'a> {
         })
     }
 
-    /// A local file to write what is to stand under the key.
+    /// A local file to write before it is put under the key.
     pub(super) fn temporary(&self, key: &str) -> Result<Temporary, LakeError> {
         Ok(self.lake.store.temporary(key)?)
     }
@@ -168,7 +168,7 @@ impl<'a> OpenRun<'a> {
         }
     }
 
-    /// Whether a file is still what was written: by the store's own tag, or by its digest where there is none.
+    /// Checks that a file is unchanged since it was written: by the store's tag, or by its digest where there is none.
     fn check_unchanged(&self, written: &Written, tag: &Tag) -> Result<(), LakeError> {
         let key = file_key(&written.table, &self.key.of_session(&written.session))?;
         if tag.is_some() && self.lake.store.tag(&key)? == *tag {
@@ -192,7 +192,7 @@ impl<'a> OpenRun<'a> {
     }
 }
 
-/// The system's own error inside a Parquet error, where there is one: a full disk is told as such.
+/// The system's own error inside a Parquet error, where there is one, so that a full disk is reported as such.
 pub(super) fn into_io(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(inner) => match inner.downcast::<io::Error>() {

@@ -1,9 +1,9 @@
-//! Files that appear whole or not at all: written under a temporary name, synced, then given their own.
+//! Files that appear completely or not at all: written under a temporary name, synced, then renamed.
 //!
-//! The temporary stands beside the file, as `.FILE.tmp-HOST-PID-START-N`: START is when the process began, so leftovers of
-//! a process that is gone can be told from the work of one that is alive, even when its number was given away again.
+//! The temporary is next to the file, as `.FILE.tmp-HOST-PID-START-N`: START is the time at which the process began, so
+//! leftovers of a process that is gone differ from files of a live one, even when its number was given to another process.
 //!
-//! A large file goes to the disk while more of it is made ([`Disk`]), so that little is left to wait for at its end.
+//! A large file is synced to the disk while more of it is written ([`Disk`]), so that its end needs little waiting.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -16,14 +16,14 @@ use tempfile::TempDir;
 
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
-/// A temporary of another host, or of a container that is no more, is a leftover when nothing was written to it for a day:
-/// whether its process lives cannot be asked, and the largest table takes minutes.
+/// A temporary of another host, or of a container that no longer exists, is a leftover when it was not written to for a
+/// day: whether its process lives is not known, and the largest table takes minutes.
 const OLD: Duration = Duration::from_hours(24);
 
-/// What is written and digested at once: BLAKE3 takes sixteen blocks of 1 KiB side by side, and large writes are few.
+/// Bytes written and hashed at once: BLAKE3 takes sixteen blocks of 1 KiB in parallel, and large writes are few.
 const AT_ONCE: usize = 256 << 10;
 
-/// Bytes that are written before they are brought to the disk.
+/// Bytes that are written before they are synced to the disk.
 const UNTIL_DISK: u64 = 16 << 20;
 
 /// A file under a temporary name; removed when dropped.
@@ -41,16 +41,16 @@ struct Digested {
     disk: Disk,
 }
 
-/// What brings a file to the disk while it is written.
+/// Syncs a file to the disk while it is written.
 #[derive(Debug, Default)]
 struct Disk {
-    /// Bytes written since it was asked to.
+    /// Bytes written since the last sync began.
     waiting: u64,
     at_work: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl Disk {
-    /// So many bytes more were written.
+    /// Notes that more bytes were written, and begins a sync when there are enough.
     fn wrote(&mut self, bytes: usize, file: &File) -> io::Result<()> {
         self.waiting += bytes as u64;
         let busy = self
@@ -67,7 +67,7 @@ impl Disk {
         Ok(())
     }
 
-    /// Waits for what it is at. The system tells an error once only, so it must not be lost here.
+    /// Waits for the sync under way. The system reports an error only once, so it must not be lost here.
     fn finish(&mut self) -> io::Result<()> {
         let work = self.at_work.take().map(JoinHandle::join);
         work.map_or(Ok(()), |done| {
@@ -77,7 +77,7 @@ impl Disk {
 }
 
 impl Temporary {
-    /// Opens a temporary beside `target`, whose folder is there.
+    /// Opens a temporary next to `target`, whose folder must exist.
     pub(crate) fn beside(target: &Path) -> io::Result<Self> {
         let file_name = target
             .file_name()
@@ -99,13 +99,13 @@ impl Temporary {
         Ok(Self { path, file })
     }
 
-    /// Where it stands until then.
+    /// Path of the temporary.
     #[cfg(feature = "s3")]
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Brings everything to the disk, under the temporary name still, and gives the BLAKE3 digest, hexadecimal.
+    /// Syncs everything to the disk, still under the temporary name, and returns the BLAKE3 digest, hexadecimal.
     pub(crate) fn sync(&mut self) -> io::Result<String> {
         self.file.flush()?;
         let Digested { file, hasher, disk } = self.file.get_mut();
@@ -114,13 +114,13 @@ impl Temporary {
         Ok(hasher.finalize().to_hex().to_string())
     }
 
-    /// Takes the place of `target`, whatever was there.
+    /// Renames it to `target`, whether or not that exists.
     pub(crate) fn replace(self, target: &Path) -> io::Result<()> {
         fs::rename(&self.path, target)?;
         sync_folder(target)
     }
 
-    /// Becomes `target` if nothing is there yet; of several that try at once exactly one does.
+    /// Becomes `target` if that does not exist yet; of several that try at once exactly one succeeds.
     pub(crate) fn create(self, target: &Path) -> io::Result<bool> {
         match fs::hard_link(&self.path, target) {
             Ok(()) => sync_folder(target).map(|()| true),
@@ -160,13 +160,14 @@ impl Drop for Temporary {
     }
 }
 
-/// A new name lasts only once its folder is on the disk too.
+/// A new name is permanent only once its folder is synced too.
 fn sync_folder(target: &Path) -> io::Result<()> {
-    let folder = target.parent().expect("a lake's files stand in folders");
+    let folder = target.parent().expect("a lake's files are in folders");
     File::open(folder)?.sync_all()
 }
 
-/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of other hosts; gives their paths.
+/// Removes the temporaries in `folder` whose process on this host is gone, and old ones of other hosts; returns their
+/// paths.
 pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -183,13 +184,13 @@ pub(super) fn remove_stale(folder: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(removed)
 }
 
-/// Whether nothing was written to the file for so long that no process can still be at it.
+/// Whether the file has not been written to for so long that no process can be writing it.
 fn is_old(path: &Path) -> io::Result<bool> {
     let age = fs::metadata(path)?.modified()?.elapsed();
     Ok(age.is_ok_and(|age| age > OLD))
 }
 
-/// Removes a file; of two that do, one has removed it.
+/// Removes a file; of two processes that do, one gets `true`.
 fn removed_now(path: &Path) -> io::Result<bool> {
     match fs::remove_file(path) {
         Ok(()) => Ok(true),
@@ -198,15 +199,15 @@ fn removed_now(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// A new folder under the system's temporary directory, removed when dropped; what a process leaves that is interrupted,
-/// [`clean_folders`] removes.
+/// A new folder under the system's temporary directory, removed when dropped; the folder of a process that was interrupted
+/// is removed by [`clean_folders`].
 pub(crate) fn folder(of: &str) -> io::Result<TempDir> {
     // A number or letters follow, without a dash.
     let prefix = format!(".{of}.tmp-{}-", Owner::this_process().suffix());
     tempfile::Builder::new().prefix(&prefix).tempdir()
 }
 
-/// Removes such folders of processes that are gone, as far as the system lets us: they matter to nobody.
+/// Removes such folders of processes that are gone, where the system allows it; errors are ignored.
 pub(crate) fn clean_folders(of: &str) {
     let entries = fs::read_dir(std::env::temp_dir());
     for entry in entries.into_iter().flatten().flatten() {
@@ -254,14 +255,15 @@ impl Owner {
         })
     }
 
-    /// Whether the process certainly runs no more: of other hosts, or where the system does not tell, nothing is certain.
+    /// Whether the process certainly no longer runs: nothing is certain for other hosts, or where the system does not state
+    /// it.
     fn is_gone(&self) -> bool {
-        let told = self.host == host() && start_of(std::process::id()).is_some();
-        told && start_of(self.pid) != Some(self.start)
+        let is_known = self.host == host() && start_of(std::process::id()).is_some();
+        is_known && start_of(self.pid) != Some(self.start)
     }
 }
 
-/// This host's name, letters and digits only.
+/// The name of this host, letters and digits only.
 pub(super) fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.chars()
@@ -270,7 +272,8 @@ pub(super) fn host() -> String {
         .collect()
 }
 
-/// When a process began, in ticks since the system did; the 22nd field of its `stat`, after a name that may hold spaces.
+/// Start time of a process, in ticks since the system started; the 22nd field of its `stat`, after a name that may hold
+/// spaces.
 fn start_of(pid: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     stat.rsplit_once(") ")?.1.split(' ').nth(19)?.parse().ok()
@@ -381,7 +384,7 @@ mod tests {
         let removed = remove_stale(folder.path()).unwrap();
         assert_eq!(removed, [path(&gone)]);
         assert_eq!(files(folder.path()).len(), 3);
-        // Two days later: of another host nothing else tells; our own process is still at it.
+        // Two days later: the file of another host is old; our own process still runs.
         for owner in [&mine, &elsewhere] {
             let file = File::options().write(true).open(path(owner)).unwrap();
             file.set_modified(std::time::SystemTime::now() - 2 * OLD)

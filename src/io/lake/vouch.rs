@@ -1,4 +1,4 @@
-//! Files of a lake against the digests that the rows of `runs` have of them.
+//! Files of a lake compared with their digests in the rows of `runs`.
 
 use std::fs;
 use std::io::Seek as _;
@@ -13,19 +13,19 @@ use crate::io::schema::{self, TableSchema};
 use crate::io::table::{self, FileError, FileErrorKind, Opened, Seal, Table};
 use crate::manifest::{RunKey, digest};
 
-/// What shows that a table is as its run wrote it.
+/// The evidence that a table is as its run wrote it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VouchedBy {
     /// The digest of its file in the run's row of `runs`.
     Row,
-    /// The digest of its content, which the file itself carries; no row has it.
+    /// The digest of its content, which the file itself carries; it is in no row.
     Itself,
-    /// Nothing: it was written before tables carried a digest, and no lake is at hand.
+    /// None: it was written before tables carried a digest, and it is outside its lake.
     Nothing,
 }
 
 impl Lake {
-    /// Reads a table of a run as it is, and says whether its content is what its file says was written.
+    /// Reads a table of a run unchecked, and states whether its content has the digest that its file carries.
     pub fn read_as_it_is(&self, table: &str, key: &RunKey) -> Result<Opened, LakeError> {
         let schema = schema::find(table)?;
         let file = self.open(table, key)?;
@@ -33,7 +33,7 @@ impl Lake {
         Ok(table::open(file, &place, schema)?)
     }
 
-    /// The digest that the row of `runs` has of a file of its run: of the table of that name, or its page. `None` where there
+    /// The digest of a file of a run in the run's row of `runs`: of the table of that name, or its page. `None` where there
     /// is no row; an error where the row does not name the file.
     ///
     /// A run that learnt from several sessions has files in the folder of each, and its row in one of them.
@@ -57,7 +57,7 @@ impl Lake {
         }
     }
 
-    /// The row of the run that has a file of this key.
+    /// The row of the run that has a file with this key.
     fn row_of(&self, key: &RunKey) -> Result<Option<Table>, LakeError> {
         if self.exists(key)? {
             return Ok(Some(self.read("runs", key)?));
@@ -73,7 +73,7 @@ impl Lake {
         Ok(Some(table::read_open(file, &place, schema::find("runs")?)?))
     }
 
-    /// Reads a table of a run, which has to be what its row of `runs` says, where there is one.
+    /// Reads a table of a run, which has to have the digest in its row of `runs`, where there is one.
     pub(super) fn read_vouched(
         &self,
         table: &str,
@@ -114,22 +114,23 @@ impl Lake {
     }
 }
 
-/// Reads a published table by its path, as a person names it; one that nothing vouches for is told.
+/// Reads a published table by its path, as the user gives it; a table without evidence is logged.
 pub fn read_given(path: &Path, schema: &'static TableSchema) -> Result<Table, FileError> {
     let (table, vouched) = read_by_path(path, schema)?;
     if vouched == VouchedBy::Nothing {
         tracing::warn!(
-            "{}: nothing shows that it is as it was written: tables carried no digest of their content then, and its lake is \
-             not at hand; name the file in its lake, or run its session again",
+            "{}: nothing shows that it is unchanged: tables carried no digest of their content then, and it is outside its \
+             lake; name the file in its lake, or run its session again",
             path.display().to_string().escape_debug()
         );
     }
     Ok(table)
 }
 
-/// Reads a published table by its path, and says what vouches for it. Where it stands in its lake, as
-/// `TABLE/ROBOT/SESSION/RUN.parquet` beside a folder `runs`, its run's row has to name it with its digest. Elsewhere the
-/// digest of its content, which the file carries, has to hold; one without is read too, and what vouches for it told.
+/// Reads a published table by its path, and returns the evidence for it. Where it is in its lake, as
+/// `TABLE/ROBOT/SESSION/RUN.parquet` next to a folder `runs`, its run's row has to name it with its digest. Elsewhere the
+/// digest of its content, which the file carries, has to be right; a file without one is read too, and the missing evidence
+/// is reported.
 pub(super) fn read_by_path(
     path: &Path,
     schema: &'static TableSchema,
@@ -148,7 +149,7 @@ pub(super) fn read_by_path(
     let root = lake.root();
     let table = opened.believed(path)?;
     let key = table.key().cloned();
-    let key = key.ok_or_else(|| problem("it does not say of which run it is".to_owned()))?;
+    let key = key.ok_or_else(|| problem("it does not state its run".to_owned()))?;
     let own = lake.place(&schema.table, &key);
     let own = own.map_err(|error| problem(error.to_string()))?;
     let is_here = |own: &Path| {
@@ -157,7 +158,7 @@ pub(super) fn read_by_path(
     };
     if !own.as_path().is_some_and(is_here) {
         return Err(problem(format!(
-            "it says that it is of run {} of robot {:?} and session {:?}, whose file in the lake {} is another one",
+            "it states that it is of run {} of robot {:?} and session {:?}, whose file in the lake {} is another one",
             key.run,
             key.robot,
             key.session,
@@ -176,7 +177,7 @@ pub(super) fn read_by_path(
     }
 }
 
-/// The lake that a file of this table stands in, if it does: a folder that has rows of `runs`.
+/// The lake that holds a file of this table, a folder that has rows of `runs`; `None` where there is none.
 fn lake_of(path: &Path, schema: &TableSchema) -> Option<Lake> {
     let whole = fs::canonicalize(path).ok()?;
     let folder = whole.ancestors().nth(3)?;

@@ -1,8 +1,8 @@
-//! A block: one chunk, or a run of records that stand in no chunk → its messages, given to a visitor.
+//! A block: one chunk, or a run of records outside chunks → its messages, given to a visitor.
 //!
-//! 1. Decompress and check the chunk ([`super::chunk`]); a run is taken as it is.
-//! 2. Walk the records. If one defines something new, or a message belongs to a channel not yet known, the block is
-//!    given back: definitions are taken in one block after another, in the order of the file.
+//! 1. Decompress and check the chunk ([`super::chunk`]); a run needs neither.
+//! 2. Walk the records. If one defines something new, or a message belongs to a channel not yet known, the walk ends:
+//!    definitions are recorded one block after another, in the order of the file.
 //! 3. Give each message to the visitor, which fills the block's part.
 
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use super::registry::{MOST_DEFINITIONS, Refused, Registry};
 use super::scan::Visitor;
 use super::source::Source;
 
-/// A byte range of the file and how it is stored.
+/// A byte range of the file, and how it is stored.
 #[derive(Debug, Clone, Default)]
 pub struct Extent {
     /// First byte.
@@ -28,21 +28,21 @@ pub struct Extent {
     pub chunk: Option<ChunkRecord>,
 }
 
-/// Why records of a block, or all of it, are left out.
+/// The reason why records of a block, or all of it, are left out.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum BlockFault {
     /// The chunk cannot be used.
     #[error(transparent)]
     Chunk(#[from] ChunkFault),
-    /// A frame inside the chunk does not fit.
+    /// A frame inside the chunk is longer than the chunk.
     #[error(
         "records inside the chunk end in the middle of one, at its byte {0} after decompression"
     )]
     Framing(usize),
-    /// A record that does not belong into a chunk.
-    #[error("a record with opcode 0x{0:02x} does not belong into a chunk")]
+    /// A record that a chunk must not contain.
+    #[error("a record with opcode 0x{0:02x} does not belong in a chunk")]
     Opcode(u8),
-    /// The fields of a record do not fit it.
+    /// The fields of a record do not fit its length.
     #[error("the fields of a record with opcode 0x{0:02x} do not fit its length")]
     Malformed(u8),
     /// A message of a channel that nothing before it defines.
@@ -50,29 +50,29 @@ pub enum BlockFault {
     UnknownChannel(u16),
     /// A definition that contradicts an earlier one.
     #[error(
-        "channel or schema {0} is defined again and differently: which of the two is meant cannot be told"
+        "channel or schema {0} is defined again and differently: which of the two is meant is not known"
     )]
     Redefined(u16),
-    /// Messages of more channels than are told one by one.
+    /// Messages of further channels without a definition, past the number that are named one by one.
     #[error("messages of other channels that no record before them defines")]
     UnknownChannels,
     /// Too many definitions.
     #[error("the log defines more than {} MiB of schemas and channels", MOST_DEFINITIONS >> 20)]
     TooManyDefinitions,
-    /// More metadata than anyone reads.
+    /// More metadata than the limit.
     #[error("the log has more than {} MiB of metadata records; the rest was not read, no message is lost", MOST_METADATA >> 20)]
     TooMuchMetadata,
 }
 
-/// Bytes of metadata records that are kept of one log.
+/// Most bytes of metadata records that are kept of one log.
 pub const MOST_METADATA: usize = 1024 * 1024;
-/// Channels of a block that nothing defines, told one by one.
+/// Most channels of a block without a definition that are named one by one.
 const MOST_UNKNOWN: usize = 1000;
 
 /// Messages of a block that were left out for one reason.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// How many; `None`: not known.
+    /// Their number; `None`: not known.
     pub messages: Option<u64>,
     /// Earliest and latest log time, ns.
     pub times: Option<(u64, u64)>,
@@ -87,38 +87,38 @@ impl Tally {
     }
 }
 
-/// What walking a block came to.
+/// The outcome of walking a block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {
-    /// All messages were given to the visitor, but for those of faults noted.
+    /// All messages were given to the visitor, except those in the noted faults.
     Walked,
-    /// It defines something new: to be walked again when its turn comes.
+    /// The block defines something new: it has to be walked again when its turn comes.
     Defines,
-    /// Nothing of it can be used.
+    /// No record of it can be used.
     Rejected(BlockFault),
 }
 
-/// A block being worked on, with buffers that are kept for the next one.
+/// A block being worked on, with buffers that are reused for the next one.
 pub struct Block<P> {
-    /// Where it lies.
+    /// Its place in the file.
     pub extent: Extent,
     /// Its bytes as stored.
     pub stored: Vec<u8>,
-    /// What the visitor made of its messages.
+    /// The visitor's result from its messages.
     pub part: P,
-    /// What became of it.
+    /// The outcome of the walk.
     pub outcome: Outcome,
-    /// What was left out of it.
+    /// The messages left out of it, by reason.
     pub faults: Vec<(BlockFault, Tally)>,
     /// Its metadata records: name, key, value.
     pub metadata: Metadata,
-    /// Messages walked.
+    /// Number of messages walked.
     pub messages: u64,
-    /// Of which channels: as they stand, several of one channel in a row told together.
+    /// The channel of each run of successive messages, and their number, in the order of the block.
     pub of_channels: Vec<(u16, u32)>,
-    /// Records of an application's own, by opcode.
+    /// Number of application-specific records, by opcode.
     pub private_records: BTreeMap<u8, u64>,
-    /// Messages that the message indexes after a chunk list, where it cannot be read.
+    /// Number of messages that the message indexes after a chunk list, where the chunk cannot be read.
     pub indexed: Option<u64>,
     records: Vec<u8>,
     decompressor: Decompressor,
@@ -144,7 +144,7 @@ impl<P: Default> Default for Block<P> {
 }
 
 impl<P> Block<P> {
-    /// Reads what is stored. A chunk above the limit is refused by its header, and never read.
+    /// Reads the stored bytes. A chunk above the limit is refused by its header, and never read.
     pub fn read(&mut self, source: &Source, limit: u64) -> io::Result<()> {
         let Extent { start, end, .. } = self.extent;
         let chunk = self.extent.chunk.as_ref();
@@ -177,7 +177,7 @@ impl<P> Block<P> {
         self.walk(visitor, registry, false);
     }
 
-    /// Takes the block's definitions in and walks it whatever it holds.
+    /// Records the block's definitions and walks it, whatever it holds.
     pub fn define<V: Visitor<Part = P>>(
         &mut self,
         visitor: &mut V,
@@ -193,7 +193,7 @@ impl<P> Block<P> {
         Ok(())
     }
 
-    /// Channels that messages were left out for because nothing defines them.
+    /// Channels whose messages were left out because nothing defines them.
     pub(super) fn unknown_channels(&self) -> impl Iterator<Item = u16> {
         self.faults.iter().filter_map(|(fault, _)| match fault {
             BlockFault::UnknownChannel(id) => Some(*id),
@@ -201,7 +201,7 @@ impl<P> Block<P> {
         })
     }
 
-    /// Bytes of the buffers that it keeps for the next block.
+    /// Bytes of the buffers that are reused for the next block.
     pub fn kept(&self) -> u64 {
         let of_channels = self.of_channels.capacity() * size_of::<(u16, u32)>();
         (self.stored.capacity() + self.records.capacity() + of_channels) as u64
@@ -228,7 +228,7 @@ impl<P> Block<P> {
         let in_chunk = self.extent.chunk.is_some();
         let bytes = records(&self.extent, &self.stored, &self.records);
         let mut unknown = Unknown::default();
-        // Most messages are of the channel of the one before.
+        // Most messages are of the same channel as the one before.
         let mut known: Option<(u16, &V::Decoder)> = None;
         for record in Records::new(bytes) {
             let seen = match record {
@@ -312,7 +312,7 @@ impl Unknown {
     }
 }
 
-/// Metadata records, as far as they are kept.
+/// Metadata records, up to the limit.
 #[derive(Debug, Clone, Default)]
 pub struct Metadata {
     /// Name, key, value.
@@ -333,9 +333,9 @@ impl Metadata {
         Seen::Known
     }
 
-    /// Takes an entry in, if there is room for it.
+    /// Adds an entry, if there is room for it.
     fn push(&mut self, name: &str, key: &str, value: &str) -> bool {
-        // The name is kept once for each of its keys.
+        // The name is stored again with each of its keys.
         let size = name.len() + key.len() + value.len() + size_of::<(String, String, String)>();
         let fits = self.size + size <= MOST_METADATA;
         if fits {
@@ -346,14 +346,14 @@ impl Metadata {
         fits
     }
 
-    /// Moves the entries of `later` behind its own; tells whether there was room for all.
+    /// Appends the entries of `later`; returns whether there was room for all.
     pub fn append(&mut self, later: &Self) -> bool {
         let mut entries = later.entries.iter();
         entries.all(|(name, key, value)| self.push(name, key, value))
     }
 }
 
-/// The records of a block: in the file as stored, or as decompressed.
+/// The records of a block: the stored bytes, or the decompressed ones.
 fn records<'b>(extent: &Extent, stored: &'b [u8], decompressed: &'b [u8]) -> &'b [u8] {
     match &extent.chunk {
         None => stored,
@@ -367,11 +367,11 @@ fn body<'b>(chunk: &ChunkRecord, stored: &'b [u8]) -> &'b [u8] {
     let place = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
     let start = 9 + place(chunk.header_size);
     let end = start.saturating_add(place(chunk.compressed_size));
-    // Bytes behind them belong to a later version of the format.
+    // Bytes after them belong to a later version of the format.
     stored.get(start..end.min(stored.len())).unwrap_or_default()
 }
 
-/// What a record is to the walk.
+/// The kind of a record, for the walk.
 enum Seen {
     Known,
     New,
@@ -394,7 +394,7 @@ fn see_channel<D>(registry: &Registry<D>, body: &[u8]) -> Seen {
     }
 }
 
-/// Takes the definitions of sound records in; the walk afterwards notes the others.
+/// Records the definitions of sound records; the walk notes the others afterwards.
 fn define<V: Visitor>(
     bytes: &[u8],
     visitor: &mut V,

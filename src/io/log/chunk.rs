@@ -6,45 +6,45 @@ use thiserror::Error;
 
 use super::record::ChunkRecord;
 
-/// Why a chunk is left out.
+/// The reason why a chunk is left out.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum ChunkFault {
     /// Larger than the limit.
     #[error(
-        "the chunk says it takes {needed} bytes as stored and decompressed, the limit is {limit}; if that is right, raise \
+        "the chunk states that it takes {needed} bytes as stored and decompressed, the limit is {limit}; if that is right, raise \
          chunk_bytes in [limits]"
     )]
     TooLarge {
-        /// By its header.
+        /// Bytes stated by the header.
         needed: u64,
-        /// By the settings.
+        /// Limit of the settings, bytes.
         limit: u64,
     },
-    /// A compression that is not known.
+    /// An unknown compression.
     #[error("the chunk's compression is {0:?}; read are \"zstd\", \"lz4\" and none")]
     Compression(String),
     /// The compressed bytes are damaged.
     #[error("the chunk cannot be decompressed: {0}")]
     Damaged(String),
-    /// Another size than the header says.
-    #[error("the chunk holds {found} bytes where its header says {stated}")]
+    /// The size differs from the header's.
+    #[error("the chunk holds {found} bytes where its header states {stated}")]
     Size {
-        /// By its header.
+        /// Bytes stated by the header.
         stated: u64,
-        /// After decompression.
+        /// Bytes after decompression.
         found: u64,
     },
-    /// Another checksum than the header says.
+    /// The checksum differs from the header's.
     #[error(
-        "the chunk's checksum is {found:08x} where its header says {stated:08x}: bytes are damaged"
+        "the chunk's checksum is {found:08x} where its header states {stated:08x}: bytes are damaged"
     )]
     Checksum {
-        /// By its header.
+        /// Checksum stated by the header.
         stated: u32,
-        /// Of the records.
+        /// Checksum of the records.
         found: u32,
     },
-    /// No memory for it.
+    /// There is not enough memory.
     #[error("there is no memory for a chunk of {0} bytes; lower chunk_bytes in [limits]")]
     Memory(u64),
 }
@@ -58,7 +58,7 @@ pub fn within(chunk: &ChunkRecord, limit: u64) -> Result<(), ChunkFault> {
     Ok(())
 }
 
-/// Decompresses chunks, keeping its context for the next one.
+/// Decompresses chunks, and reuses its context for the next one.
 #[derive(Default)]
 pub struct Decompressor {
     zstd: Option<zstd::bulk::Decompressor<'static>>,
@@ -80,7 +80,7 @@ impl Decompressor {
         records.clear();
         match chunk.compression.as_str() {
             "" => return check(chunk, stored),
-            // Bounded by the limit; only what is really decompressed is ever touched.
+            // Within the limit; only memory that is really filled is ever touched.
             "zstd" | "lz4" if records.try_reserve_exact(size + 1).is_err() => {
                 return Err(ChunkFault::Memory(stated));
             }
@@ -106,7 +106,7 @@ impl Decompressor {
 fn lz4(stored: &[u8], size: usize, records: &mut Vec<u8>) -> Result<(), ChunkFault> {
     let damaged = |error: std::io::Error| ChunkFault::Damaged(error.to_string());
     let decoder = lz4::Decoder::new(stored).map_err(damaged)?;
-    // One more than stated, to notice that there is more.
+    // One more than stated, to notice a longer chunk.
     let mut limited = decoder.take(size as u64 + 1);
     limited.read_to_end(records).map_err(damaged)?;
     Ok(())

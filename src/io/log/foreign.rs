@@ -1,6 +1,6 @@
-//! What a file is that is no MCAP log, by its first bytes, and what to do with it.
+//! The kind of a file that is no MCAP log, by its first bytes, and advice on what to do with it.
 
-/// A guess with an advice, with a leading blank; empty where nothing is known.
+/// A guess with advice, after a blank; empty where nothing is known.
 pub(super) fn what_it_is(start: &[u8]) -> &'static str {
     match start {
         [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => {
@@ -26,7 +26,7 @@ pub(super) fn what_it_is(start: &[u8]) -> &'static str {
         }
         [b'U', b'L', b'o', b'g', ..] => " (a PX4 ULog)",
         [b'r', b'o', b's', b'b', b'a', b'g', b'2', ..] => {
-            " (the metadata.yaml of a rosbag2 recording: name the .mcap files beside it)"
+            " (the metadata.yaml of a rosbag2 recording: name the .mcap files next to it)"
         }
         [0x89, b'M', b'C', b'A', b'P', ..] => {
             " (an MCAP file of another version, or one that was copied as text and is damaged by it)"
@@ -46,7 +46,7 @@ pub(super) fn what_it_is(start: &[u8]) -> &'static str {
 
 fn is_text(start: &[u8]) -> bool {
     let plain = |byte: &u8| matches!(byte, b'\t' | b'\r' | b'\n' | b' '..=b'~');
-    // A byte order mark stands before some exports.
+    // Some exports begin with a byte order mark.
     let start = start.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(start);
     start.iter().all(plain)
 }

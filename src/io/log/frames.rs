@@ -1,15 +1,15 @@
-//! The frames of a log's data section: where each record lies, and which bytes are lost.
+//! The frames of a log's data section: the place of each record, and the bytes that are lost.
 //!
-//! Only the data section is walked; the summary after it is a hint that can be missing or lie. Each record is an
-//! opcode, a length and a body. A frame is believed when its opcode belongs here and its length fits the file and,
-//! where the body says so again, the body. Records of an application's own (opcodes 0x80 to 0xff) are stepped over.
+//! Only the data section is walked; the summary after it is a hint that can be missing or wrong. Each record is an opcode,
+//! a length and a body. A frame is trusted when its opcode belongs here and its length fits the file and, where the body
+//! repeats the length, the body. Application-specific records (opcodes 0x80 to 0xff) are skipped.
 //!
-//! The end of the data section is not believed either: where records of data stand behind it, they are read, and
-//! where another log begins (magic bytes and a header, as `cat a.mcap b.mcap` leaves them), it is walked too.
+//! The end of the data section is not trusted either: data records after it are read, and another log that begins there
+//! (magic bytes and a header, as `cat a.mcap b.mcap` leaves them) is walked too.
 //!
-//! A record that is unsound but well framed is lost alone. Where framing itself is lost, the next frame that cannot
-//! be there by chance is looked for: a chunk whose lengths add up, the end of the data section or, in logs
-//! without chunks, three sound records in a row.
+//! An unsound record in a sound frame is lost alone. Where framing itself is lost, the walk searches for the next frame
+//! that cannot be there by chance: a chunk whose lengths add up, the end of the data section or, in logs without chunks,
+//! three sound records in a row.
 
 mod again;
 mod behind;
@@ -29,13 +29,13 @@ pub use indexed::indexed_behind;
 pub use loss::{Loss, Lost};
 pub use records::Records;
 
-/// Candidates for a new frame that are looked at in one log; keeps a hostile one from taking forever.
+/// Most candidates for a new frame that are tried in one log; it bounds the time that a hostile log takes.
 const MOST_PROBES: u32 = 1_000_000;
 
 /// A part of the file's data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Piece {
-    /// A schema, channel, message or metadata record from `start` to `end`; `is_message` tells which.
+    /// A schema, channel, message or metadata record from `start` to `end`; `is_message` is true for a message.
     Record {
         start: u64,
         end: u64,
@@ -47,7 +47,7 @@ pub enum Piece {
         end: u64,
         chunk: ChunkRecord,
     },
-    /// A record of an application's own.
+    /// An application-specific record.
     Private { start: u64, end: u64, opcode: u8 },
     /// Another log begins here, with its magic bytes.
     Log { start: u64 },
@@ -61,26 +61,26 @@ pub struct Frames<'s> {
     limits: Limits,
     at: u64,
     probes_left: u32,
-    /// Where the record before begins, if it ends where the walk is and may hold what is not its own.
+    /// Start of the record before, if it ends where the walk is and may contain the start of another record.
     before: Option<u64>,
-    /// Nothing is left in the file.
+    /// The walk has reached the end of the file.
     ended: bool,
-    /// Of the log that is walked.
+    /// State of the log that is walked.
     log: LogSoFar,
 }
 
-/// What is known of the log that is walked.
+/// Facts found so far about the log that is walked.
 #[derive(Debug, Default)]
 struct LogSoFar {
-    /// Where it begins, with its magic bytes.
+    /// Start of the log, with its magic bytes.
     start: u64,
-    /// It has chunks.
+    /// The log has chunks.
     chunked: bool,
-    /// Records of data stood behind what said that there are none.
+    /// Data records were found after a mark that data ends.
     went_on: bool,
     data_crc: Option<(u64, u32)>,
     data_end: Option<u64>,
-    /// One past its closing mark, once that was met.
+    /// One past its closing mark; `None` until that is found.
     end: Option<u64>,
 }
 
@@ -105,7 +105,7 @@ impl<'s> Frames<'s> {
         }
     }
 
-    /// Goes on with the log that begins at `start`; its header ends at byte `at`.
+    /// Continues with the log that begins at `start`; its header ends at byte `at`.
     pub fn begin(&mut self, start: u64, at: u64) {
         self.at = at;
         self.before = None;
@@ -115,7 +115,7 @@ impl<'s> Frames<'s> {
         };
     }
 
-    /// How far the walk has come.
+    /// The byte that the walk has reached.
     pub const fn at(&self) -> u64 {
         self.at
     }
@@ -125,22 +125,22 @@ impl<'s> Frames<'s> {
         self.source
     }
 
-    /// Where the data section ends and its checksum, where its end record was met and gives one.
+    /// The end of the data section and its checksum; `None` where no end record was found or it has no checksum.
     pub const fn data_crc(&self) -> Option<(u64, u32)> {
         self.log.data_crc
     }
 
-    /// One past the record that ends the data section, if it was met.
+    /// One past the record that ends the data section; `None` where none was found.
     pub const fn data_end(&self) -> Option<u64> {
         self.log.data_end
     }
 
-    /// Where the log that is walked begins.
+    /// Start of the log that is walked.
     pub(super) const fn log_start(&self) -> u64 {
         self.log.start
     }
 
-    /// One past the closing mark of the log that is walked, if it was met.
+    /// One past the closing mark of the log that is walked; `None` where none was found.
     pub(super) const fn log_end(&self) -> Option<u64> {
         self.log.end
     }
@@ -156,7 +156,7 @@ impl<'s> Frames<'s> {
             match self.judge(start)? {
                 Judged::Sound { end, opcode } => {
                     self.at = end;
-                    // An attachment may be a log by itself.
+                    // An attachment may itself be a log.
                     self.before = (opcode != op::ATTACHMENT).then_some(start);
                     if let Some(piece) = self.piece(start, end, opcode)? {
                         return Ok(Some(piece));
@@ -176,7 +176,7 @@ impl<'s> Frames<'s> {
         Ok(None)
     }
 
-    /// The part that a sound frame is; `None` for frames of no interest.
+    /// The part of a sound frame; `None` for frames of no interest.
     fn piece(&mut self, start: u64, end: u64, opcode: u8) -> io::Result<Option<Piece>> {
         Ok(match opcode {
             op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => Some(Piece::Record {
@@ -206,7 +206,7 @@ impl<'s> Frames<'s> {
         })
     }
 
-    /// The header of the chunk whose frame begins at `start`, if one does.
+    /// The header of the chunk whose frame begins at `start`; `None` where no chunk does.
     fn chunk(&mut self, start: u64) -> io::Result<Option<ChunkRecord>> {
         let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
         let is_chunk = bytes.first() == Some(&op::CHUNK);

@@ -1,10 +1,10 @@
-//! The streams of a session while its logs are read: blocks of decoded rows → samples in order of time, each where they
-//! belong.
+//! The streams of a session while its logs are read: blocks of decoded rows → samples in order of time, each to its
+//! receiver.
 //!
 //! 1. The rows of a block wait ([`OrderedStream::take`]) until the next blocks are being opened; meanwhile
 //!    ([`OrderedStream::work`]) they are put in order of time ([`InOrder`]);
-//! 2. joint samples go to who wants them ([`JointSink`]), commanded poses and readings are spilled to disk
-//!    ([`SpillingPoses`]), because the join looks at them again, and temperatures, which are few, stay in memory.
+//! 2. joint samples go to the receiver that wants them ([`JointSink`]), commanded poses and readings are spilled to disk
+//!    ([`SpillingPoses`]), because the join reads them again, and temperatures, which are few, stay in memory.
 
 use std::ops::Range;
 
@@ -20,21 +20,21 @@ use crate::ingest::{
 use crate::io::table::ROW_GROUP_ROWS;
 use crate::units::{Controller, Stamp, Tracker};
 
-/// Joint samples that are emitted together: those of a row group, so that a table needs no copy of its own.
+/// Number of joint samples that are emitted together: those of a row group, so that a table needs no copy of its own.
 const JOINTS_TOGETHER: usize = ROW_GROUP_ROWS;
-/// Poses that are spilled together, and temperatures that are kept together.
+/// Number of poses that are spilled together, and of temperatures that are kept together.
 const TOGETHER: usize = 4096;
 
-/// Takes the samples of a stream, in order of time.
+/// Receives the samples of a stream, in order of time.
 pub trait Emit<B> {
-    /// Takes some samples of the buffer; they go on from those before.
+    /// Takes some samples of the buffer; they follow those given before.
     fn emit(&mut self, buffer: &B, rows: Range<usize>);
 }
 
 /// One stream, being put in order of time.
 pub struct OrderedStream<B: Buffer, T> {
     in_order: InOrder<B>,
-    /// Where the samples go.
+    /// The receiver of the samples.
     to: T,
     /// Rows of blocks and the bytes that they come from, in the order of the file.
     waiting: Vec<(B::Block, (u64, u64))>,
@@ -69,7 +69,7 @@ where
         }
     }
 
-    /// Works on the rows that wait.
+    /// Puts the waiting rows in order of time.
     fn work(&mut self) {
         for (rows, bytes) in self.waiting.drain(..) {
             let emit = |buffer: &B, rows| self.to.emit(buffer, rows);
@@ -94,9 +94,9 @@ pub struct SessionStreams<'s> {
     temperatures: Option<OrderedStream<TemperatureBuffer, TemperatureSamples>>,
 }
 
-/// What the streams come to when all was read.
+/// The results of the streams after all logs were read.
 pub struct Ordered {
-    /// What became of the messages of each stream, in the order of [`Stream::ALL`].
+    /// Read, kept and rejected messages of each stream, in the order of [`Stream::ALL`].
     pub summaries: Vec<(Stream, StreamSummary)>,
     pub commands: SpilledPoses<Controller>,
     pub readings: SpilledPoses<Tracker>,
@@ -104,7 +104,7 @@ pub struct Ordered {
 }
 
 impl<'s> SessionStreams<'s> {
-    /// Nothing read yet; joint samples will go to `joints`. So many samples of a stream are buffered.
+    /// Streams before anything is read; joint samples will go to `joints`, and `buffered` samples of a stream are buffered.
     pub fn new(mapping: &Mapping, buffered: usize, joints: &'s mut dyn JointSink) -> Self {
         let (controller, tracker) = (&mapping.controller, &mapping.tracker);
         let of_joints = JointBuffer::of(mapping);
@@ -116,7 +116,7 @@ impl<'s> SessionStreams<'s> {
         });
         let readings = of_poses(PoseBuffer::readings(tracker), &tracker.topic);
         let temperatures = tracker.temperature.as_ref().map(|topic| {
-            // All of them are buffered: they stay in memory anyway.
+            // All of them are buffered: they stay in memory in any case.
             let in_order = InOrder::new(TemperatureBuffer::default(), topic, TOGETHER, usize::MAX);
             OrderedStream::new(in_order, TemperatureSamples::default())
         });
@@ -128,7 +128,7 @@ impl<'s> SessionStreams<'s> {
         }
     }
 
-    /// The blocks of a stream that follow are of this file.
+    /// The blocks of a stream that follow are from this file.
     pub fn begin_file(&mut self, stream: Stream, file: &str) {
         match stream {
             Stream::Joints => self.joints.begin_file(file),
@@ -153,7 +153,7 @@ impl<'s> SessionStreams<'s> {
         }
     }
 
-    /// Works on the rows that wait, in the order they came in.
+    /// Puts the waiting rows of all streams in order of time.
     pub fn work(&mut self) {
         self.joints.work();
         if let Some(stream) = &mut self.commands {
@@ -165,7 +165,7 @@ impl<'s> SessionStreams<'s> {
         }
     }
 
-    /// Emits what is still buffered. Poses that found no room on the disk are an error.
+    /// Emits the samples that are still buffered. Poses that found no room on the disk are an error.
     pub fn finish(self) -> Result<Ordered, LogError> {
         let (joints, _) = self.joints.finish();
         let mut summaries = vec![(Stream::Joints, joints)];

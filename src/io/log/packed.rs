@@ -1,7 +1,7 @@
-//! Whole logs in zstd (`log.mcap.zst`) → the log in an unnamed temporary file, and what could not be decompressed.
+//! Whole logs in zstd (`log.mcap.zst`) → the log in an unnamed temporary file, and the fault that ended decompression.
 //!
-//! A log is read by position, so it is decompressed first: in one pass, in bounded memory whatever the file says, into a
-//! file that no name leads to and that is gone with the process. What comes before damage is kept.
+//! A log is read by position, so it is decompressed first: in one pass, in bounded memory whatever the file states, into a
+//! file without a name that disappears with the process. Bytes before damage are kept.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
@@ -18,27 +18,27 @@ const WINDOW_LOG: u32 = 27;
 /// Bytes decompressed at once.
 const PIECE: usize = 256 * 1024;
 
-/// How a compressed log is stored, and what of it was lost.
+/// Size of a compressed log, and the fault in it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Packed {
     /// Bytes of the compressed file.
     pub bytes: u64,
-    /// Where decompression ended too early, if it did.
+    /// The fault that ended decompression early; `None` where the file is sound.
     pub fault: Option<PackedFault>,
 }
 
 /// Where and why decompression ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PackedFault {
-    /// Byte of the compressed file, or a little behind the damage.
+    /// Byte of the compressed file, or a little after the damage.
     pub at: u64,
-    /// Why, in words.
+    /// The reason as text.
     pub why: String,
-    /// Whether a checksum was wrong: then the damage is somewhere in what was decompressed.
+    /// Whether a checksum was wrong: then the damage is somewhere in the decompressed bytes.
     pub anywhere: bool,
 }
 
-/// Whether a file that begins so is in zstd: a frame, or one that decompressors skip.
+/// Whether a file with these first bytes is in zstd: a frame, or one that decompressors skip.
 pub(super) fn is_zstd(start: &[u8]) -> bool {
     matches!(
         start,
@@ -46,7 +46,7 @@ pub(super) fn is_zstd(start: &[u8]) -> bool {
     )
 }
 
-/// Decompresses `file`, which is named `name` in errors.
+/// Decompresses `file`, which errors call `name`.
 pub(super) fn unpack(
     file: File,
     name: &str,
@@ -66,7 +66,7 @@ pub(super) fn unpack(
     let mut from = decoder(file).map_err(at_fault)?;
     let mut to = unnamed().map_err(no_room)?;
     let mut piece = vec![0; PIECE];
-    let (mut length, mut told) = (0, 0);
+    let (mut length, mut reported) = (0, 0);
     progress.begin(name, bytes);
     let fault = loop {
         let (count, ended) = fill(&mut from, &mut piece);
@@ -74,12 +74,12 @@ pub(super) fn unpack(
         length += count as u64;
         to.write_all(&piece[..count]).map_err(no_room)?;
         let at = from.get_mut().stream_position().map_err(at_fault)?;
-        progress.advance(at - told);
-        told = at;
+        progress.advance(at - reported);
+        reported = at;
         match ended {
             None if count < PIECE => break None,
             None => {}
-            // The disk's own errors have a number, those of the format have none.
+            // Errors of the disk have a number, those of the format have none.
             Some(error) if error.raw_os_error().is_some() => return Err(at_fault(error)),
             Some(error) => break Some(PackedFault::new(&error, at)),
         }
@@ -115,7 +115,7 @@ fn fill(from: &mut impl Read, piece: &mut [u8]) -> (usize, Option<io::Error>) {
     (count, None)
 }
 
-/// Refuses what is no log before anything of it is written, and a log above the limit.
+/// Refuses a file that is no log before any of it is written, and a log above the limit.
 fn check(name: &str, piece: &[u8], before: u64, limits: Limits) -> Result<(), FileError> {
     if before == 0 && !piece.is_empty() && !piece.starts_with(MAGIC) {
         return Err(FileError::NotMcap {

@@ -1,5 +1,5 @@
-//! What can be known of a log without reading its messages: whether it may still be written to, and what it says of its
-//! session.
+//! Facts about a log that are known without reading its messages: whether it may still be written to, and the metadata of
+//! its session.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,17 +14,17 @@ use crate::progress::Quiet;
 /// The metadata record that names robot, model, session and plan.
 const SESSION: &str = "session";
 
-/// A metadata record longer than this says no names.
+/// A metadata record longer than this is taken not to name the session.
 const MOST_METADATA: u64 = 1 << 20;
 
-/// Whether the file is the beginning of a log: it lacks the closing magic bytes, and is one as far as it goes.
+/// Whether the file is the beginning of a log: it lacks the closing magic bytes, and is sound up to its end.
 ///
 /// # Errors
 /// When the file cannot be read. One in zstd is decompressed.
 pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
     let name = path.display().to_string();
     let (mut source, packed) = match Source::open(path, &name, limits, &Quiet) {
-        // Nothing of it yet, or no whole block of zstd.
+        // Nothing is written yet, or no whole block of zstd.
         Err(FileError::Empty { .. } | FileError::NotUnpacked { .. }) => return Ok(true),
         opened => opened?,
     };
@@ -43,7 +43,7 @@ pub fn has_no_end(path: &Path, limits: Limits) -> Result<bool, FileError> {
     Ok(cut || length < 2 * magic || end.map_err(at_fault)? != MAGIC)
 }
 
-/// What the log's metadata record `session` says; nothing where it has none. Messages are stepped over.
+/// The entries of the log's metadata record `session`; empty where it has none. Messages are skipped.
 ///
 /// # Errors
 /// When the file cannot be read.
@@ -93,7 +93,7 @@ mod tests {
 
     use super::*;
 
-    /// A log that says its session behind a chunk of messages.
+    /// A log with its session record after a chunk of messages.
     fn log() -> Vec<u8> {
         let mut writer = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
         let channel = writer
@@ -132,7 +132,7 @@ mod tests {
             let found = session_record(path, Limits::default()).unwrap();
             assert_eq!(found["session"], "mon");
         }
-        // Cut anywhere it is found, or not there, and no length that it states is believed.
+        // Cut anywhere, the record is found or missing, and no length that it states is trusted.
         for kept in 8..log().len() {
             fs::write(&plain, &log()[..kept]).unwrap();
             let found = session_record(&plain, Limits::default()).unwrap();

@@ -1,4 +1,4 @@
-//! The read summary of one log: what was found in it besides its messages, and what was left out.
+//! The read summary of one log: everything found in it except the messages, and everything left out.
 
 use std::collections::BTreeMap;
 
@@ -8,47 +8,47 @@ use super::registry::Channel;
 use super::summary::Ending;
 use crate::ingest::LogReject;
 
-/// Rejects of one log that are listed one by one; the rest is told together.
+/// Most rejects of one log that are listed one by one; the rest become one reject.
 const MOST_REJECTS: usize = 10_000;
 
-/// What was found in a log besides its messages.
+/// Everything found in a log except its messages.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ReadSummary {
-    /// The file, as it was named.
+    /// Name of the file, as given.
     pub file: String,
-    /// Its size, decompressed if it was stored in zstd as a whole: all places in it are places in that.
+    /// Its size, bytes, after decompression if it is stored in zstd as a whole: all places are in the decompressed log.
     pub bytes: u64,
-    /// How it is stored in zstd, if it is.
+    /// Size of the compressed file and the fault in it; `None` where the log is not stored in zstd as a whole.
     pub packed: Option<Packed>,
-    /// How it ends.
+    /// State of the log's end.
     pub ending: Ending,
     /// Conventions of the log, such as `ros2`.
     pub profile: String,
-    /// What wrote it.
+    /// Program that wrote the log.
     pub library: String,
-    /// Sound chunks, by compression.
+    /// Number of sound chunks, by compression.
     pub chunks: BTreeMap<String, u64>,
-    /// Sound chunks without a checksum.
+    /// Number of sound chunks without a checksum.
     pub chunks_unchecked: u64,
-    /// Messages outside chunks: no checksum covers them one by one.
+    /// Number of messages outside chunks: no checksum covers them one by one.
     pub messages_outside_chunks: u64,
-    /// Messages in sound blocks.
+    /// Number of messages in sound blocks.
     pub messages: u64,
-    /// Messages that are lost as far as indexes and sound summaries count them, in damaged bytes or missing.
+    /// Number of messages lost in damaged bytes or missing, as far as indexes and sound summaries count them.
     pub messages_lost: u64,
-    /// The same by topic, where a channel's definition is known.
+    /// Number of lost messages by topic, where a channel's definition is known.
     pub lost_of: BTreeMap<String, u64>,
-    /// Messages by the sound summaries' statistics and messages read of these logs, where fewer are counted than there are.
+    /// Messages that sound summaries count, and messages read of these logs; `None` unless more were read than counted.
     pub undercounted: Option<(u64, u64)>,
-    /// Logs in the file, one behind another.
+    /// Number of logs in the file, one after another.
     pub logs: u64,
-    /// Records of an application's own, by opcode.
+    /// Number of application-specific records, by opcode.
     pub private_records: BTreeMap<u8, u64>,
     /// Channels: those of each log by id.
     pub channels: Vec<Channel>,
     /// Metadata records: name, key, value.
     pub metadata: Vec<(String, String, String)>,
-    /// What was left out.
+    /// Byte ranges and messages left out, with reasons.
     pub rejects: Vec<LogReject>,
 }
 
@@ -65,7 +65,7 @@ impl ReadSummary {
         }
     }
 
-    /// Counts records of an application's own.
+    /// Counts application-specific records.
     pub(super) fn private(&mut self, opcode: u8, count: u64) {
         *self.private_records.entry(opcode).or_default() += count;
     }
@@ -96,13 +96,13 @@ impl ReadSummary {
         lost
     }
 
-    /// Adds a reject; neighbours of one reason become one, and past a limit all the rest.
+    /// Adds a reject; neighbours with the same reason become one, and past a limit all further ones do.
     pub(super) fn reject(&mut self, reject: LogReject) {
         let full = self.rejects.len() >= MOST_REJECTS;
         match self.rejects.last_mut() {
             Some(last) if full => {
                 last.absorb(reject);
-                "many more losses, told together; see the first ones".clone_into(&mut last.reason);
+                "many more losses, listed as one; see the first ones".clone_into(&mut last.reason);
             }
             Some(last)
                 if last.byte_end == reject.byte_start
@@ -121,7 +121,7 @@ impl ReadSummary {
 }
 
 impl LogReject {
-    /// Takes one of another kind into this one: bytes that are no loss are not counted as one for its sake.
+    /// Merges a reject of another kind into this one: bytes that are no loss are not counted as lost because of it.
     fn absorb(&mut self, other: Self) {
         match (self.is_damage(), other.is_damage()) {
             (true, false) => self.messages = None,

@@ -1,13 +1,13 @@
-//! MCAP records: fields read out of a record's bytes, nothing allocated by a length that the file states.
+//! MCAP records: fields read from a record's bytes, with no allocation by a length that the file states.
 //!
-//! Source: the MCAP format specification, version 0. A reader returns `None` where a record is shorter than its
-//! fields say. The parsers of the `mcap` crate are not used here: they panic or abort on some hostile lengths.
+//! Source: the MCAP format specification, version 0. A reader returns `None` where a record is shorter than its fields. The
+//! parsers of the `mcap` crate are not used here: they panic or abort on some hostile lengths.
 
 /// Opcodes of the format's records.
 pub mod op {
     pub use mcap::records::op::*;
 
-    /// Opcodes from here on are an application's own.
+    /// Opcodes from here on are application-specific.
     pub const FIRST_PRIVATE: u8 = 0x80;
 }
 
@@ -26,12 +26,13 @@ impl<'a> Fields<'a> {
         Self { rest: bytes }
     }
 
-    /// What was not read yet.
+    /// The bytes not read yet.
     pub const fn rest(&self) -> &'a [u8] {
         self.rest
     }
 
-    /// Whether the record ends here, but for an extension. One much longer than its fields has a damaged length.
+    /// Checks that the record ends here, except for an extension. A record much longer than its fields has a damaged
+    /// length.
     fn end(&self) -> Option<()> {
         (self.rest.len() as u64 <= MOST_EXTENSION).then_some(())
     }
@@ -54,7 +55,7 @@ impl<'a> Fields<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    /// A count of four bytes and that many bytes.
+    /// Bytes after a count of four bytes.
     fn bytes(&mut self) -> Option<&'a [u8]> {
         let length = usize::try_from(self.u32()?).ok()?;
         let (bytes, rest) = self.rest.split_at_checked(length)?;
@@ -77,8 +78,8 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Keys and values, read when they are asked for: eight bytes of a record are enough for a pair, so a list of them would
-/// take many times the record's memory.
+/// Keys and values, read on demand: eight bytes of a record are enough for a pair, so a list of them would take many times
+/// the record's memory.
 #[derive(Debug, Clone)]
 pub struct TextMap<'a> {
     fields: Fields<'a>,
@@ -92,12 +93,12 @@ impl<'a> Iterator for TextMap<'a> {
     }
 }
 
-/// The record before all others.
+/// The first record of a log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HeaderRecord<'a> {
     /// Conventions of the log, such as `ros2`.
     pub profile: &'a str,
-    /// What wrote it.
+    /// Program that wrote the log.
     pub library: &'a str,
 }
 
@@ -143,13 +144,13 @@ impl<'a> SchemaRecord<'a> {
 /// A channel: messages of one schema on one topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChannelRecord<'a> {
-    /// Valid in this file only.
+    /// Id of the channel, valid in this log only.
     pub id: u16,
-    /// 0: none.
+    /// Id of the schema; 0: none.
     pub schema_id: u16,
-    /// The topic.
+    /// Name of the topic.
     pub topic: &'a str,
-    /// How messages are serialised.
+    /// Encoding of the messages.
     pub encoding: &'a str,
 }
 
@@ -171,20 +172,20 @@ impl<'a> ChannelRecord<'a> {
 /// A message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MessageRecord<'a> {
-    /// Of the channel it belongs to.
+    /// Id of the message's channel.
     pub channel_id: u16,
-    /// Counted by the publisher, 0 where it does not.
+    /// Number given by the publisher; 0 where it gives none.
     pub sequence: u32,
-    /// When it was recorded, ns.
+    /// Time of recording, ns.
     pub log_time: u64,
-    /// When it was published, ns.
+    /// Time of publishing, ns.
     pub publish_time: u64,
     /// The serialised message.
     pub payload: &'a [u8],
 }
 
 impl<'a> MessageRecord<'a> {
-    /// Bytes before the payload.
+    /// Number of bytes before the payload.
     pub const HEADER: u64 = 22;
 
     /// Reads the body of the record.
@@ -200,7 +201,7 @@ impl<'a> MessageRecord<'a> {
     }
 }
 
-/// What stands before a chunk's compressed records.
+/// The header of a chunk, before its compressed records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChunkRecord {
     /// Earliest log time, ns; a hint.
@@ -220,7 +221,7 @@ pub struct ChunkRecord {
 }
 
 impl ChunkRecord {
-    /// The longest name of a compression that is looked at.
+    /// Longest name of a compression that is read.
     const LONGEST_NAME: usize = 32;
     /// Bytes of the body that suffice to read the header.
     pub const MOST_HEADER: usize = 40 + Self::LONGEST_NAME;
@@ -244,13 +245,13 @@ impl ChunkRecord {
         })
     }
 
-    /// Whether this cannot be anything else by chance: its length is exactly what its fields add up to.
+    /// Whether this can be nothing but a chunk: its length is exactly the sum of its fields.
     pub(super) fn is_certain(&self, length: u64) -> bool {
         self.has_known_compression()
             && self.header_size.checked_add(self.compressed_size) == Some(length)
     }
 
-    /// Bytes that it takes while it is worked on: as stored and, where compressed, decompressed besides.
+    /// Bytes that it takes while it is worked on: as stored and, where compressed, also decompressed.
     pub fn needs(&self) -> u64 {
         if self.compression.is_empty() {
             self.compressed_size
@@ -295,26 +296,27 @@ impl<'a> MetadataRecord<'a> {
 /// Bytes that a later version of the format may add to the end of a record.
 pub const MOST_EXTENSION: u64 = 64;
 
-/// Whether a record of `length` bytes holds fields of so many, and no more than an extension besides.
+/// Whether a record of `length` bytes holds fields of this many bytes, and at most an extension after them.
 pub(super) fn extends(fields: u64, length: u64) -> bool {
     length
         .checked_sub(fields)
         .is_some_and(|more| more <= MOST_EXTENSION)
 }
 
-/// A channel and how many of its messages a message index lists, if the start of its body is sound for that length.
+/// A channel and the number of its messages in a message index; `None` where the start of its body does not fit that
+/// length.
 pub(super) fn indexed_messages(body_start: &[u8], length: u64) -> Option<(u16, u64)> {
     let mut fields = Fields::new(body_start);
     let (channel, bytes) = (fields.u16()?, u64::from(fields.u32()?));
     (extends(bytes + 6, length) && bytes.is_multiple_of(16)).then_some((channel, bytes / 16))
 }
 
-/// What a summary counts.
+/// The statistics record of a summary.
 #[derive(Debug, Clone)]
 pub struct StatisticsRecord<'a> {
-    /// Messages of all channels.
+    /// Number of messages of all channels.
     pub messages: u64,
-    /// Messages of each channel; some writers leave it empty.
+    /// Number of messages of each channel; some writers leave it empty.
     pub of_channels: Counts<'a>,
 }
 

@@ -1,14 +1,14 @@
-//! Which channels and schemas a log has defined so far. Ids mean something within one log only; where a file holds several
-//! logs, one behind another, the limits are those of the file.
+//! The channels and schemas that a log has defined so far. Ids are valid within one log only; where a file holds several
+//! logs, one after another, the limits are those of the file.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::record::{ChannelRecord, SchemaRecord};
 
-/// Bytes of definitions that are kept of one file.
+/// Most bytes of definitions that are kept of one file.
 pub const MOST_DEFINITIONS: usize = 16 * 1024 * 1024;
-/// Channels of one file: as many as a log has ids for.
+/// Most channels of one file: as many as a log has ids for.
 const MOST_CHANNELS: usize = 1 << 16;
 
 /// A message definition as the log has it.
@@ -25,13 +25,13 @@ pub struct Schema {
 /// A channel as the log has it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Channel {
-    /// Valid in this file only.
+    /// Id of the channel, valid in this log only.
     pub id: u16,
-    /// 0: none.
+    /// Id of the schema; 0: none.
     pub schema_id: u16,
-    /// The topic.
+    /// Name of the topic.
     pub topic: String,
-    /// How messages are serialised.
+    /// Encoding of the messages.
     pub encoding: String,
 }
 
@@ -40,19 +40,19 @@ pub struct Channel {
 pub struct Registry<D> {
     schemas: BTreeMap<u16, Arc<Schema>>,
     channels: BTreeMap<u16, (Channel, D)>,
-    /// Every schema of the file: one that comes again, under another id or in another log, is kept once.
+    /// Every schema of the file; one that is repeated, under another id or in another log, is stored once.
     known: BTreeSet<Arc<Schema>>,
-    /// Channels of the logs before this one.
+    /// Number of channels of the logs before this one.
     before: usize,
     size: usize,
 }
 
-/// A definition that cannot be taken in.
+/// The reason why a definition is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Refused {
-    /// The id already means something else.
+    /// The id is already defined differently.
     Redefined,
-    /// No room for more.
+    /// The limit is reached.
     TooMuch,
 }
 
@@ -93,7 +93,7 @@ impl<D> Registry<D> {
         self.channels.get(&id).map(|(channel, _)| channel)
     }
 
-    /// The log ends: gives its channels away, by id. The ids of another one in the same file are its own.
+    /// Ends the log: returns its channels, by id, and forgets its ids, which the next log in the file may define anew.
     pub(super) fn end_log(&mut self) -> impl Iterator<Item = Channel> {
         self.before += self.channels.len();
         self.schemas.clear();
@@ -101,7 +101,7 @@ impl<D> Registry<D> {
         channels.into_values().map(|(channel, _)| channel)
     }
 
-    /// Takes a schema in.
+    /// Records a schema.
     pub fn add_schema(&mut self, record: &SchemaRecord<'_>) -> Result<(), Refused> {
         if self.has_schema(record) {
             return Ok(());
@@ -126,7 +126,7 @@ impl<D> Registry<D> {
         Ok(())
     }
 
-    /// Takes a channel in; `decoder` makes its decoder.
+    /// Records a channel; `decoder` makes its decoder.
     pub fn add_channel<E>(
         &mut self,
         record: &ChannelRecord<'_>,

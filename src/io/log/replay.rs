@@ -1,17 +1,19 @@
-//! The one road from a session's logs to what the join needs: a source of samples, replayed into a detector of dwells.
+//! The one way from a session's logs to the input of the join: a source of samples, replayed into a detector of dwells.
 //!
-//! The logs are the source, and can be read as often as it takes. Each time ([`LogSource::replay`]) the samples of every
-//! stream come out in order of time, however they stand in the files (`ordered`); memory grows with the dwells, not with
-//! the log:
-//! 1. Joint samples go into the detector ([`Finder`]), and to whoever else wants them ([`JointSink`]); none is kept.
+//! The logs are the source, and can be read several times. Each time ([`LogSource::replay`]) the samples of every stream
+//! are emitted in order of time, whatever their order in the files (`ordered`); memory grows with the dwells, not with the
+//! log:
+//!
+//! 1. Joint samples go into the detector ([`Finder`]), and to any other receiver ([`JointSink`]); none is kept.
 //! 2. Commanded poses and readings are spilled to disk; the join detects the target's dwells on them in the same way.
 //!
-//! One replay is enough for nearly every session. There is another
+//! One replay is enough for nearly every session. A second one is needed
+//!
 //! - where messages are further out of order than the buffer reaches: with all samples buffered;
 //! - where the detector finds the stationary threshold too late to have kept the dwells by it: with that threshold alone
 //!   ([`stationary_of`]).
 //!
-//! Dwells and samples are then those of a single replay, to the last bit.
+//! Dwells and samples are always those of a single replay, to the last bit.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -24,39 +26,38 @@ use crate::join::JoinInput;
 use crate::join::stationary::{Finder, StationaryRule, stationary_of};
 use crate::progress::Progress;
 
-/// What wants the joint samples of a session in order of time, while its logs are read.
+/// A receiver of the joint samples of a session in order of time, while its logs are read.
 pub trait JointSink: Send {
-    /// What was given so far does not count: all samples come again.
+    /// Discards the samples given so far: all of them will be given again.
     fn restart(&mut self);
-    /// Takes the next 65 536 samples, or what is left of them: stamps that do not decrease, and angles (rad) row
-    /// behind row.
+    /// Takes the next 65 536 samples, or the remaining ones: stamps that do not decrease, and angles (rad), row after row.
     fn take(&mut self, stamps_ns: &[i64], angles: &[f64]);
 }
 
-/// Wants nothing.
+/// Ignores all samples.
 impl JointSink for () {
     fn restart(&mut self) {}
     fn take(&mut self, _: &[i64], _: &[f64]) {}
 }
 
-/// What was read of a session's logs.
+/// The data read from a session's logs.
 #[derive(Debug)]
 pub struct SessionRead {
-    /// The dwells of the arm, and the samples that the join looks at.
+    /// The dwells of the arm, and the samples that the join needs.
     pub input: JoinInput,
     /// Messages and byte ranges left out, with reasons.
     pub rejects: Vec<LogReject>,
     /// Metadata records of the logs, as `record.key` → value, controller first.
     pub metadata: BTreeMap<String, String>,
-    /// How much was read, for the manifest.
+    /// Numbers of bytes, messages and samples read, for the manifest.
     pub counts: BTreeMap<String, u64>,
 }
 
 /// Reads all logs of a session: finds where the joints are stationary by `rule`, and gives each joint sample to `sink` too
-/// (`&mut ()` where nobody wants them).
+/// (`&mut ()` where nothing else needs them).
 ///
-/// Damage does not fail it: what is lost is in the rejects, for the pipeline's limit to judge. Zero positions are kept: some
-/// instruments write them for a missing reflector, and the join counts them as such.
+/// Damage is no error here: lost bytes and messages are in the rejects, and the pipeline's limit judges them. Zero
+/// positions are kept: some instruments write them for a missing reflector, and the join counts them as such.
 ///
 /// ```
 /// use std::path::Path;
@@ -120,11 +121,11 @@ struct LogSource<'a> {
     mapping: &'a Mapping,
     limits: Limits,
     progress: &'a dyn Progress,
-    /// Samples of each stream that are buffered to be put in order of time.
+    /// Number of samples of each stream that are buffered to be put in order of time.
     buffered: usize,
 }
 
-/// What one replay left behind.
+/// The results of one replay.
 struct Replayed {
     ordered: Ordered,
     files: ReadFiles,
@@ -149,7 +150,7 @@ impl LogSource<'_> {
         self.replay_buffered(joints)
     }
 
-    /// One replay with `buffered` samples in the buffer; its summaries say whether that was enough.
+    /// One replay with `buffered` samples in the buffer; its summaries state whether that was enough.
     fn replay_buffered(&self, joints: &mut dyn JointSink) -> Result<Replayed, LogError> {
         let streams = Mutex::new(SessionStreams::new(self.mapping, self.buffered, joints));
         let files = self
@@ -166,7 +167,7 @@ impl LogSource<'_> {
     }
 }
 
-/// The detector of dwells, and whoever else wants the joint samples.
+/// The detector of dwells, and the other receiver of joint samples.
 struct Detecting<'f, 's> {
     finder: &'f mut Finder,
     beside: Option<&'s mut dyn JointSink>,

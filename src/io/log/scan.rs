@@ -1,15 +1,15 @@
-//! Scan: one log file → every sound message given to a visitor, every lost byte range to the read summary.
+//! Scan: one log file → every sound message given to a visitor, every lost byte range recorded in the read summary.
 //!
 //! 1. Check the magic bytes and read the header.
 //! 2. Walk the frames and gather blocks: chunks, and runs of records outside chunks.
 //! 3. A batch of blocks, bounded in bytes, is decompressed, checked and decoded in parallel, each block into a part
 //!    of its own.
-//! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block
-//!    that defines channels is worked on when its turn comes. What takes long of that the visitor does while the next
-//!    batch is opened.
-//! 5. Judge what is known only at the end of the log: the checksum of all records, how it ends, whether its messages
-//!    are as many as its summary counts.
-//! 6. Where another log stands behind it, go on with that one; its ids are its own.
+//! 4. The parts are merged in the order of the file, so the result does not depend on the number of threads. A block that
+//!    defines channels is worked on when its turn comes. The visitor does the long part of its work while the next batch is
+//!    opened.
+//! 5. Judge what is known only at the end of the log: the checksum of all records, the log's end, whether as many messages
+//!    were read as its summary counts.
+//! 6. Where another log follows, continue with that one; its ids are its own.
 
 mod blocks;
 mod counts;
@@ -36,42 +36,42 @@ use crate::progress::Progress;
 use blocks::{Run, settle};
 use counts::Counts;
 
-/// Bytes of a run of records outside chunks.
+/// Most bytes of a run of records outside chunks.
 const RUN_BYTES: u64 = 1024 * 1024;
-/// Blocks of one batch: each keeps a decompressor.
+/// Most blocks of one batch: each keeps a decompressor.
 const MOST_BLOCKS: usize = 64;
-/// Places of private records that are remembered one by one.
+/// Most places of private records that are remembered one by one.
 const MOST_PLACES: usize = 100;
 
-const ANOTHER_LOG: &str = "another log begins here, behind the one before: both were read, each with its own channels; other \
-     readers see one of them only, so take them apart or merge them (`mcap merge`)";
+const ANOTHER_LOG: &str = "another log begins here, after the one before: both were read, each with its own channels; other \
+     readers read one of them only, so split or merge them (`mcap merge`)";
 
-/// What wants a log's messages. `message` is called from many threads, everything else from one.
+/// A receiver of a log's messages. `message` is called from many threads, all other methods from one.
 pub trait Visitor: Sync {
-    /// What it keeps for each channel.
+    /// State that it keeps for each channel.
     type Decoder: Send + Sync;
-    /// What it makes of one block.
+    /// Its result from one block.
     type Part: Default + Send;
-    /// Why it may give up.
+    /// Error that ends the scan.
     type Error;
 
-    /// A channel was met for the first time.
+    /// Called when a channel is found for the first time.
     fn channel(
         &mut self,
         channel: &Channel,
         schema: Option<&Arc<Schema>>,
     ) -> Result<Self::Decoder, Self::Error>;
-    /// Bytes that a part may take besides, of a block of so many bytes.
+    /// Bytes that a part may take in addition, for a block of this many bytes.
     fn part_bytes(&self, _block: u64) -> u64 {
         0
     }
-    /// A message of a channel that was met.
+    /// Called for a message of a channel that was found.
     fn message(&self, decoder: &Self::Decoder, message: &MessageRecord<'_>, part: &mut Self::Part);
-    /// Empties a part for the next block; its buffers should stay.
+    /// Empties a part for the next block; its buffers should be kept.
     fn clear(&self, part: &mut Self::Part);
     /// Works on what was merged, while the next blocks are opened; called from one thread at a time.
     fn meanwhile(&self) {}
-    /// Takes over what was made of a block, and adds what it left out of it.
+    /// Takes the result of a block, and adds the messages that it left out to the rejects.
     fn merge(&mut self, extent: &Extent, part: &mut Self::Part, rejects: &mut Vec<LogReject>);
 }
 
@@ -102,13 +102,13 @@ where
         registry: Registry::default(),
         batch: Vec::new(),
         filled: 0,
-        // The first blocks define the channels: a batch full of them would wait for the first one.
+        // The first blocks define the channels: the other blocks of a full batch would wait for the first one.
         blocks_at_once: 1,
         limits,
         visitor,
         read_summary,
         progress,
-        told: 0,
+        reported: 0,
         summary: None,
         metadata: Metadata::default(),
         read: Counts::default(),
@@ -118,7 +118,7 @@ where
         rejects: 0,
     };
     scan.run()?;
-    scan.account_for_packing();
+    scan.reject_undecompressed();
     let metadata = scan.metadata.entries;
     let mut read_summary = scan.read_summary;
     read_summary.metadata = metadata;
@@ -143,7 +143,7 @@ fn read_start(source: &mut Source, read_summary: &mut ReadSummary) -> Result<u64
     read_header(source, 0, read_summary).map_err(at_fault)
 }
 
-/// Where the data section of the log that begins at byte `log` begins; the first header is kept.
+/// First byte of the data section of the log that begins at byte `log`; the first header is kept.
 fn read_header(
     source: &mut Source,
     log: u64,
@@ -184,18 +184,18 @@ struct Scan<'a, V: Visitor> {
     visitor: &'a mut V,
     read_summary: ReadSummary,
     progress: &'a dyn Progress,
-    /// Bytes told to the progress.
-    told: u64,
-    /// What the log's summary defines, once it was needed.
+    /// Bytes reported to the progress.
+    reported: u64,
+    /// The definitions in the log's summary; `None` until they are needed.
     summary: Option<Definitions>,
     metadata: Metadata,
-    /// Messages of the log, by channel.
+    /// Number of messages read of the log, by channel.
     read: Counts,
-    /// Messages in chunks of the log that cannot be read, by channel, as far as message indexes tell.
+    /// Number of messages in chunks of the log that cannot be read, by channel, from their message indexes.
     lost: Counts,
-    /// Where private records of the log stand, outside chunks; the last place may be of many.
+    /// Places of private records of the log, outside chunks; the last place may cover many.
     private: Vec<(u64, u64)>,
-    /// Messages outside chunks, and rejects, of the logs before.
+    /// Messages outside chunks, and rejects, of the logs before this one.
     outside_chunks: u64,
     rejects: usize,
 }
@@ -218,7 +218,7 @@ where
                     }),
                     run,
                 ) => {
-                    // An attachment or an index between two records is stepped over, and ends a run.
+                    // An attachment or an index between two records is skipped, and ends a run.
                     let (own, before) = match run {
                         Some(run) if run.end == start => (Some(run), None),
                         run => (None, run),
@@ -247,11 +247,11 @@ where
         }
         let end = self.frames.log_end();
         self.end_log(end.unwrap_or(self.read_summary.bytes))?;
-        self.tell_what_follows(end);
+        self.note_what_follows(end);
         Ok(())
     }
 
-    /// Goes on with the log that begins at `start`, behind the one before.
+    /// Continues with the log that begins at `start`, after the one before.
     fn next_log(&mut self, start: u64) -> Result<(), E> {
         self.end_log(self.frames.log_end().unwrap_or(start).min(start))?;
         self.note((start, start), ANOTHER_LOG.to_owned());
@@ -289,7 +289,7 @@ where
             Piece::Lost(lost) => {
                 let last = self.batch[..self.filled].last();
                 if last.is_some_and(|block| block.extent.start == lost.start) {
-                    // It was taken for a chunk, and is none.
+                    // It was taken for a chunk, but is none.
                     self.filled -= 1;
                 }
                 self.lose(&lost);
@@ -318,7 +318,7 @@ where
         })
     }
 
-    /// Puts a block into the batch, after working on the batch if it is full.
+    /// Adds a block to the batch, after working on the batch if it is full.
     fn add(&mut self, extent: Extent) -> Result<(), E> {
         let weight = |extent: &Extent| {
             let bytes = weight(extent, self.limits);
@@ -358,7 +358,7 @@ where
         );
         opened.map_err(|error| self.io(error))?;
         for place in 0..self.filled {
-            // Taken out of the batch, to be worked on beside the rest of the scan.
+            // Taken out of the batch, so that the scan can be borrowed as a whole.
             let mut block = std::mem::take(&mut self.batch[place]);
             if block.outcome == Outcome::Defines {
                 self.define(&mut block)?;
@@ -369,16 +369,16 @@ where
             self.batch[place] = block;
         }
         // The walk goes back where a record turns out to have been cut.
-        let reached = self.frames.at().max(self.told);
-        self.progress.advance(reached - self.told);
-        self.told = reached;
+        let reached = self.frames.at().max(self.reported);
+        self.progress.advance(reached - self.reported);
+        self.reported = reached;
         self.filled = 0;
         self.blocks_at_once = (self.blocks_at_once * 2).min(MOST_BLOCKS);
         self.let_go();
         Ok(())
     }
 
-    /// Gives buffers back where all blocks together keep more than a batch may hold.
+    /// Frees buffers where all blocks together keep more than a batch may hold.
     fn let_go(&mut self) {
         let mut kept = 0;
         for block in &mut self.batch {
@@ -390,8 +390,7 @@ where
         }
     }
 
-    /// Takes in what the block defines and, where that does not suffice because a definition was lost, what the
-    /// summary says of its channels.
+    /// Records the definitions of the block and, where one was lost, those of its channels that the summary repeats.
     fn define(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
         block.define(self.visitor, &mut self.registry)?;
         let unknown: Vec<_> = block.unknown_channels().collect();
@@ -402,7 +401,7 @@ where
             Some(summary) => summary,
             None => self.definitions(self.read_summary.bytes)?,
         };
-        // Many channels may share a schema, which is long to compare.
+        // Many channels may share a schema, which takes long to compare.
         let mut schemas = BTreeMap::new();
         for (channel, schema) in unknown.iter().filter_map(|&id| summary.of(id)) {
             let known = schema.is_none_or(|schema| {
@@ -413,7 +412,7 @@ where
             if !known {
                 continue;
             }
-            // Refused only where there is no room; the messages are then counted as of an unknown channel.
+            // Refused only where the limit is reached; the messages are then counted as of an unknown channel.
             let added = self.registry.add_channel(&channel, |channel, schema| {
                 self.visitor.channel(channel, schema)
             })?;
@@ -423,14 +422,14 @@ where
         block.define(self.visitor, &mut self.registry)
     }
 
-    /// What the summary of the log that is read defines, if the log ends at byte `end`.
+    /// The definitions in the summary of the log that is read, if the log ends at byte `end`.
     fn definitions(&mut self, end: u64) -> Result<Definitions, E> {
         let log = self.frames.log_start()..end;
         let found = Definitions::read(self.frames.source(), log);
         found.map_err(|source| self.io(source))
     }
 
-    /// Counts the block's messages by their channels; those of a chunk that cannot be read, as its message indexes say.
+    /// Counts the block's messages by channel; for a chunk that cannot be read, its message indexes give the numbers.
     fn count(&mut self, block: &mut Block<V::Part>) -> Result<(), E> {
         let is_lost = matches!(block.outcome, Outcome::Rejected(_));
         if is_lost && block.extent.chunk.is_some() {
@@ -457,7 +456,7 @@ where
         }
     }
 
-    /// Tells of bytes without messages.
+    /// Adds a reject for bytes without messages.
     fn note(&mut self, (byte_start, byte_end): (u64, u64), reason: String) {
         let file = self.read_summary.file.clone();
         self.read_summary.reject(LogReject {
@@ -500,7 +499,7 @@ where
     }
 }
 
-/// Bytes that a block may occupy while it is worked on.
+/// Bytes that a block may take while it is worked on.
 fn weight(extent: &Extent, limits: Limits) -> u64 {
     match &extent.chunk {
         None => extent.end - extent.start,
@@ -508,7 +507,7 @@ fn weight(extent: &Extent, limits: Limits) -> u64 {
     }
 }
 
-/// A log's time as a stamp; times past the year 2262 are cut to it.
+/// A log's time as a stamp; times after the year 2262 become its largest value.
 pub fn ns(time: u64) -> i64 {
     i64::try_from(time).unwrap_or(i64::MAX)
 }

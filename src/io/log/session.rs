@@ -1,11 +1,11 @@
 //! The files of a session: those of the controller's side and those of the tracker's.
 //!
-//! A recorder may split a recording into several files, and say only in the first one what it says once. So a topic has to
-//! be in one file of its side, not in each. The rows of the files are put in order by the times in them, stream by stream,
-//! never by the files' names; ids mean something within one file only.
+//! A recorder may split a recording into several files, and write some records only into the first one. So a topic has to
+//! be in one file of its side, not in each. The rows of the files are put in order by their times, stream by stream, never
+//! by the files' names; ids are valid within one file only.
 //!
-//! 1. Each file is read once, for all that is wanted of it, even if it belongs to both sides; the rows go to the streams of
-//!    the session.
+//! 1. Each file is read once, for all wanted topics, even if it belongs to both sides; the rows go to the streams of the
+//!    session.
 //! 2. Every wanted topic has to be in some file of its side.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,7 +24,7 @@ use super::{Limits, LogError, wanted};
 use crate::ingest::{LogReject, Mapping};
 use crate::progress::{Progress, Quiet};
 
-/// Topics that an error names, and letters of each.
+/// Most topics that an error names, and most letters of each.
 const MOST_TOPICS: usize = 100;
 const LONGEST_TOPIC: usize = 200;
 
@@ -33,7 +33,7 @@ const LONGEST_TOPIC: usize = 200;
 pub struct SessionLogs {
     /// The controller's log, or the parts it was split into.
     pub controller: Vec<PathBuf>,
-    /// The tracker's.
+    /// The tracker's log, or the parts it was split into.
     pub tracker: Vec<PathBuf>,
 }
 
@@ -83,7 +83,7 @@ impl SessionLogs {
         Ok(read)
     }
 
-    /// The files, in words.
+    /// The names of the files as text.
     pub(super) fn names(&self) -> String {
         let files = self.files().into_iter();
         let names = files.map(|file| file.path.display().to_string());
@@ -120,7 +120,7 @@ enum Side {
     Tracker,
 }
 
-/// A file and what it is read for.
+/// A file and the sides that it belongs to.
 struct LogFile {
     path: PathBuf,
     real: PathBuf,
@@ -128,7 +128,7 @@ struct LogFile {
 }
 
 impl LogFile {
-    /// What its counts and metadata are named by.
+    /// The role that its counts and metadata are named by.
     fn role(&self) -> &'static str {
         match (
             self.sides.contains(&Side::Controller),
@@ -141,7 +141,7 @@ impl LogFile {
     }
 }
 
-/// One file, read.
+/// One file after reading.
 struct Part<'m, 's> {
     role: &'static str,
     sides: BTreeSet<Side>,
@@ -149,14 +149,14 @@ struct Part<'m, 's> {
     streams: Streams<'m, 's>,
 }
 
-/// What the files of a session hold besides samples.
+/// Everything that the files of a session hold except samples.
 #[derive(Debug, Default)]
 pub struct ReadFiles {
     /// Byte ranges that cannot be read, and messages that did not become rows.
     pub rejects: Vec<LogReject>,
     /// Metadata records, as `record.key` → value, controller first.
     pub metadata: BTreeMap<String, String>,
-    /// How much was read.
+    /// Numbers of bytes and messages read.
     pub counts: BTreeMap<String, u64>,
 }
 
@@ -165,7 +165,7 @@ pub fn read_metadata(
     logs: &SessionLogs,
     limits: Limits,
 ) -> Result<BTreeMap<String, String>, LogError> {
-    // Above this limit a chunk is stepped over.
+    // Chunks above this limit are skipped.
     let limits = Limits {
         chunk_bytes: 0,
         ..limits
@@ -179,7 +179,7 @@ pub fn read_metadata(
     Ok(metadata)
 }
 
-/// Wants no message.
+/// A visitor that reads no message.
 struct Nothing;
 
 impl Visitor for Nothing {
@@ -198,7 +198,7 @@ impl Visitor for Nothing {
     fn merge(&mut self, _: &Extent, (): &mut (), _: &mut Vec<LogReject>) {}
 }
 
-/// Checks that no topic of a file is wanted for two streams.
+/// Checks that no topic of a file is named for two streams.
 fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted>, LogError> {
     let wanted: Vec<Wanted> = wanted.collect();
     let mut topics = BTreeSet::new();
@@ -211,7 +211,7 @@ fn unlike(file: &str, wanted: impl Iterator<Item = Wanted>) -> Result<Vec<Wanted
     }
 }
 
-/// Each wanted topic has to be in some file of its side.
+/// Checks that each wanted topic is in some file of its side.
 fn require(side: Side, wanted: &[Wanted], parts: &[Part<'_, '_>]) -> Result<(), LogError> {
     let of_side = || parts.iter().filter(|part| part.sides.contains(&side));
     let missing = |wanted: &&Wanted| !of_side().any(|part| part.streams.has(wanted.stream));
@@ -269,7 +269,7 @@ fn remember_all(
     }
 }
 
-/// The same key with another value in a later file gets that file's role behind it, and a number if need be.
+/// A key with another value in a later file gets that file's role as a suffix, and a number if needed.
 fn remember(metadata: &mut BTreeMap<String, String>, key: &str, value: String, role: &str) {
     let names = std::iter::once(key.to_owned())
         .chain(std::iter::once(format!("{key} ({role})")))

@@ -1,5 +1,5 @@
-//! A log file, read by position: through a wide window where records follow one another, through a narrow one from chunk
-//! to chunk.
+//! A log file, read by position: through a wide window where records follow one another, through a narrow one from chunk to
+//! chunk.
 
 use std::fs::{self, File, FileType};
 use std::io::{self, Seek, SeekFrom};
@@ -12,12 +12,12 @@ use crate::progress::Progress;
 
 /// Bytes read at once where records are small.
 const WINDOW: usize = 256 * 1024;
-/// How far behind the wide window a look moves it.
+/// Largest distance after the wide window at which a look moves it, bytes.
 const CLOSE: u64 = 4096;
 /// Bytes read at once from chunk to chunk: more than any header.
 const GLANCE: usize = 512;
 
-/// A file of known length. Nothing past the length it had when it was opened is read: it may still be written to.
+/// A file of known length. Bytes past the length at opening are not read: the file may still be written to.
 #[derive(Debug)]
 pub struct Source {
     file: File,
@@ -34,7 +34,7 @@ struct Window {
 }
 
 impl Source {
-    /// Opens the log at `path`, which is named `name` in errors; one in zstd is decompressed first.
+    /// Opens the log at `path`, which errors call `name`; a log in zstd is decompressed first.
     pub fn open(
         path: &Path,
         name: &str,
@@ -71,7 +71,7 @@ impl Source {
         })
     }
 
-    /// Bytes in the file.
+    /// Number of bytes in the file.
     pub const fn length(&self) -> u64 {
         self.length
     }
@@ -86,8 +86,8 @@ impl Source {
         Ok(self.wide.part(start, wanted))
     }
 
-    /// Like [`Self::peek`] for a few bytes that may be far off: the window stays where it is unless they lie close
-    /// behind it.
+    /// Like [`Self::peek`] for a few bytes that may be far away: the window stays where it is unless they lie close after
+    /// it.
     pub fn probe(&mut self, start: u64, count: usize) -> io::Result<&[u8]> {
         let wanted = self.there(start, count);
         let end = self.wide.start + self.wide.bytes.len() as u64;
@@ -102,7 +102,7 @@ impl Source {
         Ok(self.narrow.part(start, wanted))
     }
 
-    /// How many of so many bytes there are.
+    /// The number of bytes at `start`, at most `count`.
     fn there(&self, start: u64, count: usize) -> usize {
         let behind = self.length.saturating_sub(start);
         usize::try_from(behind).map_or(count, |behind| behind.min(count))
@@ -115,12 +115,12 @@ impl Source {
         Ok(Window { start, bytes })
     }
 
-    /// Fills `to` with `count` bytes at `start`, or what there is of them, without asking for memory for more than there
-    /// is.
+    /// Fills `to` with `count` bytes at `start`, or fewer at the end of the file, without asking for memory for more than
+    /// there are.
     pub fn read(&self, start: u64, count: u64, to: &mut Vec<u8>) -> io::Result<()> {
         let count = count.min(self.length.saturating_sub(start));
         let count = usize::try_from(count).map_err(io::Error::other)?;
-        // What stands in it is overwritten: only what it grows by has to be zeroed.
+        // Its old content is overwritten: only the added bytes have to be zeroed.
         to.reserve_exact(count.saturating_sub(to.len()));
         to.resize(count, 0);
         let mut filled = 0;
@@ -138,7 +138,7 @@ impl Source {
     }
 }
 
-/// What it is that cannot be read by position; `None` for a file.
+/// The kind of a thing that cannot be read by position; `None` for a file.
 fn other_than_a_file(kind: FileType) -> Option<&'static str> {
     if kind.is_file() {
         return None;
@@ -161,7 +161,7 @@ impl Window {
         end.is_some_and(|end| end <= self.bytes.len())
     }
 
-    /// Bytes that it holds; fewer than `count` only if the file was cut while it was read.
+    /// Bytes of the window; fewer than `count` only if the file was cut while it was read.
     fn part(&self, start: u64, count: usize) -> &[u8] {
         let at = usize::try_from(start - self.start).expect("within the window");
         let end = (at + count).min(self.bytes.len());

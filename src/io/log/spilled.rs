@@ -1,7 +1,7 @@
-//! Poses that are spilled to disk while the log is read: row by row in an unnamed temporary file, but for the last ones.
+//! Poses that are spilled to disk while the log is read: row by row in an unnamed temporary file, except the last rows.
 //!
-//! A row is the stamp, the position and, where there are such, orientation and covariance: numbers of eight bytes,
-//! the least significant first. A short log stays in memory; a long one takes no more of it than that.
+//! A row is the stamp, the position and, where there are any, orientation and covariance: numbers of eight bytes, the least
+//! significant first. A short log stays in memory; a long one takes no more memory than that.
 
 use std::fmt::Debug;
 use std::fs::File;
@@ -28,13 +28,13 @@ pub struct SpilledPoses<C> {
     /// The first rows, where there were too many for memory.
     file: Option<File>,
     in_file: usize,
-    /// The rows behind them.
+    /// The rows after them.
     latest: Vec<u8>,
-    /// Bytes of those at which they are written.
+    /// Size of `latest`, bytes, at which it is written to the file.
     most: usize,
 }
 
-/// Which columns the poses have.
+/// The columns of the poses.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Form {
     orientations: bool,
@@ -55,7 +55,7 @@ impl<C> Default for SpilledPoses<C> {
 }
 
 impl<C> SpilledPoses<C> {
-    /// None yet; rows of so many bytes are kept in memory.
+    /// No poses yet; `most` bytes of rows are kept in memory.
     fn keeping(most: usize) -> Self {
         Self {
             clock: PhantomData,
@@ -156,7 +156,7 @@ impl<C: Debug + Send + Sync> Poses<C> for SpilledPoses<C> {
     }
 }
 
-/// Poses that are being spilled; where the disk has no room, that is told at the end.
+/// Poses that are being spilled; a disk without room is reported at the end.
 #[derive(Debug)]
 pub struct SpillingPoses<C> {
     poses: SpilledPoses<C>,
@@ -180,7 +180,7 @@ impl<C> SpillingPoses<C> {
         }
     }
 
-    /// All of them.
+    /// All poses that were spilled.
     pub fn finish(self) -> Result<SpilledPoses<C>, LogError> {
         self.room.map_err(|source| LogError::NoRoom {
             folder: std::env::temp_dir().display().to_string(),
@@ -195,7 +195,7 @@ mod tests {
     use super::*;
     use crate::ingest::TargetReadings;
 
-    /// Readings whose every number is another one.
+    /// Readings in which every number is different.
     fn readings(rows: Range<i32>, orientations: bool, covariances: bool) -> TargetReadings {
         fn column<const N: usize>(rows: &Range<i32>, first: usize) -> Vec<[f64; N]> {
             let number = |row: i32, place: usize| f64::from(row).mul_add(20.0, place as f64) / 7.0;

@@ -1,7 +1,7 @@
 //! Streams: the messages of the topics that the pipeline file names → decoded columns, a block at a time.
 //!
-//! The common message types need no field paths: which fields are read follows from the type. Of any other type the
-//! pipeline file names them.
+//! The common message types need no field paths: their fields follow from the type. For any other type the pipeline file
+//! names the fields.
 
 mod layout;
 mod reader;
@@ -35,7 +35,7 @@ pub enum Stream {
 }
 
 impl Stream {
-    /// In the order of their numbers.
+    /// All streams in the order of their numbers.
     pub const ALL: [Self; 4] = [
         Self::Joints,
         Self::Commands,
@@ -44,7 +44,7 @@ impl Stream {
     ];
 }
 
-/// A stream and where it comes from.
+/// A stream and its topic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Wanted {
     pub stream: Stream,
@@ -52,28 +52,28 @@ pub struct Wanted {
     pub time: TimeSource,
 }
 
-/// How messages of a schema are read, beside that schema.
+/// A schema, and the reader of its messages.
 type SharedReader = (Option<Arc<Schema>>, Arc<Reader>);
 
 /// The wanted streams of one file, being read.
 pub struct Streams<'m, 's> {
     file: String,
-    /// What is read of the file.
+    /// The wanted streams of the file.
     pub wanted: Vec<Wanted>,
     mapping: &'m Mapping,
     met: BTreeSet<Stream>,
-    /// How messages are read, by stream, schema and encoding: channels that share them share the reader.
+    /// Readers of messages, by stream, schema and encoding: channels that share these share the reader.
     readers: BTreeMap<(Stream, u16, String), SharedReader>,
     /// The fields that are read for each stream.
     paths: BTreeMap<Stream, Vec<FieldPath>>,
-    /// Where the rows go. They are worked on while the next blocks are opened, on another thread.
+    /// Receiver of the rows. It works on them while the next blocks are opened, on another thread.
     session: &'m Mutex<SessionStreams<'s>>,
     pub messages: BTreeMap<Stream, u64>,
     pub undecoded: BTreeMap<Stream, u64>,
 }
 
 impl<'m, 's> Streams<'m, 's> {
-    /// Nothing read yet.
+    /// Streams before anything is read.
     pub fn new(
         file: &str,
         wanted: Vec<Wanted>,
@@ -103,7 +103,7 @@ impl<'m, 's> Streams<'m, 's> {
         self.met.contains(&stream)
     }
 
-    /// How the messages of a wanted channel are read; a schema is looked at once, however many channels share it.
+    /// The reader of a wanted channel's messages; a schema is parsed once, however many channels share it.
     fn reader(
         &mut self,
         wanted: &Wanted,
@@ -177,7 +177,7 @@ impl<'m, 's> Streams<'m, 's> {
                 format!("joint {:?} is missing from the message", joint(place))
             }
             RowFault::JointTwice(place) => {
-                format!("joint {:?} stands twice in the message", joint(place))
+                format!("joint {:?} is twice in the message", joint(place))
             }
             RowFault::NoValue(place) => format!("the message has no value at {:?}", path(place)),
             RowFault::NoNumber(place) => {

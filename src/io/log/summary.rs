@@ -1,8 +1,8 @@
-//! The summary at the end of a log, as a hint: definitions of channels whose own records were lost, and how many
-//! messages there should be.
+//! The summary at the end of a log, as a hint: definitions of channels whose own records were lost, and the number of
+//! messages that there should be.
 //!
-//! Nothing depends on it. Definitions are taken from it only where its checksum, if given, is right. How a log ends is
-//! told besides, since other readers do depend on it.
+//! Nothing depends on it. Definitions are taken from it only where its checksum, if given, is right. The state of a log's
+//! end is also reported, since other readers depend on it.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -15,15 +15,15 @@ use super::record::{ChannelRecord, FRAME_HEADER, SchemaRecord, StatisticsRecord,
 use super::registry::MOST_DEFINITIONS;
 use super::source::Source;
 
-/// Bytes of a footer and the closing magic.
+/// Number of bytes of a footer and the closing magic.
 const TAIL: u64 = FRAME_HEADER + 20 + 8;
-/// Bytes read at once.
+/// Number of bytes read at once.
 const PIECE: u64 = 256 * 1024;
 
-/// How a log ends.
+/// The state of a log's end.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Ending {
-    /// No footer and no closing magic bytes: something was cut off.
+    /// No footer and no closing magic bytes: the end was cut off.
     #[default]
     Cut,
     /// A footer without a summary.
@@ -32,20 +32,21 @@ pub enum Ending {
     Unchecked,
     /// A summary with the right checksum.
     Sound,
-    /// A summary that is not where its footer says, or with another checksum.
+    /// A summary that is not where its footer states, or whose checksum is wrong.
     Damaged,
 }
 
-/// A footer's word on the summary.
+/// The statements of a footer about the summary.
 #[derive(Debug, Clone, Copy)]
 struct Footer {
-    /// Where the footer begins.
+    /// Start of the footer.
     at: u64,
     summary_start: u64,
     crc: u32,
 }
 
-/// How the log in these bytes of the file ends, and where its summary lies if it has one that can be trusted.
+/// The state of the end of the log in these bytes of the file, and the place of its summary; `None` where none can be
+/// trusted.
 pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Option<Range<u64>>)> {
     let Some(footer) = footer(source, &log)? else {
         return Ok((Ending::Cut, None));
@@ -53,7 +54,7 @@ pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Optio
     if footer.summary_start == 0 {
         return Ok((Ending::NoSummary, None));
     }
-    // Places are those of the log, which may stand behind another one.
+    // Places count from the start of the log, which may follow another one.
     let start = log.start.checked_add(footer.summary_start);
     let Some(range) = start
         .map(|start| start..footer.at)
@@ -64,7 +65,7 @@ pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Optio
     if footer.crc == 0 {
         return Ok((Ending::Unchecked, Some(range)));
     }
-    // The checksum reaches over the footer, up to itself.
+    // The checksum covers the footer, up to itself.
     let found = source.checksum(range.start..footer.at + FRAME_HEADER + 16)?;
     Ok(if found == footer.crc {
         (Ending::Sound, Some(range))
@@ -73,7 +74,7 @@ pub fn ending(source: &mut Source, log: Range<u64>) -> io::Result<(Ending, Optio
     })
 }
 
-/// Where the summary of the log in these bytes begins, by its footer.
+/// The start of the summary of the log in these bytes, by its footer.
 pub fn begin(source: &mut Source, log: Range<u64>) -> io::Result<Option<u64>> {
     let footer = footer(source, &log)?;
     Ok(footer.and_then(|footer| log.start.checked_add(footer.summary_start)))
@@ -107,13 +108,13 @@ fn read_footer(at: u64, tail: &[u8]) -> Option<Footer> {
 pub struct Definitions {
     /// Frames of schemas and channels, one after another.
     bytes: Vec<u8>,
-    /// Where each channel's body lies.
+    /// The place of each channel's body.
     channels: BTreeMap<u16, Range<usize>>,
     schemas: BTreeMap<u16, Range<usize>>,
 }
 
 impl Definitions {
-    /// Reads those of the log in these bytes; none where there is no summary that can be trusted.
+    /// Reads the definitions of the log in these bytes; none where no summary can be trusted.
     pub fn read(source: &mut Source, log: Range<u64>) -> io::Result<Self> {
         let (_, Some(range)) = ending(source, log)? else {
             return Ok(Self::default());
@@ -132,7 +133,7 @@ impl Definitions {
         Ok(found)
     }
 
-    /// The channel `id` and its schema, if the summary repeats them.
+    /// The channel `id` and its schema; `None` where the summary does not repeat them.
     pub fn of(&self, id: u16) -> Option<(ChannelRecord<'_>, Option<SchemaRecord<'_>>)> {
         let body = |range: &Range<usize>| self.bytes.get(range.clone());
         let channel = ChannelRecord::read(body(self.channels.get(&id)?)?)?;
@@ -142,8 +143,8 @@ impl Definitions {
     }
 }
 
-/// Frames of the schemas and channels in a summary; indexes, which can be long, are stepped over. None where other
-/// records stand among them: then these are not the bytes of a summary.
+/// Frames of the schemas and channels in a summary; indexes, which can be long, are skipped. Empty where other records are
+/// among them: then these are not the bytes of a summary.
 fn definitions(source: &mut Source, range: Range<u64>) -> io::Result<Vec<u8>> {
     let (mut found, mut frame) = (Vec::new(), Vec::new());
     let mut at = range.start;
@@ -188,20 +189,20 @@ fn next_frame(source: &mut Source, at: u64, end: u64) -> io::Result<Option<(u8, 
     Ok(own_end.filter(|&own| own <= end).map(|own| (opcode, own)))
 }
 
-/// How many messages a log has, by its summary.
+/// The number of messages of a log, by its summary.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
-    /// Of all channels.
+    /// Number of messages of all channels.
     pub messages: u64,
-    /// Of each channel, where its writer counted them.
+    /// Number of messages of each channel, where the writer counted them.
     pub of_channels: BTreeMap<u16, u64>,
 }
 
-/// Bytes of the longest statistics: a count for every id there is.
+/// Bytes of the longest statistics: a count for every possible id.
 const MOST_STATISTICS: u64 = 64 + (1 << 16) * 10;
 
 impl Statistics {
-    /// Reads them out of a summary; `None` where it has none.
+    /// Reads the statistics from a summary; `None` where it has none.
     pub fn read(source: &mut Source, range: Range<u64>) -> io::Result<Option<Self>> {
         let mut at = range.start;
         while let Some((opcode, end)) = next_frame(source, at, range.end)? {

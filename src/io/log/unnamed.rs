@@ -1,10 +1,10 @@
-//! Temporary files that no name leads to: gone with the process, however it ends.
+//! Temporary files without a name: they disappear with the process, however it ends.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A new one, in the folder for temporaries.
+/// A new unnamed file, in the folder for temporary files.
 pub fn unnamed() -> io::Result<File> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let count = COUNT.fetch_add(1, Ordering::Relaxed);

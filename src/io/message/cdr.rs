@@ -1,16 +1,16 @@
 //! ROS 2 CDR: a message's bytes, read by a reader.
 //!
-//! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second tells version, byte order and
-//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most)
-//! counted from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's count
-//! includes its end mark. In version 2 an array of anything but numbers begins with its length in bytes; in the
-//! delimited encoding each appendable message does so too, so that fields it has more than the schema are passed over.
+//! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second states version, byte order and
+//! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most) counted
+//! from the end of the encapsulation; strings and sequences begin with a count of four bytes, a string's count includes its
+//! terminating zero. In version 2 an array of anything but numbers begins with its length in bytes; in the delimited
+//! encoding each appendable message does so too, so that fields missing from the schema can be skipped.
 //!
-//! A wide string is a count and its characters, of four bytes each as Fast DDS writes them for ROS 2 or of two as
-//! Cyclone DDS does. No message tells which, so a message with a wide string in it is read both ways: it is used when
-//! one way alone fits it, or when both give the same values.
+//! A wide string is a count and its characters, of four bytes each as Fast DDS writes them for ROS 2 or of two as Cyclone
+//! DDS does. No message states which, so a message with a wide string is read both ways: it is used when only one way fits
+//! it, or when both give the same values.
 //!
-//! A message laid out as the one before is not walked again ([`layout`]).
+//! A message with the same layout as the one before is not walked again ([`layout`]).
 
 mod layout;
 
@@ -21,26 +21,26 @@ use super::{CdrReader, MessageFault, Primitive, Row};
 
 pub(super) use layout::Layout;
 
-/// Bytes of a wide character as the implementations have them.
+/// Bytes of a wide character in the different implementations.
 const WIDE: [u8; 2] = [4, 2];
 
-/// Where reading stands, counted from the end of the encapsulation.
+/// The reading position, counted from the end of the encapsulation.
 struct Cursor<'m> {
     bytes: &'m [u8],
     at: usize,
     big_endian: bool,
-    /// The most that anything is aligned to.
+    /// Largest alignment of any number.
     widest: usize,
     version_2: bool,
     wide: u8,
-    /// Takes down what the layout follows from.
+    /// Records what determines the layout.
     layout: Layout,
 }
 
 impl CdrReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
-    /// What was taken before a fault was met must not be used.
+    /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if row.fill_as_before(&self.identity, message) {
             return Ok(());
@@ -68,7 +68,7 @@ impl CdrReader {
             .split_first_chunk::<4>()
             .ok_or(MessageFault::Short)?;
         let encapsulation = u16::from_be_bytes([header[0], header[1]]);
-        // Even numbers are big-endian. From 0x10 on: as an earlier edition of the standard numbered them.
+        // Even numbers are big-endian. Numbers from 0x10 on are those of an earlier edition of the standard.
         let (steps, version_2) = match encapsulation {
             0 | 1 => (&self.plain, false),
             6 | 7 | 0x10 | 0x11 => (&self.plain, true),
@@ -96,7 +96,7 @@ impl CdrReader {
     }
 }
 
-/// Bytes of the encapsulation; alignment is counted from its end, which for up to 4 bytes makes no difference.
+/// Bytes of the encapsulation; alignment is counted from its end, which makes no difference for up to 4 bytes.
 const HEADER: usize = 4;
 
 impl Cursor<'_> {
@@ -168,7 +168,7 @@ impl Cursor<'_> {
         }
         let mut picked = repeat.picked.iter().peekable();
         for index in 0..count {
-            // Each element has at least one byte, so a count that lies ends here.
+            // Each element has at least one byte, so a wrong count ends here.
             if self.at >= self.bytes.len() {
                 return Err(MessageFault::Short);
             }
@@ -181,7 +181,7 @@ impl Cursor<'_> {
         Ok(())
     }
 
-    /// What is an array of other things than numbers: in version 2 it begins with its length in bytes.
+    /// Reads an array of anything but numbers: in version 2 it begins with its length in bytes.
     fn collection(
         &mut self,
         read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
@@ -193,7 +193,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// Reads what begins with its length in bytes; what is not read of it is passed over.
+    /// Reads a part that begins with its length in bytes; unread bytes of it are skipped.
     fn delimited(
         &mut self,
         read: impl FnOnce(&mut Self) -> Result<(), MessageFault>,
@@ -212,7 +212,7 @@ impl Cursor<'_> {
         Ok(number(&self.bytes[start..end], of, self.big_endian))
     }
 
-    /// Where `count` numbers lie. An empty array is not aligned: nothing is written for it.
+    /// The byte range of `count` numbers. An empty array is not aligned: nothing is written for it.
     #[inline]
     fn elements(&mut self, of: Primitive, count: u64) -> Result<(usize, usize), MessageFault> {
         if count == 0 {
@@ -230,7 +230,7 @@ impl Cursor<'_> {
         Ok((start, end))
     }
 
-    /// The next place that is aligned to `size`, a power of two.
+    /// The next position that is aligned to `size`, a power of two.
     #[inline]
     const fn aligned(&self, size: usize) -> usize {
         ((self.at - HEADER + size - 1) & !(size - 1)) + HEADER
@@ -284,7 +284,7 @@ impl Cursor<'_> {
         })
     }
 
-    /// Some writers fill a message up to a multiple of four, or with zeros.
+    /// Some writers pad a message to a multiple of four, or with zeros.
     fn finish(&mut self) -> Result<(), MessageFault> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         if rest.len() < 4 || rest.iter().all(|&byte| byte == 0) {
@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_filled_again_and_again_is_as_one_filled_for_the_first_time() {
+    fn a_reused_row_equals_a_new_one() {
         let wanted = [
             "header.stamp.sec",
             "header.stamp.nanosec",
@@ -333,7 +333,7 @@ mod tests {
         let mut messages = vec![joint_message(true), joint_message(false)];
         for (at, byte) in [
             (4, 8),      // another stamp
-            (16, b'\0'), // the frame's end mark, and what stands in front of it
+            (16, b'\0'), // the frame's end mark, and the byte before it
             (16, b'c'),
             (32, b'k'), // another name
             (48, 77),   // another position
@@ -501,7 +501,7 @@ mod tests {
         let mut row = Row::default();
         reader.read(&message, &mut row).expect("sound message");
         let value = |slot| row.value(&message, slot);
-        // There is no third element of either array.
+        // Neither array has a third element.
         assert_eq!((value(0), value(1)), (Value::Number(1.5), Value::Absent));
         let names = value(2).texts().expect("an array");
         let names: Vec<_> = names
@@ -577,7 +577,7 @@ mod tests {
         assert_eq!(read(&[], 0), Ok(Some(5)));
         assert_eq!(read(b"a\0\0\0b\0\0\0", 2), Ok(Some(5)));
         assert_eq!(read(b"a\0b\0", 2), Ok(Some(5)));
-        // Read with two bytes, x is the second character and a zero is left over.
+        // Read with two bytes per character, x is the second character and a zero is left over.
         assert_eq!(
             reader.read(
                 &[0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
@@ -585,7 +585,7 @@ mod tests {
             ),
             Err(MessageFault::WideText)
         );
-        // With two bytes a character 0 follows, and what is left looks like padding.
+        // Read with two bytes, a character 0 follows, and the remaining bytes look like padding.
         assert_eq!(read(b"a\0\0\0", 1), Ok(Some(5)));
     }
 

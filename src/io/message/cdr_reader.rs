@@ -1,9 +1,9 @@
 //! Definition + wanted paths → a flat list of steps over a CDR message.
 //!
-//! 1. Nested messages are unfolded in place; arrays of them become one repeated step.
+//! 1. Nested messages are expanded in place; arrays of them become one repeated step.
 //! 2. A wanted path becomes a step that takes a value; every other field becomes a step that skips.
 //!
-//! Fields after the last wanted one are still walked: a message that does not end where its schema says is damaged.
+//! Fields after the last wanted one are still walked: a message that does not end where its schema ends is damaged.
 
 use std::sync::Arc;
 
@@ -13,12 +13,12 @@ use super::{
     Shape,
 };
 
-/// More fields than any message of the field has; keeps a hostile schema from unfolding without end.
+/// More fields than any real message has; it stops a hostile schema from expanding without end.
 const MOST_STEPS: usize = 20_000;
-/// More levels than any message of the field has; keeps a type that contains itself off the stack's end.
+/// More levels than any real message has; it stops a type that contains itself from overflowing the stack.
 const MOST_LEVELS: usize = 32;
 
-/// How to read the wanted values of one message type.
+/// The steps that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CdrReader {
     pub(super) plain: Vec<Step>,
@@ -34,7 +34,7 @@ pub struct CdrReader {
 /// One step over the bytes of a message. `slot` is the place of the path among the wanted ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
-    /// As many elements as the definition says.
+    /// As many elements as the definition states.
     Skip { of: Primitive, count: u32 },
     /// A count and that many elements.
     SkipSequence(Primitive),
@@ -42,7 +42,7 @@ pub(super) enum Step {
     SkipText,
     /// One string of wide characters.
     SkipWideText,
-    /// Elements of a nested type (or strings), as many as the definition (or else the message) says.
+    /// Elements of a nested type (or strings), as many as the definition or, if it states none, the message states.
     Repeat(Box<Repeat>),
     /// A nested type that begins with its length.
     Delimited(Vec<Step>),
@@ -76,13 +76,13 @@ pub(super) struct Repeat {
     pub(super) count: Option<u32>,
     /// The steps of an element.
     pub(super) steps: Vec<Step>,
-    /// The steps of elements of which something else is wanted, by index.
+    /// The steps of single elements with other wanted values, by index.
     pub(super) picked: Vec<(usize, Vec<Step>)>,
     /// Lists that each element adds to.
     pub(super) lists: Vec<usize>,
 }
 
-/// What is carried while a definition is unfolded.
+/// State while a definition is expanded.
 struct Unfolding<'d> {
     definition: &'d Definition,
     wanted: &'d [FieldPath],
@@ -128,7 +128,7 @@ impl CdrReader {
     }
 }
 
-/// A type whose fields may stand in any order.
+/// A type whose fields may be in any order; `None` where there is none.
 fn mutable(definition: &Definition) -> Option<&MessageType> {
     let mut types = definition.types.iter();
     types.find(|message| message.extensibility == Extensibility::Mutable)
@@ -312,7 +312,7 @@ impl Unfolding<'_> {
         }
     }
 
-    /// An array whose length the definition tells must have the element.
+    /// Checks that an array whose length the definition states has the element.
     fn reach(&self, index: usize, count: Option<u32>, want: &Want<'_>) -> Result<(), SchemaError> {
         match count.and_then(|count| usize::try_from(count).ok()) {
             Some(count) if index >= count => Err(SchemaError::NoElement {
@@ -359,7 +359,7 @@ fn once_or_repeated(step: Step, shape: Shape) -> Step {
     }))
 }
 
-/// Paths of the fields that could be wanted, for an error; not all of a very large message.
+/// Paths of the fields that can be wanted, for an error; not all of a very large message.
 pub(super) fn leaves(definition: &Definition) -> Vec<String> {
     let mut found = Vec::new();
     let mut open = vec![(0_usize, String::new(), 0_usize)];

@@ -1,13 +1,12 @@
-//! What is found for one wanted path: a number, or where in the message it lies.
+//! The cell of one wanted path: a number, or the place of the value in the message.
 
 use super::value::Text;
 use super::{MessageFault, Primitive};
 
-/// Elements of an array that are gathered one by one: far more than an arm has joints.
+/// Most elements of an array that are gathered one by one: far more than an arm has joints.
 const MOST_ELEMENTS: usize = 100_000;
 
-/// What was found for one wanted path; places are byte ranges of the message, in which a message has to be shorter than
-/// 4 GiB.
+/// The value found for one wanted path; places are byte ranges of the message, which has to be shorter than 4 GiB.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) enum Cell {
     #[default]
@@ -27,24 +26,24 @@ pub(super) enum Cell {
         count: u32,
         big_endian: bool,
     },
-    /// In the list of the slot.
+    /// The value is in the list of the slot.
     List,
 }
 
-/// Where a string lies in its message.
+/// The place of a string in its message.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Span {
     start: u32,
     end: u32,
-    /// It has JSON's escapes in it.
+    /// The string contains JSON escapes.
     pub(super) escaped: bool,
 }
 
-/// An array met element by element; an element that is neither number nor string is absent.
+/// An array gathered element by element; an element that is neither number nor string is absent.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct List(Vec<Cell>);
 
-/// A place in a message, whose length [`Row::begin`](super::Row) has looked at.
+/// A place in a message, whose length [`Row::begin`](super::Row) has checked.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "a message is shorter than 4 GiB"
@@ -62,7 +61,7 @@ impl Span {
         }
     }
 
-    /// The same span in what begins at `start`.
+    /// The span counted from `start`; `self` is counted from an earlier byte.
     pub(super) const fn counted_from(self, start: usize) -> Self {
         Self {
             start: self.start - place(start),
@@ -71,7 +70,7 @@ impl Span {
         }
     }
 
-    /// The same span in a message in which as many bytes stand before it.
+    /// The span moved on by `bytes`.
     pub(super) const fn moved_on(self, bytes: usize) -> Self {
         Self {
             start: self.start + place(bytes),
@@ -80,13 +79,13 @@ impl Span {
         }
     }
 
-    /// The bytes that lie there.
+    /// The bytes of the span.
     #[inline]
     pub(super) fn bytes(self, message: &[u8]) -> &[u8] {
         bytes(message, self.start, self.end)
     }
 
-    /// The string that lies there.
+    /// The string of the span.
     pub(super) fn of(self, message: &[u8]) -> Text<'_> {
         Text {
             bytes: self.bytes(message),
@@ -120,7 +119,7 @@ impl Cell {
 }
 
 impl List {
-    /// Adds an element of which nothing is known yet.
+    /// Adds an element without a value.
     #[inline]
     pub(super) fn begin_element(&mut self) -> Result<(), MessageFault> {
         self.push(Cell::Absent)
@@ -136,7 +135,7 @@ impl List {
         Ok(())
     }
 
-    /// Gives the element last added its value.
+    /// Sets the value of the last element.
     #[inline]
     pub(super) fn set_last(&mut self, cell: Cell) {
         if let Some(last) = self.0.last_mut() {
@@ -144,18 +143,18 @@ impl List {
         }
     }
 
-    /// Whether nothing is known of the element last added.
+    /// Whether the last element has no value yet.
     pub(super) fn last_is_absent(&self) -> bool {
         matches!(self.0.last(), Some(Cell::Absent))
     }
 
-    /// The element at `index`, which there is, to be written.
+    /// The element at `index`, which must exist, for writing.
     #[inline]
     pub(super) fn element_mut(&mut self, index: usize) -> &mut Cell {
         &mut self.0[index]
     }
 
-    /// The element at `index`, if there is one.
+    /// The element at `index`; absent where there is none.
     #[inline]
     pub(super) fn element(&self, index: usize) -> Cell {
         self.0.get(index).copied().unwrap_or_default()
@@ -175,7 +174,7 @@ impl List {
     }
 }
 
-/// The number in `bytes`, which are as many as `of` needs.
+/// The number in `bytes`, whose length is that of the type `of`.
 #[inline]
 pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
     let mut cell = Cell::Absent;
@@ -184,8 +183,8 @@ pub(super) fn number(bytes: &[u8], of: Primitive, big_endian: bool) -> Cell {
 }
 
 impl Cell {
-    /// Becomes the number in `bytes`, which are as many as `of` needs. Written where it stays: copying a cell that was just
-    /// written waits for its two parts, once for each number of each message.
+    /// Sets the cell to the number in `bytes`, whose length is that of the type `of`. It writes in place: copying a cell
+    /// that was just written waits for its two parts, once for each number of each message.
     #[inline]
     pub(super) fn take(&mut self, bytes: &[u8], of: Primitive, big_endian: bool) {
         macro_rules! stored {

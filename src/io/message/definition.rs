@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// The message type of a channel with every type it uses.
+/// The message type of a channel with every type that it uses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Definition {
     /// The first one is the channel's own; fields refer to the others by index.
@@ -16,17 +16,17 @@ pub struct MessageType {
     pub name: String,
     /// At least one: an empty message carries a placeholder byte.
     pub fields: Vec<Field>,
-    /// How other versions of the type may differ.
+    /// The ways in which other versions of the type may differ.
     pub extensibility: Extensibility,
 }
 
-/// How other versions of a type may differ, which decides how it is delimited in CDR version 2.
+/// The ways in which other versions of a type may differ, which decide how it is delimited in CDR version 2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Extensibility {
-    /// Nothing is said, which is taken for appendable where a message is in a delimited encoding.
+    /// Not stated: taken as appendable where a message is in a delimited encoding.
     #[default]
     Unstated,
-    /// `@final`: they do not.
+    /// `@final`: they do not differ.
     Final,
     /// `@appendable`: they may have more fields at their end.
     Appendable,
@@ -37,15 +37,15 @@ pub enum Extensibility {
 /// One field.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Field {
-    /// Its name.
+    /// Name of the field.
     pub name: String,
-    /// What one element is.
+    /// Type of one element.
     pub of: FieldType,
-    /// How many elements there are.
+    /// Number of elements.
     pub shape: Shape,
 }
 
-/// What one element of a field is.
+/// The type of one element of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FieldType {
     /// A number.
@@ -58,18 +58,18 @@ pub enum FieldType {
     Message(usize),
 }
 
-/// How many elements a field has.
+/// The number of elements of a field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
-    /// One.
+    /// One element.
     One,
-    /// As many as the definition says.
+    /// As many elements as the definition states.
     Fixed(u32),
-    /// As many as the message says, bounded or not.
+    /// As many elements as the message states, bounded or not.
     Sequence,
 }
 
-/// A number as it is stored.
+/// The type of a stored number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Primitive {
     /// 0 or 1 in one byte.

@@ -1,13 +1,13 @@
 //! JSON messages: wanted paths → a tree of the names on the way → the wanted values of each message in one pass.
 //!
-//! JSON as RFC 8259 has it, with `NaN`, `Infinity` and `-Infinity` besides, which Python writes for what JSON cannot
-//! say. `null` is no value. Of a name given twice the last counts, as in the readers in use. Nothing else of a message
-//! is kept, and no schema is needed; where there is one (JSON Schema), it tells which fields there are.
+//! JSON by RFC 8259, and also `NaN`, `Infinity` and `-Infinity`, which Python writes for numbers that JSON lacks. `null` is
+//! no value. Where a name is given twice the last value counts, as in the usual readers. No other values are kept, and no
+//! schema is needed; where there is one (JSON Schema), it shows the fields.
 //!
 //! 1. [`JsonReader::new`]: paths → tree.
 //! 2. [`JsonReader::read`]: payload → the wanted values in a row.
 //!
-//! Of a message worded as the one before, only the numbers are read ([`template`](super::template)).
+//! Where a message has the same template as the one before, only the numbers are read ([`template`](super::template)).
 
 mod bytes;
 mod number;
@@ -23,7 +23,7 @@ use super::path::{Segment, Want};
 pub(super) use read::NumberSlot;
 pub use schema::JsonSchema;
 
-/// How to read the wanted values of messages.
+/// The tree that reads the wanted values of messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JsonReader {
     /// The first one is the message itself.
@@ -33,18 +33,18 @@ pub struct JsonReader {
     identity: Arc<()>,
 }
 
-/// What is wanted of one value on the way.
+/// The wanted values at or below one value on the way.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 struct Node {
-    /// Itself, a number, a string or an array of either: the slots, and whether it is added to a list there.
+    /// The value itself, a number, a string or an array of either: the slots, and whether it is added to a list there.
     slots: Vec<(usize, bool)>,
-    /// By name, of an object.
+    /// Children by name, for an object.
     names: Vec<(String, usize)>,
-    /// By index, of an array.
+    /// Children by index, for an array.
     elements: Vec<(usize, usize)>,
-    /// Every element of an array, and the lists that it is added to.
+    /// The child for every element of an array, and the lists that it is added to.
     each: Option<(usize, Vec<usize>)>,
-    /// All slots at or below it, and whether they are added to a list outside of it.
+    /// All slots at or below it, and whether they are added to a list that begins above it.
     below: Vec<(usize, bool)>,
 }
 
@@ -69,7 +69,7 @@ impl JsonReader {
             return;
         };
         match segment {
-            // All names of a choice are looked for: nothing says which one is there.
+            // All names of a choice are searched: nothing states which one the message has.
             Segment::Field(names) => {
                 for name in names {
                     let child = self.child(node, |node| {
@@ -107,7 +107,7 @@ impl JsonReader {
         }
     }
 
-    /// The child that is there, or a new one.
+    /// The existing child, or a new one.
     fn child(&mut self, node: usize, find: impl FnOnce(&Node) -> Option<usize>) -> usize {
         find(&self.nodes[node]).unwrap_or_else(|| {
             self.nodes.push(Node::default());
@@ -116,7 +116,7 @@ impl JsonReader {
     }
 }
 
-/// What a string says whose escapes are JSON's; `None` where they are none.
+/// The text of a string with JSON escapes; `None` where they are not valid.
 pub(super) fn unescaped(bytes: &[u8]) -> Option<String> {
     let text = str::from_utf8(bytes).ok()?;
     serde_json::from_str(&format!("\"{text}\"")).ok()

@@ -1,13 +1,13 @@
 //! Field paths: `pose.position.x`, `joints[2].angle`, `joints[].position`.
 //!
-//! A path is a field's name, the names of fields inside it parted by dots, and for arrays the element meant, counted
-//! from 0, or `[]` for each of them. A name may be a choice, `sec|seconds`: the first that the schema has is taken.
+//! A path is a field's name, the names of fields inside it separated by dots, and for arrays the index of the element,
+//! counted from 0, or `[]` for all elements. A name may be a choice, `sec|seconds`: the first that the schema has is used.
 
 use std::fmt;
 
 use super::SchemaError;
 
-/// The way from a message to one of its fields.
+/// The path from a message to one of its fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FieldPath {
     text: String,
@@ -17,7 +17,7 @@ pub struct FieldPath {
 /// One step of a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Segment {
-    /// The field of the first of these names that is there.
+    /// The field with the first of these names that exists.
     Field(Vec<String>),
     /// One element of an array.
     Element(usize),
@@ -25,17 +25,17 @@ pub(super) enum Segment {
     Each,
 }
 
-/// What is still to go to the field wanted at a place among the values.
+/// The remaining path to a wanted field, and the slot of its value.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Want<'p> {
     pub(super) rest: &'p [Segment],
     pub(super) slot: usize,
-    /// An [`Segment::Each`] lies behind: each value found is added to a list.
+    /// The path went through [`Segment::Each`]: each value found is added to a list.
     pub(super) each: bool,
 }
 
 impl FieldPath {
-    /// Reads a path as it stands in a pipeline file.
+    /// Reads a path as written in a pipeline file.
     pub fn parse(text: &str) -> Result<Self, SchemaError> {
         let wrong = || SchemaError::Path {
             path: text.to_owned(),
@@ -64,12 +64,12 @@ impl FieldPath {
         })
     }
 
-    /// The field inside this one.
+    /// The path of a field inside this one.
     pub fn join(&self, inner: &str) -> Result<Self, SchemaError> {
         Self::parse(&format!("{}.{inner}", self.text))
     }
 
-    /// Whether it may mean the field at `other`, which has no choices.
+    /// Whether it can mean the field at `other`, which has no choices.
     pub(super) fn may_be(&self, other: &Self) -> bool {
         let same = |(mine, other): (&Segment, &Segment)| match (mine, other) {
             (Segment::Field(names), Segment::Field(other)) => names.contains(&other[0]),
@@ -95,7 +95,7 @@ impl fmt::Display for FieldPath {
 }
 
 impl<'p> Want<'p> {
-    /// The same want one step on.
+    /// The want after one more step.
     pub(super) fn inner(self) -> Self {
         Self {
             rest: &self.rest[1..],
@@ -104,7 +104,7 @@ impl<'p> Want<'p> {
         }
     }
 
-    /// The first name of its next step, a choice of names, that `has` says is there.
+    /// The first name of its next step, a choice of names, that `has` accepts; `None` without one.
     pub(super) fn choice(&self, has: impl Fn(&str) -> bool) -> Option<&'p str> {
         match self.rest.first() {
             Some(Segment::Field(names)) => names.iter().map(String::as_str).find(|name| has(name)),
@@ -113,7 +113,7 @@ impl<'p> Want<'p> {
     }
 }
 
-/// Which wants each of the elements `indices` has to serve: those of every element, then its own among `wants`.
+/// The wants that each of the elements `indices` has to serve: those of every element, then its own among `wants`.
 pub(super) fn by_element<'p>(
     mut indices: Vec<usize>,
     each: &[Want<'p>],
@@ -142,7 +142,7 @@ fn element(text: &str) -> Option<Segment> {
     if index.is_empty() {
         return Some(Segment::Each);
     }
-    // No array of the field is longer, and a list is never grown to an index.
+    // No array of a real message is longer, and a list is never grown to an index.
     let index = index.parse().ok().filter(|&index| index < 100_000)?;
     Some(Segment::Element(index))
 }

@@ -1,16 +1,15 @@
 //! Protobuf: the descriptor set that a log carries → a reader over field numbers → the wanted values of each message.
 //!
-//! Source: Protocol Buffers documentation, "Encoding" and `descriptor.proto`. What official readers do is done here:
-//! unknown fields and fields of another wire type are passed over, of a field given twice the last counts, nested
-//! messages given twice are merged, repeated numbers may be packed or not, a member of a oneof ousts the others. A
-//! number without presence (proto3) that is not there is 0; a field with presence, or inside a message that is not
-//! there, has no value.
+//! Source: Protocol Buffers documentation, "Encoding" and `descriptor.proto`. As in official readers, unknown fields and
+//! fields of another wire type are skipped, the last value of a field given twice counts, nested messages given twice are
+//! merged, repeated numbers may be packed or not, and a member of a oneof removes the others. A missing number without
+//! presence (proto3) is 0; a missing field with presence, or one inside a missing message, has no value.
 //!
 //! 1. [`Descriptors::read`]: descriptor set → message types.
 //! 2. [`ProtobufReader::resolve`]: types + paths → for each message type on the way, what to do with which field number.
 //! 3. [`ProtobufReader::read`]: payload → the wanted values in a row.
 //!
-//! Of a message worded as the one before, only the numbers are read ([`template`](super::template)).
+//! Where a message has the same template as the one before, only the numbers are read ([`template`](super::template)).
 
 mod descriptor;
 mod read;

@@ -1,14 +1,14 @@
 //! `ros2idl`: concatenated `.idl` texts as recorders embed them → [`Definition`].
 //!
-//! The part of OMG IDL 4.2 that ROS 2 generates and reads: modules, structs, typedefs of arrays and sequences,
-//! constants, annotations. Sections are parted by lines of `=` and begin with `IDL: package/msg/Type`; each repeats its
-//! modules, so all sections are read as one text. Unions, enums, maps and optional members, which ROS 2 has not, are
-//! refused: how they lie in a message would have to be guessed. Source: ROS 2 design, "IDL - interface definition and
-//! language mapping".
+//! The part of OMG IDL 4.2 that ROS 2 generates and reads: modules, structs, typedefs of arrays and sequences, constants,
+//! annotations. Sections are separated by lines of `=` and begin with `IDL: package/msg/Type`; each repeats its modules, so
+//! all sections are read as one text. Unions, enums, maps and optional members, which ROS 2 does not have, are refused:
+//! their layout in a message would have to be guessed. Source: ROS 2 design, "IDL - interface definition and language
+//! mapping".
 //!
-//! 1. Cut the text into words and signs (`tokens`).
+//! 1. Cut the text into words and characters (`tokens`).
 //! 2. Read structs, typedefs and constants with their scopes (`parser`).
-//! 3. Resolve names to indices, typedefs to what they stand for.
+//! 3. Resolve names to indices, and typedefs to their types.
 
 mod parser;
 mod tokens;
@@ -19,7 +19,7 @@ use super::ros2msg::{BUILT_IN, short_name};
 use super::{Definition, Field, FieldType, MessageType, Primitive, SchemaError, Shape};
 use parser::{Parsed, RawType, Struct};
 
-/// How many typedefs may stand for one another.
+/// Most typedefs in a chain.
 const MOST_ALIASES: usize = 16;
 
 /// Reads the definition of the type `name` (`pkg/msg/T` or `pkg/T`) from a schema text.
@@ -72,7 +72,7 @@ fn resolve(
         });
     }
     if fields.is_empty() {
-        // What rosidl puts into a message without fields.
+        // rosidl puts this field into a message without fields.
         fields.push(Field {
             name: "structure_needs_at_least_one_member".to_owned(),
             of: FieldType::Primitive(Primitive::U8),
@@ -121,7 +121,7 @@ fn resolve_type(
     Err(unknown())
 }
 
-/// Where a name may be meant to stand: in the scope it is used in, then in those around it.
+/// The full names that a name may mean: in the scope that uses it, then in those around it.
 fn candidates<'a>(name: &'a str, scope: &'a [String]) -> impl Iterator<Item = String> + 'a {
     let (name, depth) = match name.strip_prefix("::") {
         Some(absolute) => (absolute, 0),
@@ -134,7 +134,7 @@ fn candidates<'a>(name: &'a str, scope: &'a [String]) -> impl Iterator<Item = St
     })
 }
 
-/// `outer` elements, each of which is `inner`: arrays of fixed length lie one behind the other.
+/// `outer` elements, each of which is `inner`: arrays of fixed length are stored one after another.
 const fn nest(outer: Shape, inner: Shape) -> Option<Shape> {
     match (outer, inner) {
         (shape, Shape::One) | (Shape::One, shape) => Some(shape),
@@ -164,7 +164,7 @@ mod tests {
     use super::super::Extensibility;
     use super::*;
 
-    /// As rosidl writes it, with a constants module, a typedef for a fixed array and annotations.
+    /// A text as rosidl writes it, with a constants module, a typedef for a fixed array and annotations.
     const TEXT: &str = r#"
 ================================================================================
 IDL: demo/msg/Reading

@@ -1,8 +1,8 @@
 //! `ros2msg`: concatenated `.msg` texts as recorders embed them → [`Definition`].
 //!
-//! Sections are parted by lines of `=`; each but the first begins with `MSG: package/Type`. Both `pkg/msg/T` and
-//! `pkg/T` are understood, a bare `T` belongs to the package of the type that uses it. Source: ROS 2 documentation,
-//! "About ROS 2 interfaces"; MCAP registry of well-known schema encodings.
+//! Sections are separated by lines of `=`; each except the first begins with `MSG: package/Type`. Both `pkg/msg/T` and
+//! `pkg/T` are accepted, a `T` alone belongs to the package of the type that uses it. Source: ROS 2 documentation, "About
+//! ROS 2 interfaces"; MCAP registry of well-known schema encodings.
 //!
 //! 1. Cut the text into sections, one per type.
 //! 2. Read each line as field, constant (skipped) or comment (skipped).
@@ -42,7 +42,7 @@ pub fn parse(name: &str, text: &str) -> Result<Definition, SchemaError> {
         }
     }
     let indices = sections.iter().enumerate().rev();
-    // Of a type defined twice the first counts.
+    // Where a type is defined twice the first definition counts.
     let indices: BTreeMap<_, _> = indices
         .map(|(i, section)| (section.name.as_str(), i))
         .collect();
@@ -97,7 +97,7 @@ fn section<'t>(
         }
     }
     if fields.is_empty() {
-        // What rosidl puts into a message without fields.
+        // rosidl puts this field into a message without fields.
         fields.push(RawField {
             type_name: "uint8".to_owned(),
             name: "structure_needs_at_least_one_member".to_owned(),
@@ -110,10 +110,10 @@ fn section<'t>(
     })
 }
 
-/// `Some(None)` is a constant, `None` a line that makes no sense.
+/// The field in a line: `Some(None)` for a constant, `None` for a line that makes no sense.
 #[expect(
     clippy::option_option,
-    reason = "the outer one is an error without its place, mended one line up"
+    reason = "the outer one is an error, to which the caller adds its place"
 )]
 fn field(line: &str) -> Option<Option<RawField>> {
     let (type_text, rest) = line.split_once(char::is_whitespace)?;
@@ -128,7 +128,7 @@ fn field(line: &str) -> Option<Option<RawField>> {
     if after.trim_start().starts_with('=') {
         return Some(None);
     }
-    // Only a default value or a comment may follow, parted by a space.
+    // Only a default value or a comment may follow, after a space.
     if !(after.is_empty() || after.starts_with(char::is_whitespace) || after.starts_with('#')) {
         return None;
     }

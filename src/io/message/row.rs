@@ -1,7 +1,7 @@
-//! The wanted values of one message, kept in buffers that are filled again for each message.
+//! The wanted values of one message, kept in buffers that are reused for each message.
 //!
-//! A decoder fills a [`Row`]: numbers are copied, strings and CDR's arrays stay where they lie in the message and are
-//! lent out of it afterwards ([`Row::value`]).
+//! A decoder fills a [`Row`]: numbers are copied, strings and CDR's arrays stay at their places in the message and are
+//! borrowed from it afterwards ([`Row::value`]).
 
 use std::sync::Arc;
 
@@ -18,30 +18,30 @@ pub struct Row {
     lists: Vec<List>,
     /// Some list was begun.
     listed: bool,
-    /// How often it was filled anew.
+    /// Number of times that it was filled with anything but numbers.
     filled: u64,
-    /// How the message was laid out, where it was in CDR.
+    /// Layout of the last message, where it was in CDR.
     layout: Layout,
-    /// How the message was worded, where it was in protobuf or JSON.
+    /// Template of the last message, where it was in protobuf or JSON.
     pub(super) template: Template,
 }
 
-/// Where a single value stands in a row.
+/// The place of a single value in a row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
     slot: usize,
-    /// In the slot's list.
+    /// Index in the slot's list; `None` for the slot itself.
     element: Option<usize>,
 }
 
-/// A row's cells and lists, lent out to be written.
+/// A row's cells and lists, borrowed for writing.
 pub(super) struct CellsMut<'r> {
     cells: &'r mut [Cell],
     lists: &'r mut [List],
 }
 
 impl CellsMut<'_> {
-    /// The cell at a place, which is one of the row.
+    /// The cell at a place of the row.
     #[inline]
     pub(super) fn at(&mut self, place: Place) -> &mut Cell {
         match place.element {
@@ -52,7 +52,7 @@ impl CellsMut<'_> {
 }
 
 impl Row {
-    /// Empties it for a message with so many wanted values.
+    /// Empties it for a message with this number of wanted values.
     #[inline]
     pub(super) fn begin(&mut self, message: &[u8], wanted: usize) -> Result<(), MessageFault> {
         self.layout.forget();
@@ -87,19 +87,20 @@ impl Row {
             .read(reader, message, CellsMut { cells, lists })
     }
 
-    /// Changes whenever it is filled with anything but numbers: while it stays, texts and the lengths of arrays do.
+    /// A number that changes whenever the row is filled with anything but numbers: while it stays, texts and lengths of
+    /// arrays are unchanged.
     #[inline]
     pub const fn filled(&self) -> u64 {
         self.filled
     }
 
-    /// Takes the place of another reading of the same message.
+    /// Replaces another reading of the same message.
     pub(super) fn instead_of(self, other: &mut Self) {
         let filled = other.filled + 1;
         *other = Self { filled, ..self };
     }
 
-    /// Lends the layout out, to be written.
+    /// Takes the layout out of the row, for writing.
     pub(super) fn take_layout(&mut self) -> Layout {
         std::mem::take(&mut self.layout)
     }
@@ -108,7 +109,7 @@ impl Row {
         self.layout = layout;
     }
 
-    /// Notes for the template what the slot, or the list in it, got last; it was read up to `end`.
+    /// Records for the template the last value of the slot, or of the list in it; it was read up to `end`.
     #[inline]
     pub(super) fn taken(&mut self, slot: usize, end: usize) {
         if !self.template.is_recorded() {
@@ -152,13 +153,13 @@ impl Row {
         self.cells[slot]
     }
 
-    /// Takes out what is in a slot.
+    /// Removes the value of a slot.
     pub(super) fn forget(&mut self, slot: usize) {
         self.cells[slot] = Cell::Absent;
         self.lists[slot].clear();
     }
 
-    /// Begins a list in a slot; one that was there before goes on.
+    /// Begins a list in a slot; an existing list continues.
     #[inline]
     pub(super) fn list(&mut self, slot: usize) -> &mut List {
         self.listed = true;
@@ -166,17 +167,17 @@ impl Row {
         &mut self.lists[slot]
     }
 
-    /// How many values there are.
+    /// The number of values.
     pub const fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// Whether nothing was wanted.
+    /// Whether it has no values.
     pub const fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
 
-    /// The integer in a slot, if it is one.
+    /// The integer in a slot; `None` for any other value.
     #[inline]
     pub fn integer(&self, slot: usize) -> Option<i64> {
         match self.cells.get(slot) {
@@ -185,7 +186,7 @@ impl Row {
         }
     }
 
-    /// The number in a slot, if it is one.
+    /// The number in a slot; `None` for any other value.
     #[inline]
     pub fn number(&self, slot: usize) -> Option<f64> {
         match self.cells.get(slot) {
@@ -195,7 +196,7 @@ impl Row {
         }
     }
 
-    /// The array of numbers in a slot, if they are stored as doubles, least byte first.
+    /// The array of numbers in a slot, if they are stored as little-endian doubles; otherwise `None`.
     #[inline]
     pub fn doubles<'m>(&self, message: &'m [u8], slot: usize) -> Option<&'m [[u8; 8]]> {
         match self.cells.get(slot) {
@@ -209,7 +210,7 @@ impl Row {
         }
     }
 
-    /// Whether the array of strings in a slot is the one that [`Texts::remember`] wrote down. Never true of another.
+    /// Whether the array of strings in a slot is the one that [`Texts::remember`] recorded; it is never true for another.
     #[inline]
     pub fn texts_are(&self, message: &[u8], slot: usize, key: &[u8]) -> bool {
         match self.cells.get(slot) {
@@ -223,7 +224,7 @@ impl Row {
         }
     }
 
-    /// The value of the path at `slot` among the wanted ones; `message` is the one the row was filled from.
+    /// The value of the path at `slot` among the wanted ones; `message` is the one that the row was filled from.
     #[inline]
     pub fn value<'m>(&'m self, message: &'m [u8], slot: usize) -> Value<'m> {
         match self.cells.get(slot).copied().unwrap_or_default() {

@@ -5,18 +5,18 @@ use super::json::{JsonReader, JsonSchema};
 use super::protobuf::{Descriptors, ProtobufReader};
 use super::{CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
 
-/// What the messages of a channel have in them.
+/// The fields of the messages of a channel.
 #[derive(Debug, Clone, PartialEq)]
 pub enum MessageSchema {
     /// ROS 2 messages in CDR.
     Cdr(Definition),
     /// Protobuf messages.
     Protobuf(Descriptors),
-    /// JSON messages, which may have anything in them.
+    /// JSON messages, which may have any fields.
     Json(JsonSchema),
 }
 
-/// How to take the wanted values of one channel's messages.
+/// The plan that reads the wanted values of one channel's messages.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldReader {
     /// Of ROS 2 messages in CDR.
@@ -28,8 +28,8 @@ pub enum FieldReader {
 }
 
 impl MessageSchema {
-    /// Reads the schema of the type `name`, written in `language`, of messages in `encoding`; `None` where such messages
-    /// are not read.
+    /// Reads the schema of the type `name`, written in `language`, for messages in `encoding`; `None` where such messages
+    /// are not supported.
     pub fn read(
         encoding: &str,
         name: &str,
@@ -57,7 +57,7 @@ impl MessageSchema {
         }
     }
 
-    /// Whether messages have a field there, as far as is known.
+    /// Whether messages have a field at this path, as far as the schema shows.
     pub fn has(&self, path: &FieldPath) -> bool {
         match self {
             Self::Json(schema) => schema.has(path),
@@ -65,7 +65,7 @@ impl MessageSchema {
         }
     }
 
-    /// Paths of the numbers, strings and arrays that it says messages have; not all of a very large type.
+    /// Paths of the numbers, strings and arrays in the schema; not all of a very large type.
     pub fn leaves(&self) -> Vec<String> {
         match self {
             Self::Cdr(definition) => leaves(definition),
@@ -78,7 +78,7 @@ impl MessageSchema {
 impl FieldReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
-    /// What was taken before a fault was met must not be used.
+    /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         match self {
             Self::Cdr(reader) => reader.read(message, row),

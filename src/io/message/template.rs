@@ -1,9 +1,9 @@
-//! How the message read last was worded: a recorder writes the same names, texts and lengths of arrays over and over,
-//! and other numbers.
+//! The template of the message read last: a recorder writes the same names, texts and lengths of arrays over and over, and
+//! different numbers.
 //!
-//! Numbers that are wanted and values that are not are slots in it. A message with the same bytes before, between and
-//! behind its slots reads alike: each wanted number goes where the one in its slot went, each wanted text lies where it
-//! lay behind the slot before it, and all else of the row stays.
+//! Wanted numbers and unwanted values are slots in it. A message with the same bytes before, between and after its slots is
+//! read in the same way: each wanted number goes to the place of the one in its slot, each wanted text is at the same
+//! distance after the slot before it, and the other values of the row stay.
 
 use std::sync::Arc;
 
@@ -11,40 +11,41 @@ use super::cell::{Cell, Span};
 use super::row::{CellsMut, Place};
 use super::{MessageFault, json, protobuf};
 
-/// More bytes or slots than this are not worth taking down for each message.
+/// Most bytes, and most slots, that are worth recording for each message.
 const LONGEST: usize = 1 << 16;
 const MOST: usize = 1 << 12;
-/// The most messages that are left out after one that was recorded in vain.
+/// Most messages that are not recorded after one that was recorded without use.
 const LONGEST_PAUSE: u32 = 32;
 
-/// What the message read last says besides its slots.
+/// The bytes of the message read last, except its slots.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Template {
     /// The reader that read it; `None` where the next message has to be walked.
     reader: Option<Arc<()>>,
     /// What stands around the slots, without them.
     bytes: Vec<u8>,
-    /// What stands before each slot, and the slot.
+    /// The bytes before each slot, and the slot.
     parts: Vec<Part>,
-    /// Where wanted texts lie in their parts.
+    /// The places of wanted texts in their parts.
     texts: Vec<(Span, Place)>,
-    /// Where wanted numbers go.
+    /// The destinations of wanted numbers.
     places: Vec<Place>,
-    /// Where the last slot ends in its message.
+    /// The end of the last slot in its message.
     gap_end: usize,
-    /// Something in it depends on more, or it is too long, or it is not worth taking down.
+    /// Some value depends on more, or the message is too long, or it is not worth recording.
     is_other: bool,
-    /// How many messages are left out after one that was recorded in vain: the more of them in a row, the more.
+    /// Number of messages that are not recorded after one that was recorded without use; it grows with each such message in
+    /// a row.
     pause: u32,
-    /// How many of them are still to come.
+    /// Number of them still to come.
     pause_left: u32,
 }
 
-/// What stands before a slot, and the slot. Its bytes, its texts and the places of the number in its slot begin where those
+/// The bytes before a slot, and the slot. Its bytes, its texts and the places of the number in its slot begin where those
 /// of the part before end.
 #[derive(Debug, Clone, Copy)]
 struct Part {
-    /// Where it begins in the message.
+    /// Its first byte in the message.
     start: usize,
     bytes_end: usize,
     texts_end: usize,
@@ -52,7 +53,7 @@ struct Part {
     slot: NumberSlot,
 }
 
-/// What is read anew in each message.
+/// A value that is read from each message.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum NumberSlot {
     Json(json::NumberSlot),
@@ -60,7 +61,7 @@ pub(super) enum NumberSlot {
 }
 
 impl Template {
-    /// The next message has to be walked.
+    /// Forgets the template: the next message has to be walked.
     pub fn forget(&mut self) {
         self.reader = None;
         self.bytes.clear();
@@ -72,12 +73,12 @@ impl Template {
         self.pause_left = self.pause_left.saturating_sub(1);
     }
 
-    /// Whether what is read now is noted.
+    /// Whether values read now are recorded.
     pub(super) const fn is_recorded(&self) -> bool {
         !self.is_other
     }
 
-    /// A wanted number, or a value that is not wanted, was read from `start` to `end`.
+    /// Records a slot: a wanted number, or an unwanted value, read from `start` to `end`.
     #[inline]
     pub fn slot(&mut self, message: &[u8], start: usize, end: usize, slot: NumberSlot) {
         if self.is_other || end > LONGEST || self.parts.len() == MOST {
@@ -95,7 +96,7 @@ impl Template {
         self.gap_end = end;
     }
 
-    /// What was read last, up to `end`, was put at a place.
+    /// Records the place of the value read last, up to `end`.
     #[inline]
     pub fn taken(&mut self, cell: Cell, end: usize, place: Place) {
         match cell {
@@ -106,12 +107,12 @@ impl Template {
                     part.places_end = self.places.len();
                 }
             }
-            // A word such as JSON's `true`: it is part of what stands between slots.
+            // A word such as JSON's `true`: it belongs to the bytes between slots.
             _ => {}
         }
     }
 
-    /// Something was read that depends on more: the value of a number, or what else was put at its place.
+    /// Records that a value depends on more: on a number's value, or on another value at its place.
     pub(super) const fn depends_on_more(&mut self) {
         self.is_other = true;
     }
@@ -126,7 +127,7 @@ impl Template {
 
     /// Reads the numbers and texts of a message worded alike for `reader`; tells whether it is.
     ///
-    /// Where it is not, some may have been put.
+    /// If it has not, some values may have been put into the row.
     #[inline]
     pub fn read(&mut self, reader: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
         let known = self
@@ -160,7 +161,7 @@ impl Template {
             if !found.is_some_and(|found| alike(same, found)) {
                 return false;
             }
-            // Its texts lie where they lay, unless what stands before got longer or shorter.
+            // Its texts are at the same distances, unless a part before got longer or shorter.
             if part.start != start {
                 part.start = start;
                 put(&self.texts[texts..part.texts_end], start, &mut values);
@@ -187,14 +188,14 @@ impl Template {
     }
 }
 
-/// Puts texts that lie in a part into their cells.
+/// Puts the texts of a part into their cells.
 fn put(texts: &[(Span, Place)], part_start: usize, values: &mut CellsMut<'_>) {
     for &(span, place) in texts {
         *values.at(place) = Cell::Text(span.moved_on(part_start));
     }
 }
 
-/// Whether the bytes are the same; most stretches between slots are short.
+/// Whether the bytes are equal; most stretches between slots are short.
 #[inline]
 fn alike(known: &[u8], found: &[u8]) -> bool {
     match (known.first_chunk::<8>(), found.first_chunk::<8>()) {
@@ -206,7 +207,7 @@ fn alike(known: &[u8], found: &[u8]) -> bool {
 }
 
 impl NumberSlot {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
+    /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
     fn take(self, message: &[u8], at: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
         match self {

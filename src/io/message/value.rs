@@ -1,4 +1,4 @@
-//! Values lent out of a message's bytes.
+//! Values borrowed from a message's bytes.
 
 use chrono::DateTime;
 
@@ -8,10 +8,10 @@ use super::cell::{Cell, List, number};
 /// What a reader lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Value<'m> {
-    /// The message has none there.
+    /// The message has no value there.
     #[default]
     Absent,
-    /// An integer or a truth value, in the width of any but the largest unsigned ones.
+    /// An integer or a truth value; unsigned integers above the range of `i64` are numbers.
     Integer(i64),
     /// A floating-point number.
     Number(f64),
@@ -26,7 +26,7 @@ pub enum Value<'m> {
 }
 
 impl<'m> Value<'m> {
-    /// The number, if it is one.
+    /// The number; `None` for any other value.
     pub fn number(&self) -> Option<f64> {
         match *self {
             Self::Number(number) => Some(number),
@@ -35,7 +35,7 @@ impl<'m> Value<'m> {
         }
     }
 
-    /// The integer, if it is one.
+    /// The integer; `None` for any other value.
     pub const fn integer(&self) -> Option<i64> {
         match *self {
             Self::Integer(integer) => Some(integer),
@@ -43,7 +43,7 @@ impl<'m> Value<'m> {
         }
     }
 
-    /// The numbers, if it is an array.
+    /// The numbers; `None` where it is no array.
     pub const fn numbers(&self) -> Option<Numbers<'m>> {
         match *self {
             Self::Numbers(numbers) => Some(numbers),
@@ -52,7 +52,7 @@ impl<'m> Value<'m> {
         }
     }
 
-    /// The strings, if it is an array.
+    /// The strings; `None` where it is no array.
     pub const fn texts(&self) -> Option<Texts<'m>> {
         match *self {
             Self::Texts(texts) => Some(texts),
@@ -62,16 +62,16 @@ impl<'m> Value<'m> {
     }
 }
 
-/// A string as it stands in its message.
+/// A string as stored in its message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Text<'m> {
     pub(super) bytes: &'m [u8],
-    /// It has JSON's escapes in it.
+    /// The string contains JSON escapes.
     pub(super) escaped: bool,
 }
 
 impl Text<'_> {
-    /// Whether it says the same.
+    /// Whether the text is the same, after JSON escapes are replaced.
     pub fn is(&self, text: &str) -> bool {
         if self.escaped {
             super::json::unescaped(self.bytes).is_some_and(|mine| mine == text)
@@ -80,13 +80,13 @@ impl Text<'_> {
         }
     }
 
-    /// The time that it says as RFC 3339 writes it, `2026-11-22T08:30:00.25Z`, ns since 1970; without a zone it is none.
+    /// The time in the text, written by RFC 3339 (`2026-11-22T08:30:00.25Z`), ns since 1970; `None` without a zone.
     pub fn date_time_ns(&self) -> Option<i64> {
         let time = DateTime::parse_from_rfc3339(&self.to_text()).ok()?;
         time.timestamp_nanos_opt()
     }
 
-    /// What it says, for people: what is no UTF-8 is replaced.
+    /// The text for people: bytes that are no UTF-8 are replaced.
     pub fn to_text(&self) -> String {
         let unescaped = self.escaped.then(|| super::json::unescaped(self.bytes));
         unescaped
@@ -95,7 +95,7 @@ impl Text<'_> {
     }
 }
 
-/// An array whose elements were met one by one; an element that is no number or no string is absent there.
+/// An array gathered element by element; an element that is no number or no string is absent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gathered<'m> {
     pub(super) message: &'m [u8],
@@ -105,21 +105,21 @@ pub struct Gathered<'m> {
 /// An array of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Numbers<'m> {
-    /// In the byte order of its message.
+    /// Stored one after another in the message.
     Stored {
-        /// All of them.
+        /// The bytes of all numbers.
         bytes: &'m [u8],
-        /// As what.
+        /// The type of the stored numbers.
         of: Primitive,
-        /// In which byte order.
+        /// Whether the byte order is big-endian.
         big_endian: bool,
     },
-    /// Met one by one.
+    /// Gathered element by element.
     Gathered(Gathered<'m>),
 }
 
 impl Numbers<'_> {
-    /// How many.
+    /// The number of elements.
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { bytes, of, .. } => bytes.len() / of.size(),
@@ -127,12 +127,12 @@ impl Numbers<'_> {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The number at `index`, if there is one.
+    /// The number at `index`; `None` where there is none.
     #[inline]
     pub fn get(&self, index: usize) -> Option<f64> {
         match *self {
@@ -154,21 +154,21 @@ impl Numbers<'_> {
 /// An array of strings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Texts<'m> {
-    /// As it stands in its message: for each a length, the characters, an end mark, padding.
+    /// Stored in the message: for each a length, the characters, a terminating zero, padding.
     Stored {
-        /// All of them.
+        /// The bytes of all strings.
         bytes: &'m [u8],
-        /// How many.
+        /// The number of strings.
         count: usize,
-        /// In which byte order.
+        /// Whether the byte order is big-endian.
         big_endian: bool,
     },
-    /// Met one by one.
+    /// Gathered element by element.
     Gathered(Gathered<'m>),
 }
 
 impl<'m> Texts<'m> {
-    /// How many.
+    /// The number of elements.
     pub const fn len(&self) -> usize {
         match self {
             Self::Stored { count, .. } => *count,
@@ -176,7 +176,7 @@ impl<'m> Texts<'m> {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub const fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -198,7 +198,7 @@ impl<'m> Texts<'m> {
         stored.map(Some).chain(gathered)
     }
 
-    /// Writes down what tells these strings from others.
+    /// Writes a key that identifies these strings.
     pub fn remember(&self, key: &mut Vec<u8>) {
         key.clear();
         match *self {
@@ -220,7 +220,7 @@ impl<'m> Texts<'m> {
         }
     }
 
-    /// Whether these are the strings that were written down. Never true of others; it may be false of the same ones
+    /// Whether these are the strings that were recorded. It is never true for others; it may be false for the same strings
     /// stored in another way.
     pub fn are(&self, key: &[u8]) -> bool {
         match *self {
@@ -238,7 +238,7 @@ impl<'m> Texts<'m> {
     }
 }
 
-/// What follows one string in what was written down.
+/// The part of a key after one string.
 fn after<'k>(key: &'k [u8], text: Option<Text<'_>>) -> Option<&'k [u8]> {
     let bytes = text.map_or(&[][..], |text| text.bytes);
     let (length, rest) = key.split_first_chunk::<8>()?;
@@ -266,7 +266,7 @@ fn stored_texts(bytes: &[u8], count: usize, big_endian: bool) -> impl Iterator<I
     })
 }
 
-/// CDR counts a terminating zero into a string's length; some writers leave it out of empty ones.
+/// CDR counts a terminating zero in a string's length; some writers leave it out of empty ones.
 pub(super) fn without_end_mark(text: &[u8]) -> &[u8] {
     text.strip_suffix(&[0]).unwrap_or(text)
 }

@@ -1,9 +1,9 @@
-//! The rules that every schema file keeps.
+//! The rules for schema files.
 
 use super::{ColumnSchema, ColumnType, KEY_COLUMNS, Role, SchemaError, TableSchema};
 
 impl TableSchema {
-    /// Checks every rule; the first one broken is the error.
+    /// Checks every rule; the first broken one is the error.
     pub(super) fn check(&self) -> Result<(), SchemaError> {
         let broken = |place: &str, rule| {
             Err(SchemaError::Rule {
@@ -57,7 +57,7 @@ impl TableSchema {
         self.changes.len() == self.version as usize && self.changes.iter().zip(1..).all(numbered)
     }
 
-    /// Whether a column that older files lack claims to be always there.
+    /// Whether a column that older files lack is declared as never absent.
     fn is_never_absent(&self, column: &ColumnSchema) -> bool {
         let older = |since: u32| self.reads_from.is_some_and(|oldest| oldest < since);
         let fits = |since| older(since) && since <= self.version && column.nullable;
@@ -70,11 +70,11 @@ impl TableSchema {
         if !is_plain(&column.name) {
             Some("a name is made of a-z, 0-9 and _")
         } else if self.columns[..index].iter().any(|c| c.name == column.name) {
-            Some("the name stands twice")
+            Some("the name is given twice")
         } else if column.kind.is_number() != unit.is_some() {
             Some("a number has a unit (\"1\" without dimension), anything else has none")
         } else if unit_column.is_some_and(|name| self.column(name).is_none()) {
-            Some("its unit names a column that is not there")
+            Some("its unit names a column that does not exist")
         } else if column.values.is_some() && column.kind != ColumnType::String {
             Some("only a string has `values`")
         } else if self.is_never_absent(column) {
@@ -138,14 +138,14 @@ mod tests {
             (
                 "name = \"length_mm\"",
                 "name = \"name\"",
-                "name: the name stands twice",
+                "name: the name is given twice",
             ),
             ("name = \"length_mm\"", "name = \"Länge\"", "a-z, 0-9 and _"),
             ("unit = \"mm\"", "", "length_mm: a number has a unit"),
             (
                 "unit = \"mm\"",
                 "unit = \"column unit\"",
-                "names a column that is not there",
+                "names a column that does not exist",
             ),
             (
                 "type = \"string\"",

@@ -1,14 +1,14 @@
 //! A prefix of a bucket on S3-compatible storage as a store.
 //!
-//! 1. The environment says how to reach it, and nothing else does (`environment`).
-//! 2. What is to stand under a key is written to a local temporary, whole, and then uploaded: in one request, or from
-//!    [`PART_BYTES`] on in parts; storage shows it when all of it is there.
-//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one. The object says in its
-//!    metadata which attempt it is of: of a put whose answer was lost nobody could tell otherwise whether it was granted.
+//! 1. The environment alone states how to reach it (`environment`).
+//! 2. A file is written to a local temporary, complete, and then uploaded: in one request, or from [`PART_BYTES`] on in
+//!    parts; storage shows it when all parts are there.
+//! 3. A key is created by a conditional put (`If-None-Match: *`), which storage grants to exactly one. The object names the
+//!    attempt in its metadata: without that it would not be known whether a put whose answer was lost was granted.
 //! 4. An object is fetched in blocks, each under the tag of the first, into a local file without a name.
 //!
-//! Calls wait: the one worker of a runtime that all buckets of the process share does what is asynchronous. Requests are
-//! tried [`RETRIES`] times more, for at most [`PATIENCE`] together with the last one's own time limit.
+//! Calls wait: one worker of a runtime that all buckets of the process share does the asynchronous work. Requests are
+//! retried [`RETRIES`] times, for at most [`PATIENCE`] together with the last one's own time limit.
 
 mod environment;
 mod trouble;
@@ -36,22 +36,22 @@ use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::io::lake::temporary::{self, Temporary};
 use trouble::Secrets;
 
-/// Bytes of a part of an upload, and of a block of a download: S3 wants at least 5 MiB, and each has to pass within a
-/// request's time limit (30 s unless `AWS_TIMEOUT` says otherwise) on a slow line.
+/// Bytes of a part of an upload, and of a block of a download: S3 requires at least 5 MiB, and each has to be sent within a
+/// request's time limit (30 s unless `AWS_TIMEOUT` sets another) on a slow line.
 const PART_BYTES: u64 = 8 << 20;
-/// S3 takes no more parts.
+/// Most parts that S3 accepts.
 const MOST_PARTS: u64 = 10_000;
-/// Parts or blocks under way at once; all of them are in memory.
+/// Number of parts or blocks under way at once; all of them are in memory.
 const PARTS_AT_ONCE: usize = 4;
-/// Files fetched at once.
+/// Number of files fetched at once.
 const FILES_AT_ONCE: usize = 16;
-/// How often a request that failed on the way, or that the storage could not serve, is tried again.
+/// Number of retries of a request that failed on the way, or that the storage could not serve.
 const RETRIES: usize = 3;
-/// After this long nothing is tried again.
+/// Time after which no request is retried.
 const PATIENCE: Duration = Duration::from_mins(1);
-/// The metadata of a created object that names the attempt which created it.
+/// The metadata of a created object that names the attempt that created it.
 const ATTEMPT: Attribute = Attribute::Metadata(Cow::Borrowed("posegrid-attempt"));
-/// What folders of local temporaries are named by.
+/// Prefix of the names of folders for local temporaries.
 const SCRATCH: &str = "posegrid-upload";
 
 /// A prefix of a bucket.
@@ -65,14 +65,14 @@ pub struct Bucket {
 }
 
 impl fmt::Debug for Bucket {
-    /// The client holds credentials.
+    /// Not derived: the client holds credentials.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_tuple("Bucket").field(&self.place).finish()
     }
 }
 
 impl Bucket {
-    /// The prefix at an address, reached as the environment says. Nothing is sent yet.
+    /// The prefix at an address, with credentials from the environment. No request is sent yet.
     pub(super) fn from_environment(place: &Place) -> Result<Self, StoreError> {
         let (client, secrets) = environment::client(place)?;
         let (_, prefix) = place.bucket().expect("an address, as a client was made");
@@ -97,7 +97,7 @@ impl Bucket {
         })
     }
 
-    /// Waits for what storage answers.
+    /// Waits for the answer of the storage.
     fn wait<T>(
         &self,
         doing: &'static str,
@@ -105,14 +105,14 @@ impl Bucket {
         answer: impl Future<Output = Result<T, Error>>,
     ) -> Result<T, StoreError> {
         let answer = self.runtime.block_on(answer);
-        answer.map_err(|error| self.told(doing, key, &error))
+        answer.map_err(|error| self.failure(doing, key, &error))
     }
 
-    fn told(&self, doing: &'static str, key: &str, error: &Error) -> StoreError {
-        trouble::told(doing, self.place(key), error, &self.secrets)
+    fn failure(&self, doing: &'static str, key: &str, error: &Error) -> StoreError {
+        trouble::failure(doing, self.place(key), error, &self.secrets)
     }
 
-    /// What is known of an object; `None` where there is none.
+    /// Metadata of an object; `None` where there is none.
     fn head(&self, key: &str) -> Result<Option<Listed>, StoreError> {
         let object = self.object(key)?;
         match self.runtime.block_on(self.client.head(&object)) {
@@ -122,7 +122,7 @@ impl Bucket {
                 bytes: found.size,
             })),
             Err(Error::NotFound { .. }) => Ok(None),
-            Err(error) => Err(self.told("look for", key, &error)),
+            Err(error) => Err(self.failure("look for", key, &error)),
         }
     }
 
@@ -135,7 +135,7 @@ impl Bucket {
         }
     }
 
-    /// An object as a key of this store; `None` if it stands at another depth, or is hidden.
+    /// An object as a listed file of this store; `None` if it is at another depth, or hidden.
     fn listed(
         &self,
         found: ObjectMeta,
@@ -185,11 +185,11 @@ impl Bucket {
         let mut blocks = stream::iter(starts.map(block)).buffered(PARTS_AT_ONCE);
         let mut fetched = 0;
         while let Some(block) = blocks.next().await {
-            let block = block.map_err(|error| self.told("read", &listed.key, &error))?;
+            let block = block.map_err(|error| self.failure("read", &listed.key, &error))?;
             file.write_all(&block).map_err(&local_error)?;
             fetched += block.len() as u64;
         }
-        // Storage that has no tags, or does not heed them.
+        // This storage has no tags, or ignores them.
         if fetched != listed.bytes {
             return Err(trouble::changed("read", self.place(&listed.key)));
         }
@@ -206,8 +206,8 @@ impl Bucket {
         Ok(self.scratch.get_or_init(|| made))
     }
 
-    /// Puts an object where there is none, of this attempt. Where the answer is lost it asks again, as the client does of all
-    /// other requests; this one it takes for one that may not be repeated.
+    /// Puts an object, marked with this attempt, where there is none. Where the answer is lost it sends the request again,
+    /// as the client does with all other requests; the client takes this one for a request that must not be repeated.
     fn put_if_none(&self, object: &Key, payload: &PutPayload, attempt: &str) -> Result<(), Error> {
         let options = || PutOptions {
             mode: PutMode::Create,
@@ -224,7 +224,7 @@ impl Bucket {
         }
     }
 
-    /// The attempt that an object is of; `None` where it does not say.
+    /// The attempt that created an object; `None` where the object does not name it.
     fn attempt_of(&self, object: &Key) -> Result<Option<String>, Error> {
         let options = GetOptions {
             head: true,
@@ -246,7 +246,7 @@ impl Bucket {
             Err(error) => Err(error),
         };
         if done.is_err() {
-            // Parts that stay are seen by nobody; storage can be told to remove them after a time.
+            // Parts that are left are not visible; storage can be set up to remove them after a time.
             let _ = upload.abort().await;
         }
         done
@@ -331,10 +331,10 @@ impl Store for Bucket {
         }
         match self.runtime.block_on(self.upload(&object, file, bytes)) {
             Ok(put) => Ok(put.e_tag),
-            // There is no such upload where it is complete and the answer was lost. Whether what is there is what was
-            // written, its digest has to say.
+            // The upload does not exist where it is complete and the answer was lost. The digest has to show whether the
+            // object is the one that was written.
             Err(Error::NotFound { .. }) if self.exists(key)? => Ok(None),
-            Err(error) => Err(self.told("write", key, &error)),
+            Err(error) => Err(self.failure("write", key, &error)),
         }
     }
 
@@ -347,11 +347,11 @@ impl Store for Bucket {
             Err(error @ Error::AlreadyExists { .. }) => match self.attempt_of(&object) {
                 // It may be ours, put before an answer was lost.
                 Ok(by) => Ok(by.as_ref() == Some(&attempt)),
-                // Storage also says so of a conflict that another's attempt was, if that did not end well.
-                Err(Error::NotFound { .. }) => Err(self.told("create", key, &error)),
-                Err(error) => Err(self.told("look for", key, &error)),
+                // Storage also gives this answer for a conflict with another attempt that did not succeed.
+                Err(Error::NotFound { .. }) => Err(self.failure("create", key, &error)),
+                Err(error) => Err(self.failure("look for", key, &error)),
             },
-            Err(error) => Err(self.told("create", key, &error)),
+            Err(error) => Err(self.failure("create", key, &error)),
         }
     }
 
@@ -385,7 +385,7 @@ async fn parts(
     Ok(())
 }
 
-/// What was written, for reading, and its size.
+/// A written file, opened for reading, and its size.
 fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
     let opened = || {
         let file = File::open(written.path())?;
@@ -395,7 +395,7 @@ fn opened(written: &Temporary) -> Result<(File, u64), StoreError> {
     opened().map_err(StoreError::folder("read the temporary", written.path()))
 }
 
-/// A name for an attempt to create what was written, which no other attempt has: of the temporary, this process and the moment.
+/// A unique name for an attempt to create an object: from the temporary, this process and the time.
 fn attempt(written: &Temporary) -> String {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let words = (written.path(), std::process::id(), now.unwrap_or_default());

@@ -1,4 +1,4 @@
-//! What can go wrong with a store, and what to try.
+//! Errors of a store, with advice.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,15 +7,15 @@ use thiserror::Error;
 
 use super::Place;
 
-/// Why a store cannot be used.
+/// The reason why a store cannot be used.
 #[derive(Debug, Error)]
 pub enum StoreError {
-    /// The file system refused.
+    /// The file system reported an error.
     #[error("cannot {doing} {path}: {source}{}", advice(source))]
     Folder {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// Where.
+        /// Path of the file or folder.
         path: PathBuf,
         /// The system's error.
         source: io::Error,
@@ -23,31 +23,31 @@ pub enum StoreError {
     /// The object storage refused, or did not answer.
     #[error("cannot {doing} {place}: {reason}; {}", trouble.advice())]
     Bucket {
-        /// What was tried.
+        /// The operation.
         doing: &'static str,
-        /// Where.
+        /// Address of the object.
         place: Place,
-        /// What the storage said, without anything secret.
+        /// The answer of the storage, without anything secret.
         reason: String,
-        /// What kind of trouble it is.
+        /// Kind of the failure.
         trouble: BucketTrouble,
     },
-    /// The environment does not say how to reach the object storage.
+    /// The environment does not state how to reach the object storage.
     #[error("cannot use {place}: {variable} {problem}")]
     Environment {
-        /// What was asked for.
+        /// Address that was to be used.
         place: Place,
-        /// The variable.
+        /// Name of the variable.
         variable: &'static str,
-        /// What is wrong with it, and what to try.
+        /// The fault in it, and advice.
         problem: &'static str,
     },
-    /// An address that is none.
+    /// A text that is no address.
     #[error("{place} is no place on object storage: {problem}; write s3://BUCKET/PREFIX")]
     Address {
-        /// What was given.
+        /// The text.
         place: Place,
-        /// What is wrong with it.
+        /// The fault in it.
         problem: &'static str,
     },
     /// This program was built without object storage.
@@ -56,23 +56,23 @@ pub enum StoreError {
          or name a folder"
     )]
     NotBuilt {
-        /// What was asked for.
+        /// Address that was to be used.
         place: Place,
     },
 }
 
-/// Kinds of trouble with object storage.
+/// Kinds of failures of object storage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BucketTrouble {
-    /// It does not answer, or says that it cannot just now.
+    /// It does not answer, or cannot serve the request at the moment.
     NoAnswer,
-    /// It does not let us.
+    /// It denies access.
     Refused,
     /// There is no such bucket.
     NoBucket,
     /// There is no such object.
     NoObject,
-    /// An object is not what it was.
+    /// An object has changed.
     Changed,
     /// Anything else.
     Other,
@@ -96,7 +96,7 @@ impl BucketTrouble {
 }
 
 impl StoreError {
-    /// The error of doing something at a path, of what the system says.
+    /// Makes the error of an operation at a path from the system's error.
     pub fn folder<'a>(doing: &'static str, path: &'a Path) -> impl Fn(io::Error) -> Self + use<'a> {
         move |source| Self::Folder {
             doing,
@@ -105,7 +105,7 @@ impl StoreError {
         }
     }
 
-    /// Whether the same may go well another time: nothing is wrong with what was asked for.
+    /// Whether the same request may succeed later: the request itself is valid.
     pub const fn is_worth_a_retry(&self) -> bool {
         use BucketTrouble::{Changed, NoAnswer};
         matches!(
@@ -118,7 +118,7 @@ impl StoreError {
     }
 }
 
-/// What to try about an error of the file system; nothing where that is plain.
+/// Advice for an error of the file system; empty where the error needs none.
 pub fn advice(error: &io::Error) -> &'static str {
     match error.kind() {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
@@ -128,7 +128,7 @@ pub fn advice(error: &io::Error) -> &'static str {
             "; make the folder writable, or name another one under [output] in the pipeline file"
         }
         io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
-            "; a file stands where a folder is needed: name another folder under [output] in the pipeline file"
+            "; there is a file where a folder is needed: name another folder under [output] in the pipeline file"
         }
         io::ErrorKind::Unsupported => {
             "; a lake needs a file system with hard links, to let exactly one of two equal runs commit"

@@ -1,4 +1,4 @@
-//! A folder as a store: temporaries beside the files, renamed or hard-linked into place.
+//! A folder as a store: temporaries next to the files, renamed or hard-linked into place.
 
 use std::fs::{self, File};
 use std::io;
@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use super::{Listed, Place, Store, StoreError, Tag, by_parts};
 use crate::io::lake::temporary::Temporary;
 
-/// Folders that the files of a lake stand in: of the table, the robot and the session.
+/// Depth of folders above the files of a lake: of the table, the robot and the session.
 const FOLDERS: usize = 3;
 
-/// A folder, which is made when first written to.
+/// A folder, which is created when first written to.
 #[derive(Debug, Clone)]
 pub struct Folder {
     root: PathBuf,
@@ -136,7 +136,7 @@ impl Folder {
         Ok(names.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// What is in a folder; nothing where there is none.
+    /// The entries of a folder; none where there is no such folder.
     fn entries(&self, key: &str) -> Result<Vec<fs::DirEntry>, StoreError> {
         let folder = self.path(key);
         let entries = match fs::read_dir(&folder) {
@@ -146,17 +146,17 @@ impl Folder {
         entries.map_err(StoreError::folder("list", &folder))
     }
 
-    /// The keys of what is in a folder, of this kind; none where there is no such folder.
+    /// The keys of the entries of this kind in a folder; none where there is no such folder.
     fn names(&self, key: &str, is_wanted: fn(&Path) -> bool) -> Result<Vec<String>, StoreError> {
         let entries = self.entries(key)?;
         let names = entries.iter().filter(|entry| is_wanted(&entry.path()));
-        // A lake's names are ASCII; whatever else stands there is nobody's.
+        // A lake's names are ASCII; other entries are not the lake's.
         let names = names.filter_map(|entry| entry.file_name().into_string().ok());
         Ok(names.map(|name| format!("{key}/{name}")).collect())
     }
 }
 
-/// Whether an entry is a folder to look into. Below the folders of sessions no link is followed: it may lead back.
+/// Whether an entry is a folder to search. Below the folders of sessions no link is followed: it may lead back.
 fn is_folder(entry: &fs::DirEntry, depth: usize) -> bool {
     let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
     is_folder || (depth < FOLDERS && entry.path().is_dir())
@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(keys("t", 2), ["t/a/s/2", "t/a-b/s/1"]);
         assert_eq!(keys("t/a/s", 0), ["t/a/s/2"]);
         assert!(keys("nowhere", 2).is_empty());
-        // All of them, hidden ones and those deeper too, in the order of their parts.
+        // All files, hidden ones and deeper ones too, in the order of their parts.
         let all = [
             "t/4",
             "t/a/s/.hidden",

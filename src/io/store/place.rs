@@ -1,9 +1,9 @@
-//! Where something stands: a path of this machine, or the address of an object.
+//! A place of a file: a path of this machine, or the address of an object.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// How the address of an object begins.
+/// Prefix of the address of an object.
 const SCHEME: &str = "s3://";
 
 /// A path, or an address `s3://BUCKET/KEY`.
@@ -16,7 +16,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// What a person wrote: an address if it begins with `s3://`, and a path otherwise.
+    /// The place that a user wrote: an address if it begins with `s3://`, otherwise a path.
     pub fn of(written: impl Into<PathBuf>) -> Self {
         let path = written.into();
         match path.to_str().and_then(|text| text.strip_prefix(SCHEME)) {
@@ -25,7 +25,7 @@ impl Place {
         }
     }
 
-    /// The path, where it is one.
+    /// The path; `None` for an address.
     pub fn as_path(&self) -> Option<&Path> {
         match self {
             Self::Path(path) => Some(path),
@@ -33,7 +33,7 @@ impl Place {
         }
     }
 
-    /// The place as it is shown, in the form of a path: that of an address names it and leads nowhere.
+    /// The place in the form of a path, for display: that of an address names it and cannot be opened.
     pub fn named(&self) -> PathBuf {
         match self {
             Self::Path(path) => path.clone(),
@@ -41,7 +41,7 @@ impl Place {
         }
     }
 
-    /// The last name in it, without its ending.
+    /// The last name in it, without its extension.
     pub fn stem(&self) -> String {
         let named = self.named();
         let stem = named.file_stem().unwrap_or_default();
@@ -67,7 +67,7 @@ impl Place {
         Some(rest.split_once('/').unwrap_or((rest, "")))
     }
 
-    /// As it is shown to a person.
+    /// The place as shown to a user.
     pub const fn display(&self) -> &Self {
         self
     }
@@ -101,7 +101,7 @@ mod tests {
         assert_eq!(Place::of("s3://bucket/").bucket(), Some(("bucket", "")));
         assert_eq!(Place::of("s3://").bucket(), Some(("", "")));
         assert_eq!(url.as_path(), None);
-        // A folder of that name is one: only the scheme as a whole makes an address.
+        // A folder with this name is a path: only the whole scheme makes an address.
         assert!(Place::of("s3:/x").as_path().is_some());
     }
 }

@@ -5,14 +5,14 @@ use crate::ingest::AngleUnit;
 /// The columns of joint angles that a first line names, in the joints' order.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AngleColumns {
-    /// Their unit.
+    /// Unit of the angles.
     pub(super) unit: AngleUnit,
-    /// Their places in a line.
+    /// Their places in a line, in the joints' order.
     pub(super) places: Vec<usize>,
 }
 
 impl AngleColumns {
-    /// The columns among `names`; `None` where there are none, and what is wrong where they do not belong together.
+    /// The columns among `names`; `None` where there are none, an error where they do not belong together.
     pub(super) fn of(names: &[String]) -> Result<Option<Self>, String> {
         let named = names.iter().enumerate();
         let mut found: Vec<(usize, AngleUnit, usize)> = named
@@ -37,7 +37,7 @@ impl AngleColumns {
     }
 }
 
-/// The ending of a column's name that says its unit.
+/// The ending of a column's name that states its unit.
 pub(super) const fn suffix(unit: AngleUnit) -> &'static str {
     match unit {
         AngleUnit::Rad => "rad",
@@ -53,7 +53,7 @@ pub(super) fn radians(angle: f64, unit: AngleUnit) -> f64 {
     }
 }
 
-/// Radians in a unit, as text: a ten-millionth of a degree or less, where a micrometre is some 20 millionths.
+/// Radians in a unit, as text, to a ten-millionth of a degree or finer; a micrometre is some 20 millionths of a degree.
 pub(super) fn shown(angle_rad: f64, unit: AngleUnit) -> String {
     match unit {
         AngleUnit::Rad => format!("{angle_rad:.10}"),

@@ -169,7 +169,7 @@ impl From<&Gap> for RefusedFor {
 /// What corrected targets, as every row of the result says.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
-    /// The run.
+    /// Key of the run.
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,
@@ -179,7 +179,7 @@ pub struct CorrectedBy<'a> {
     pub joint_names: &'a [String],
 }
 
-/// The rows of targets and what became of each.
+/// The rows of targets, with the command or the refusal of each.
 pub fn corrected(
     targets: &[Target],
     outcomes: &[Result<Corrected, Refused>],

@@ -1,4 +1,4 @@
-//! Targets in CSV: a first line that names the columns, a line a target, nothing where a value is absent.
+//! Targets in CSV: a first line that names the columns, one line per target, an empty cell where a value is absent.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ const QUATERNION: [&str; 4] = ["qx", "qy", "qz", "qw"];
 const TARGET: &str = "target";
 const TEXTS: [&str; 2] = ["configuration", "tool"];
 
-/// Reads the rows with their lines.
+/// Reads the rows with their line numbers.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
@@ -133,7 +133,7 @@ impl Cells<'_> {
         (!text.is_empty()).then(|| formula::unmarked(text).to_owned())
     }
 
-    /// What marks the line as a command.
+    /// The value that marks the line as a command; `None` for a target.
     fn mark(self) -> Option<String> {
         let columns = self.header.columns.iter().enumerate();
         let mut marks = columns.filter(|(_, name)| names::is_mark(name));
@@ -158,7 +158,7 @@ impl Cells<'_> {
         }
     }
 
-    /// The joint angles, all or none.
+    /// The joint angles; an error where only some are given.
     fn joints(self) -> Result<Option<TargetJoints>, RowProblem> {
         let Some(AngleColumns { unit, places }) = &self.header.angles else {
             return Ok(None);
@@ -200,7 +200,7 @@ mod tests {
 
     #[test]
     fn columns_are_found_by_name_and_rows_keep_their_order() {
-        // A byte order mark and CRLF, as spreadsheets write them; a column of the caller's own.
+        // A byte order mark and CRLF, as spreadsheets write them, and a column of the user's own.
         let text = "\u{feff}z_mm, x_mm,y_mm,target,qx,qy,qz,qw,note\r\n\
                     450.25,751.1234567,-20,\"B, left\",0,0,0.70710678,0.70710678,first\r\n450,752,-20,A,,,,,\r\n";
         let found = targets(text).unwrap();
@@ -263,7 +263,7 @@ mod tests {
             (",1,2,3,,,,,\n", "line 3: column \"target\" is empty"),
             (
                 "A,1,2,3,,,,,\n",
-                "line 3: target \"A\" stands in line 2 already",
+                "line 3: target \"A\" is in line 2 already",
             ),
             (
                 "B,1,2,3,0,0,,1,\n",
@@ -289,7 +289,7 @@ mod tests {
                 "target;x_mm;y_mm;z_mm\nA;1;2;3\n",
                 "missing columns target, x_mm, y_mm, z_mm; its first line names [\"target;x_mm",
             ),
-            ("target,x_mm,x_mm,y_mm,z_mm\n", "\"x_mm\" stands twice"),
+            ("target,x_mm,x_mm,y_mm,z_mm\n", "\"x_mm\" is given twice"),
             ("target,x_mm,y_mm,z_mm\n", "holds no target"),
             ("", "missing columns target"),
         ];

@@ -1,7 +1,7 @@
-//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table they are of.
+//! A file of table `corrected_targets` → the commands that drove a session, and the run whose table corrected them.
 //!
-//! It is what `posegrid compensate` wrote, CSV, Parquet or JSON, or beside a data list; of its columns only those are read that a comparison needs. Targets
-//! that were refused have no command and are counted.
+//! `posegrid compensate` writes it, as CSV, Parquet or JSON, or next to a data list; only the columns needed for a
+//! comparison are read. Refused targets have no command and are counted.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -99,7 +99,7 @@ fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsErr
     Ok(rows.map(|(row, key)| DrivingRow::of(row, key)).collect())
 }
 
-/// That every number is one: `nan` and `inf` can be written as text.
+/// Checks that all numbers are finite: `nan` and `inf` can be written as text.
 fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
     let wrong = rows
         .iter()

@@ -1,4 +1,4 @@
-//! What can be wrong with a file of targets.
+//! Errors of a file of targets.
 
 use std::fmt;
 use std::io;
@@ -26,7 +26,7 @@ pub enum TargetsError {
     /// Not a Parquet file of targets.
     #[error(transparent)]
     Parquet(#[from] FileError),
-    /// The program does not know its own table.
+    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
 }
@@ -123,58 +123,58 @@ impl TargetsErrorKind {
     }
 }
 
-/// What is wrong with a row of a file of targets.
+/// The fault in a row of a file of targets.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RowProblem {
-    /// Text where a number stands.
+    /// A text in the place of a number.
     #[error(
         "column {column:?} holds {text:?}, which is no finite number (decimal point, lengths in mm, no unit written)"
     )]
     NoNumber {
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// What stands there.
+        /// The text in it.
         text: String,
     },
     /// A value of another type.
     #[error("key {key:?} holds {found} where {wanted} is needed")]
     WrongType {
-        /// The key.
+        /// Name of the key.
         key: String,
-        /// What is needed.
+        /// The type that is needed.
         wanted: &'static str,
-        /// What stands there.
+        /// The type that was found.
         found: &'static str,
     },
-    /// Keys whose names do not say which is which.
+    /// Names of keys that are ambiguous.
     #[error(transparent)]
     Names(#[from] NamesProblem),
     /// Joint angles that do not belong together.
     #[error("{0}; see `posegrid compensate --help`")]
     Angles(String),
-    /// A line of a data list.
+    /// A fault in a line of a data list.
     #[error(transparent)]
     Krl(KrlProblem),
-    /// Nothing where something has to be.
+    /// A required value is missing.
     #[error("column {column:?} is empty, and every target has a value there")]
     NoValue {
-        /// The column.
+        /// Name of the column.
         column: &'static str,
     },
-    /// Two targets of one name.
-    #[error("target {target:?} stands in {first} already; names are unique within a file")]
+    /// Two targets have one name.
+    #[error("target {target:?} is in {first} already; names are unique within a file")]
     SameName {
-        /// Where it stands first.
+        /// Place of the first one.
         first: Place,
-        /// Its name.
+        /// Name of both.
         target: String,
     },
-    /// Some of a position's three numbers.
+    /// Only some of a position's three numbers are given.
     #[error(
         "a position is three numbers, x_mm y_mm z_mm, and some of them are missing; give all or none"
     )]
     PartOfPosition,
-    /// Some of a target's joint angles.
+    /// Only some of a target's joint angles are given.
     #[error("{missing} is empty, and a target has all of its joint angles or none")]
     PartOfJoints {
         /// The first column without an angle.
@@ -185,46 +185,46 @@ pub enum RowProblem {
         "target {target:?} has neither a position nor joint angles; give x_mm y_mm z_mm, q1_rad …, or both"
     )]
     NoPlace {
-        /// The target.
+        /// Name of the target.
         target: String,
     },
-    /// Joint names for another number of angles.
+    /// The number of joint names differs from that of the angles.
     #[error("joint_names has {names} names for {angles} joint angles; give one for each, or none")]
     JointNames {
-        /// Names.
+        /// Number of names.
         names: usize,
-        /// Angles.
+        /// Number of angles.
         angles: usize,
     },
-    /// Some of a quaternion's four numbers.
+    /// Only some of a quaternion's four numbers are given.
     #[error(
         "an orientation is four numbers, qx qy qz qw, and some of them are missing; give all or none"
     )]
     PartOfQuaternion,
-    /// A quaternion that is no rotation.
+    /// A quaternion that is not of unit norm.
     #[error("qx qy qz qw have norm {norm}, a rotation has norm 1")]
     NotUnit {
-        /// The norm.
+        /// Norm of the quaternion.
         norm: f64,
     },
-    /// A file of commands.
+    /// The file holds commands, not targets.
     #[error(
-        "corrected already, as its key {key:?} says ({value}); correct the targets themselves, a second correction would move \
+        "corrected already, as its key {key:?} states ({value}); correct the targets themselves, a second correction would move \
          the tool by the error once more"
     )]
     Marked {
-        /// The key.
+        /// Name of the key.
         key: String,
-        /// What stands there.
+        /// Value of the key.
         value: String,
     },
-    /// A target that is a command already.
+    /// The target is a command already.
     #[error(
         "target {target:?} is corrected already, with table {table_id:?}; correct the targets themselves, a second \
          correction would move the tool by the error once more"
     )]
     Corrected {
-        /// The target.
+        /// Name of the target.
         target: String,
         /// The table that it was corrected with.
         table_id: String,
@@ -232,7 +232,7 @@ pub enum RowProblem {
 }
 
 impl RowProblem {
-    /// This problem of a row of a file.
+    /// The error for this fault in a row of a file.
     pub(super) fn at(self, path: &Path, place: Place) -> TargetsError {
         TargetsErrorKind::Row(place, self).at(path)
     }

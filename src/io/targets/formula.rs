@@ -1,10 +1,10 @@
-//! Texts in CSV that a spreadsheet would run: those that begin with `=`, `+`, `-`, `@`, a tab or a return.
+//! Texts in CSV that a spreadsheet would run: those that begin with `=`, `+`, `-`, `@`, a tab or a carriage return.
 //!
-//! Names come from logs and programs and may be anything, and a spreadsheet takes such a cell for a formula. It is
-//! written with a `'` before it, which spreadsheets show as text and [`unmarked`] takes off again; a text that begins
-//! so of its own gets one more, so that every text comes back as it was. Numbers are written as numbers.
+//! Names come from logs and programs and may hold any character, and a spreadsheet takes such a cell for a formula. It is
+//! written with a `'` before it, which spreadsheets show as text and [`unmarked`] removes again; a text that already begins
+//! so gets one more, so that every text is read back unchanged. Numbers are written as numbers.
 
-/// What a formula begins with, for one spreadsheet or another.
+/// Characters that begin a formula in some spreadsheet.
 const BEGIN: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
 const MARK: char = '\'';
 

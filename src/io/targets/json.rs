@@ -1,7 +1,7 @@
 //! Targets in JSON: an array of objects, or `{ "targets": [ … ] }`; the keys are the columns of CSV, `q1_deg` … included.
 //!
-//! Rows are checked one by one as they are read, so the first wrong one ends it. A text is taken into memory up to a
-//! limit, and the parser's own limit of depth stands.
+//! Rows are checked one by one as they are read, so the first wrong one ends the reading. A text is read into memory up to
+//! a limit, and the parser's own limit of depth applies.
 
 mod visit;
 
@@ -24,7 +24,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let mut parser = serde_json::Deserializer::from_slice(&bytes);
     let read = Document(&mut found).deserialize(&mut parser);
     let read = read.and_then(|()| parser.end());
-    // A wrong row ends the reading by an error whose text is of no interest.
+    // A wrong row ends the reading with an error whose text is not used.
     if let Some((place, problem)) = found.wrong {
         return Err(match (place, problem) {
             (Some(place), problem) => problem.at(path, place),
@@ -41,13 +41,13 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     })
 }
 
-/// What was read so far.
+/// The rows read so far.
 #[derive(Default)]
 struct Found {
     placed: Vec<(Place, Row)>,
     unused: BTreeSet<String>,
     unit: Option<AngleUnit>,
-    /// What is wrong, and with which row; without one, with the document.
+    /// The fault, and its row; without a row it is a fault of the document.
     wrong: Option<(Option<Place>, RowProblem)>,
 }
 
@@ -66,7 +66,7 @@ impl Found {
         }
     }
 
-    /// Ends the reading for what is wrong with the document as a whole.
+    /// Ends the reading because of a fault in the document as a whole.
     fn refuse(&mut self, problem: RowProblem) {
         self.wrong = Some((None, problem));
     }
@@ -115,11 +115,11 @@ impl Found {
     }
 }
 
-/// What is left of an object's keys.
+/// The keys of an object that are not used yet.
 struct Keys(Vec<(String, Cell)>);
 
 impl Keys {
-    /// What marks the object as a command: a value under a mark, in letters of any size and at any depth.
+    /// The mark of a command: a value under a mark's key, in upper or lower case and at any depth; `None` for a target.
     fn mark(&mut self) -> Result<Option<String>, RowProblem> {
         let mut found = None;
         for (key, cell) in &self.0 {

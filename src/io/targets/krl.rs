@@ -1,17 +1,17 @@
 //! Targets in KUKA data lists (`.dat`): POS, E6POS and FRAME aggregates of a program's points.
 //!
-//! A data list comes back as it was, byte for byte, but for the numbers of X, Y and Z and for lines that begin with
-//! `; corrected by posegrid` or `; refused by posegrid`. Definitions are those of KUKA System Software, Operating and
+//! A data list is written back unchanged, byte for byte, except the numbers of X, Y and Z and lines that begin with `;
+//! corrected by posegrid` or `; refused by posegrid`. Definitions are those of KUKA System Software, Operating and
 //! Programming Instructions for System Integrators (*Positions and frames*, *Status and Turn*). Steps:
-//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own; what the language
-//!    forbids is an error with its line, for a controller would not run it and a part of it would be believed here;
+//! 1. `read` takes the statements between DEFDAT and ENDDAT (`statement`), each in a line of its own; a statement that the
+//!    language forbids is an error with its line, since a controller would not run it and a part of it would be used here;
 //! 2. a position is a target: X, Y, Z in mm, A, B, C as `Rz(A) Ry(B) Rx(C)` in degrees, S for the arm configuration
-//!    ([`status`]); T, external axes and everything else stay as they are, other aggregates are counted;
-//! 3. frames are held together: one pair of `TOOL_NO` and `BASE_NO`, and no tool that stands in the cell (`IPO_FRAME #TCP`);
+//!    ([`status`]); T, external axes and all other components are unchanged, other aggregates are counted;
+//! 3. frames are compared: one pair of `TOOL_NO` and `BASE_NO`, and no tool that is fixed in the cell (`IPO_FRAME #TCP`);
 //! 4. [`DataList::write`] puts commands in place of targets. A refused target becomes a comment, so that a program that
-//!    uses it does not start rather than run half corrected. Before ENDDAT stands [`MARK`] with the table's id: a variable
-//!    that stays where comments are stripped. Programs' names have 24 letters at most, and a text in a data list is a CHAR
-//!    array with its value in the same line; CONST would need an option that not every controller has set.
+//!    uses it does not start rather than run half corrected. [`MARK`] with the table's id is before ENDDAT: a variable that
+//!    stays where comments are removed. Programs' names have 24 letters at most, and a text in a data list is a CHAR array
+//!    with its value in the same line; CONST would need an option that not every controller has set.
 
 mod aggregate;
 mod lines;
@@ -37,41 +37,41 @@ use super::{Place, Row, RowProblem, Rows, TargetsError, bounded};
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
-/// A data list, with where its targets stand.
+/// A data list, with the places of its targets.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataList {
     text: Vec<u8>,
-    /// After the line of DEFDAT.
+    /// First byte after the line of DEFDAT.
     head: usize,
-    /// Before the line of ENDDAT.
+    /// First byte of the line of ENDDAT.
     end: usize,
     points: Vec<Point>,
-    /// Tool and base of the points, where FDATs say them.
+    /// Tool and base of the points; `None` where no FDAT states them.
     frames: Option<FdatFrames>,
-    /// Aggregates that are no positions, by type.
+    /// Number of aggregates that are no positions, by type.
     others: BTreeMap<String, usize>,
 }
 
-/// Where a target stands.
+/// The place of a target in its list.
 #[derive(Debug, Clone, PartialEq)]
 struct Point {
-    /// Its line, without its end.
+    /// Bytes of its line, without the line's end.
     line: Range<usize>,
-    /// The numbers of X, Y and Z.
+    /// Bytes of the numbers of X, Y and Z.
     xyz: [Range<usize>; 3],
-    /// Its S, where it has one.
+    /// Its S; `None` where it has none.
     status: Option<Status>,
-    /// Whether an external axis stands away from 0.
+    /// Whether an external axis is not at 0.
     external: bool,
-    /// The line's number, where its type is FRAME.
+    /// Number of its line, where its type is FRAME; otherwise `None`.
     frame_in: Option<u64>,
 }
 
-/// External axes.
+/// Names of external axes.
 const EXTERNAL: [&str; 6] = ["E1", "E2", "E3", "E4", "E5", "E6"];
 
 impl DataList {
-    /// The S of each target, in their order.
+    /// The S of each target, in the targets' order.
     pub fn statuses(&self) -> impl Iterator<Item = Option<Status>> + '_ {
         self.points.iter().map(|point| point.status)
     }
@@ -80,10 +80,10 @@ impl DataList {
 /// Types that hold positions.
 const POSITIONS: [&str; 4] = ["POS", "E3POS", "E6POS", "FRAME"];
 
-/// The variable that says of a list that it is corrected, and by which table.
+/// The variable that marks a list as corrected, and holds the table's id.
 pub const MARK: &str = "POSEGRID_CORRECTED";
 
-/// The components of a position: of a FRAME the first six, of a POS the first eight.
+/// The components of a position: a FRAME has the first six, a POS the first eight.
 const COMPONENTS: [&str; 14] = [
     "X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6",
 ];
@@ -114,7 +114,7 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     })
 }
 
-/// What is wrong with which line, from 1; 0 for the file as a whole.
+/// A fault and its line, from 1; 0 for the file as a whole.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct InLine {
     line: u64,
@@ -164,14 +164,14 @@ pub(super) fn read(text: Vec<u8>) -> Result<(Vec<(Place, Row)>, DataList), InLin
     Ok((rows, list))
 }
 
-/// A data list as far as it was read.
+/// A data list, as read so far.
 struct Reading<'t> {
     text: &'t [u8],
     /// The type of each name declared so far, both in capitals, and the line.
     kinds: BTreeMap<String, (String, u64)>,
     rows: Vec<(Place, Row)>,
     points: Vec<Point>,
-    /// With the line of the FDAT that first said them.
+    /// Tool and base, with the line of the FDAT that first stated them.
     frames: Option<(FdatFrames, u64)>,
     others: BTreeMap<String, usize>,
 }
@@ -194,7 +194,7 @@ impl Reading<'_> {
         }
     }
 
-    /// A list that says of itself that it is corrected is no list of targets.
+    /// Refuses a list with the mark of a corrected list: it is no list of targets.
     fn mark(&self, name: &statement::Name, value: Range<usize>) -> Result<(), RowProblem> {
         if name.variable != MARK {
             return Ok(());
@@ -272,7 +272,7 @@ impl Reading<'_> {
         }
     }
 
-    /// That a position has the components of its type alone, and numbers there.
+    /// Checks that a position has only components of its type, with numbers.
     fn check_position(
         &self,
         kind: &str,

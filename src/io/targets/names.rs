@@ -1,8 +1,8 @@
-//! Names of columns and keys: what each stands for, and that no two stand for the same.
+//! Names of columns and keys: the meaning of each, and the check that no two have the same meaning.
 //!
-//! A spreadsheet or a script may write `X_mm` beside `x_mm`, or `Table_ID` for `table_id`. Which of two is meant cannot be
-//! told, and a name in other letters that is passed over is a value that is lost: both are errors that say the names. The
-//! marks of corrected targets ([`MARKS`]) are known in any letters, since they forbid and never say a number.
+//! A spreadsheet or a script may write `X_mm` in addition to `x_mm`, or `Table_ID` for `table_id`. Which of two is meant is
+//! not known, and a skipped name is a lost value: both are errors that state the names. The marks of corrected targets
+//! ([`MARKS`]) are accepted in upper and lower case, since they only forbid and hold no number.
 
 use std::collections::BTreeMap;
 
@@ -10,39 +10,39 @@ use thiserror::Error;
 
 use crate::io::schema;
 
-/// Columns that only corrected targets have a value in.
+/// Columns that have a value in corrected targets only.
 pub(super) const MARKS: [&str; 2] = ["table_id", "corrected_by"];
 
-/// What is wrong with the names of columns or keys.
+/// The fault in the names of columns or keys.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum NamesProblem {
-    /// The same name twice.
-    #[error("{name:?} stands twice; which value is meant is not clear")]
+    /// A name is given twice.
+    #[error("{name:?} is given twice; which value is meant is not clear")]
     Twice {
         /// The name.
         name: String,
     },
-    /// The same but for the size of letters.
+    /// Two names differ only in upper and lower case.
     #[error(
         "{first:?} and {second:?} differ in the size of letters alone; which is meant is not clear"
     )]
     Alike {
-        /// One.
+        /// The first name.
         first: String,
-        /// The other.
+        /// The second name.
         second: String,
     },
-    /// A name that is known in other letters.
+    /// A known name with other upper and lower case.
     #[error("{found:?} is no name that is known here, and {known:?} is; write it so")]
     OtherLetters {
-        /// What stands there.
+        /// The name that was found.
         found: String,
-        /// What is known.
+        /// The known name.
         known: String,
     },
 }
 
-/// Holds the names of one file or object against each other and against those that are known.
+/// Compares the names of one file or object with each other and with the known ones.
 pub(super) fn check<'n>(names: impl IntoIterator<Item = &'n str>) -> Result<(), NamesProblem> {
     let mut seen: BTreeMap<String, &str> = BTreeMap::new();
     for name in names {
@@ -79,7 +79,7 @@ fn folded(name: &str) -> String {
     name.trim().to_lowercase()
 }
 
-/// The name in small letters, where it stands for something here; marks do in any letters.
+/// The name in small letters, where it is known; marks are known in any case.
 fn known(folded: &str) -> Option<String> {
     if MARKS.contains(&folded) {
         return None;
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn two_for_one_and_one_in_other_letters_are_reported_by_name() {
-        assert!(told(&["x_mm", "x_mm"]).contains("\"x_mm\" stands twice"));
+        assert!(told(&["x_mm", "x_mm"]).contains("\"x_mm\" is given twice"));
         assert!(told(&["x_mm", "X_mm"]).contains("\"X_mm\" is no name that is known here"));
         assert!(told(&["note", "Note"]).contains("\"note\" and \"Note\" differ"));
         assert!(told(&["table_id", "Table_ID"]).contains("differ in the size"));

@@ -1,4 +1,4 @@
-//! Targets in Parquet: the columns of table `targets`, whoever wrote them.
+//! Targets in Parquet: the columns of table `targets`, written by any program.
 
 use std::path::Path;
 

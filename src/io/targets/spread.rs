@@ -1,4 +1,4 @@
-//! A table as text: a row after the other, and each joint angle in a column of its own.
+//! A table as text: one row after the other, and each joint angle in a column of its own.
 
 use arrow::array::{Array as _, ArrayRef, AsArray as _};
 use arrow::datatypes::{Float64Type, Int64Type};
@@ -11,10 +11,10 @@ use crate::io::table::Table;
 /// A list of joint angles has a name with this ending.
 const ANGLES: &str = "joints_rad";
 
-/// One value as text: lengths to the nanometre, joint angles in the unit asked for, other numbers as exactly as they are.
+/// One value as text: lengths to the nanometre, joint angles in the requested unit, other numbers exactly.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
-    /// There is none.
+    /// There is no value.
     Absent,
     /// A finite number.
     Number(String),
@@ -26,8 +26,9 @@ pub(crate) enum Cell {
     List(Vec<Cell>),
 }
 
-/// One column of a table, and how many it becomes: a list of joint angles `…joints_rad` the columns `…q1_rad` or `…q1_deg`
-/// and so on, as many as its longest row has; any other list one. Lists that no row has become none.
+/// One column of a table and the number of columns that it becomes: a list of joint angles `…joints_rad` becomes `…q1_rad`
+/// or `…q1_deg` and so on, as many as its longest row has; any other list becomes one. A list without values in any row
+/// becomes none.
 pub(crate) struct Spread<'t> {
     schema: &'t ColumnSchema,
     array: &'t ArrayRef,
@@ -35,7 +36,7 @@ pub(crate) struct Spread<'t> {
 }
 
 impl<'t> Spread<'t> {
-    /// The columns of a table that become any.
+    /// The columns of a table that become at least one.
     pub(crate) fn all(table: &'t Table) -> Vec<Self> {
         let arrays = table.schema().columns.iter().zip(table.batch().columns());
         let spread = arrays.map(|(schema, array)| Self {
@@ -51,13 +52,13 @@ impl<'t> Spread<'t> {
         &self.schema.name
     }
 
-    /// The name before the joint's number, where it is a list of joint angles.
+    /// The prefix before the joint's number, for a list of joint angles; otherwise `None`.
     fn angles(&self) -> Option<&str> {
         let is_list = self.schema.kind == ColumnType::ListFloat64;
         is_list.then(|| self.schema.name.strip_suffix(ANGLES))?
     }
 
-    /// What the columns are called that it becomes.
+    /// The names of the columns that it becomes.
     pub(crate) fn names(&self, unit: AngleUnit) -> Vec<String> {
         match self.angles() {
             Some(before) => (1..=self.columns)
@@ -85,7 +86,7 @@ impl<'t> Spread<'t> {
     }
 }
 
-/// How many columns a column becomes.
+/// The number of columns that a column becomes.
 fn count(schema: &ColumnSchema, array: &ArrayRef) -> usize {
     if schema.kind.is_scalar() {
         return 1;

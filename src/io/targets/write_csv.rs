@@ -1,4 +1,4 @@
-//! A table → CSV: a line a row, and each joint angle in a column of its own.
+//! A table → CSV: one line per row, and each joint angle in a column of its own.
 
 use std::io::Write;
 
@@ -7,16 +7,16 @@ use super::spread::{Cell, Spread};
 use crate::ingest::AngleUnit;
 use crate::io::table::Table;
 
-/// Writes a table as CSV: lengths to the nanometre, joint angles in `unit`, other numbers as exactly as they are, nothing
-/// where a value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
+/// Writes a table as CSV: lengths to the nanometre, joint angles in `unit`, other numbers exactly, an empty cell where a
+/// value is absent. A text that a spreadsheet would run has a `'` before it (`formula`).
 ///
 /// A list of joint angles `…joints_rad` becomes the columns `…q1_rad` or `…q1_deg` and so on, as many as its longest row
-/// has; other lists are one column, their elements apart by blanks. Lists that no row has are left out.
+/// has; other lists are one column, their elements separated by blanks. Lists without values in any row are left out.
 pub fn write_csv(table: &Table, unit: AngleUnit, sink: impl Write) -> Result<(), csv::Error> {
     write_columns(table, &Spread::all(table), unit, sink)
 }
 
-/// The same of some columns.
+/// Writes some columns of a table as CSV.
 pub(crate) fn write_columns(
     table: &Table,
     columns: &[Spread<'_>],

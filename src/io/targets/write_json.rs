@@ -1,4 +1,4 @@
-//! A table → JSON: an array of objects, a line a row, the same keys as the columns in CSV.
+//! A table → JSON: an array of objects, one line per row, with the same keys as the columns in CSV.
 
 use std::io::{self, Write};
 
@@ -6,10 +6,11 @@ use super::spread::{Cell, Spread};
 use crate::ingest::AngleUnit;
 use crate::io::table::Table;
 
-/// Writes a table as JSON: lengths to the nanometre, joint angles in `unit`, other numbers as exactly as they are, null
-/// where a value is absent.
+/// Writes a table as JSON: lengths to the nanometre, joint angles in `unit`, other numbers exactly, null where a value is
+/// absent.
 ///
-/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists that no row has are left out.
+/// Joint angles have a key each, `…q1_rad` or `…q1_deg` and so on; other lists are arrays. Lists without values in any row
+/// are left out.
 pub fn write_json(table: &Table, unit: AngleUnit, mut sink: impl Write) -> io::Result<()> {
     let columns = Spread::all(table);
     let names: Vec<String> = columns.iter().flat_map(|c| c.names(unit)).collect();

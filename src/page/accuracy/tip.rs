@@ -1,10 +1,10 @@
-//! The figures for the tool tip, or how to ask for them, or why there are none.
+//! The figures for the tool tip, or the setting that gives them, or the reason why there are none.
 
 use std::collections::BTreeSet;
 
 use maud::{Markup, html};
 
-use super::{rows, subjects, tells};
+use super::{is_listed, rows, subjects};
 use crate::io::tables::accuracy::AccuracyRow;
 use crate::report::Subject;
 
@@ -12,20 +12,20 @@ pub(super) fn figures(figures: &[AccuracyRow]) -> Markup {
     if figures.is_empty() {
         return html! {
             p.note {
-                "The tip of a tool sees errors of the orientation too, by its lever arm. Figures for it are given where the pipeline file says "
+                "The tip of a tool sees errors of the orientation too, by its lever arm. Figures for it are given where the pipeline file states "
                 "where it is: " code { "[report] tool_tip" } "."
             }
         };
     }
-    let telling: Vec<Subject> = subjects(figures).into_iter().filter(tells).collect();
+    let listed: Vec<Subject> = subjects(figures).into_iter().filter(is_listed).collect();
     html! {
         h3 { "At the tool tip" }
         p {
-            "The same errors carried to the tip that " code { "[report] tool_tip" } " states, by lever arm with the measured orientation. A model's "
-            "rows are what is left where the tip is the point that is corrected. A table corrects the controller's tool point and leaves "
-            "orientations as they are commanded, so its rows have all of the orientation's error."
+            "These errors at the tip that " code { "[report] tool_tip" } " states, computed by lever arm with the measured orientation. A model's "
+            "rows are the remaining errors where the tip is the point that is corrected. A table corrects the controller's tool point and leaves "
+            "orientations as commanded, so its rows have all of the orientation's error."
         }
-        (rows(figures, &telling))
+        (rows(figures, &listed))
         @for reason in reasons(figures) { p.note { "Not shown: " (reason) "." } }
     }
 }

@@ -1,43 +1,43 @@
-//! Where a run comes from: its logs, what was left out of them, its inputs and settings.
+//! The origin of a run: its logs, the items left out of them, its inputs and settings.
 
 use crate::io::tables::clocks::ClockRow;
 use crate::io::tables::rejects::RejectRow;
 use crate::io::tables::stations::{PairingVerdict, Unpaired};
 
-/// What the logs of one session gave.
+/// The results from the logs of one session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Session {
-    /// Its name.
+    /// Name of the session.
     pub name: String,
-    /// Whether it trained; otherwise it only judged.
+    /// Whether it is a training session; otherwise it is only judged.
     pub trained: bool,
-    /// Its clocks.
+    /// Its row of table `clocks`.
     pub clock: ClockRow,
-    /// Its dwells, by verdict and reason.
+    /// The number of its dwells for each verdict and reason.
     pub dwells: Vec<(PairingVerdict, Option<Unpaired>, usize)>,
-    /// What was left out.
+    /// Its rows of table `rejects`.
     pub rejects: Vec<RejectRow>,
 }
 
-/// What came into a stage.
+/// The numbers of items that a stage read, kept and rejected.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Count {
-    /// The stage.
+    /// Name of the stage.
     pub stage: String,
-    /// What is counted.
+    /// Kind of item.
     pub of: String,
-    /// How many came in.
+    /// Number of items read.
     pub read: u64,
-    /// How many were kept.
+    /// Number of items kept.
     pub kept: u64,
-    /// How many were rejected, by reason.
+    /// Number of items rejected for each reason.
     pub rejected: Vec<(String, u64)>,
 }
 
-/// What a run was made from: what is the same wherever and whenever the same work is done, as the page is.
+/// The origin of a run: only values that are the same wherever and whenever the same work is done, like the page itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Provenance {
-    /// The pipeline file's name.
+    /// Name of the pipeline file.
     pub pipeline: String,
     /// Version of this program.
     pub version: String,

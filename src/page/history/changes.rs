@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::content::{Content, Session};
 use crate::page::shell::table;
 
-/// Rows of a table on the page, at most.
+/// Most rows of a table on the page.
 const MOST: usize = 100;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
@@ -22,17 +22,17 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         return None;
     }
     let head = html! {
-        th { "No." } th.word { "Session" } th { "Held against" }
+        th { "No." } th.word { "Session" } th { "Compared with" }
         th.word { "What moved" } th.word { "Lasts" } th.word { "Out of control" }
     };
     let body = html! { @for (place, session) in told.iter().rev().take(MOST) { (row(place + 1, session)) } };
     Some(html! {
         p {
-            "Sessions in which a part stands elsewhere than the covariances allow, in which a moving average left its limits, or which begin "
-            "a segment; newest first. " em { "Lasts" } " says whether the next session agrees."
+            "Sessions in which a part moved more than the covariances allow, in which a moving average left its limits, or which begin "
+            "a segment; newest first. " em { "Lasts" } " states whether the next session agrees."
         }
         (table(&head, &body))
-        @if told.len() > MOST { p.note { (told.len() - MOST) " earlier ones stand in the table " code { "drift" } "." } }
+        @if told.len() > MOST { p.note { (told.len() - MOST) " earlier ones are in the table " code { "drift" } "." } }
     })
 }
 

@@ -7,7 +7,7 @@ use crate::page::words::{fixed, model};
 use crate::report::Model;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series as Drawn};
 
-/// Points that a line has at most.
+/// Most points of a line.
 const MOST: usize = 400;
 
 pub(super) fn accuracy(content: &Content) -> Option<Markup> {
@@ -37,7 +37,7 @@ pub(super) fn accuracy(content: &Content) -> Option<Markup> {
     })
 }
 
-/// `before base_target mean` as words.
+/// A series name such as `before base_target mean` in the words of the page.
 fn named(name: &str) -> String {
     let words: Vec<&str> = name.split(' ').collect();
     match words[..] {
@@ -49,7 +49,7 @@ fn named(name: &str) -> String {
     }
 }
 
-/// One chart: its title, the series whose names begin so, its unit and how much of it a mm or rad is.
+/// One chart: its title, the prefixes of its series' names, its unit, and the number of such units in a mm or rad.
 type Group = (&'static str, &'static [&'static str], &'static str, f64);
 
 const GROUPS: [Group; 5] = [
@@ -83,8 +83,8 @@ pub(super) fn since_first(content: &Content) -> Option<Markup> {
     (!figures.is_empty()).then(|| {
         html! {
             p {
-                "How far each stands from the first session of its segment, all free at once, with bands of two standard deviations, of both "
-                "sessions together. The offset of the first joint is the base's turn about its axis, that of the last joint the target's."
+                "Change of each since the first session of its segment, all estimated together, with bands of two standard deviations, of both "
+                "sessions together. The offset of the first joint is the base's rotation about its axis, that of the last joint the target's."
             }
             div.pair { @for figure in &figures { (figure) } }
         }
@@ -150,8 +150,8 @@ pub(super) fn control(content: &Content) -> Markup {
     });
     html! {
         p {
-            "Each figure is held against mean and spread of those before it (self-starting scores), and the scores are averaged with exponential "
-            "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1 it is out of control, and its chart begins anew. "
+            "Each figure is compared with mean and spread of those before it (self-starting scores), and the scores are averaged with exponential "
+            "weights, 0.2 for the newest (EWMA). Drawn is the average over its limit: beyond ±1 it is out of control, and its chart starts again. "
             "All charts of the robot together leave their limits once in " (run_length(content)) " sessions without a change, or less. "
             "A figure's first two sessions have no score."
         }
@@ -159,7 +159,7 @@ pub(super) fn control(content: &Content) -> Markup {
     }
 }
 
-/// Averages over their limits, thinned where there are many; one out of control always stays.
+/// Averages over their limits, thinned where there are many; an average that is out of control always stays.
 fn averages(series: &Series) -> Vec<[f64; 2]> {
     let own = series.points.iter();
     let all = own.filter_map(|point| Some([point.session as f64, point.average?]));

@@ -1,95 +1,95 @@
-//! What the trend page tells.
+//! The content of the trend page.
 
 /// The history of one robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Content {
-    /// The robot.
+    /// Name of the robot.
     pub robot: String,
-    /// Version of the program.
+    /// Version of the program that made the page.
     pub version: String,
     /// Probability of a false alarm in one session.
     pub false_alarm: f64,
-    /// Runs in all.
+    /// Number of runs of the robot in the lake.
     pub runs: usize,
-    /// Sessions in order.
+    /// Sessions in the order of their logs.
     pub sessions: Vec<Session>,
-    /// Charted figures.
+    /// Charted figures over the sessions.
     pub series: Vec<Series>,
-    /// Joint curves.
+    /// Error curves of the joints.
     pub curves: Vec<Curve>,
     /// Parameters of the arm.
     pub parameters: Vec<Parameter>,
-    /// Runs left out: which, and why.
+    /// Runs left out: name and reason.
     pub left_out: Vec<(String, String)>,
 }
 
 /// One session.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Session {
-    /// Its name.
+    /// Name of the session.
     pub name: String,
-    /// Its run.
+    /// Name of the session's current run.
     pub run: String,
-    /// Its segment, from 1.
+    /// Segment of the session, from 1.
     pub segment: usize,
-    /// What began the segment.
+    /// Changes that began the segment; empty where the session began none.
     pub began: Vec<String>,
-    /// Sessions that it was held against.
+    /// Number of earlier sessions that it was compared with.
     pub against: usize,
-    /// What moved, in words.
+    /// The part that moved and by how much, as text; `None` where nothing moved.
     pub moved: Option<String>,
-    /// Whether that lasts.
+    /// Whether the next session agrees with the change; `None` where there is none yet.
     pub lasting: Option<bool>,
-    /// Figures out of control.
+    /// Names of the figures out of control.
     pub out_of_control: Vec<String>,
 }
 
 /// A charted figure over the sessions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// Its name.
+    /// Name of the figure.
     pub name: String,
     /// `mm` or `rad`.
     pub unit: &'static str,
     /// Whether it is an accuracy figure.
     pub is_accuracy: bool,
-    /// Its values.
+    /// The value in each session that has one.
     pub points: Vec<Point>,
 }
 
 /// A figure in one session.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// The session, from 1.
+    /// Number of the session, from 1.
     pub session: usize,
     /// The value, mm or rad.
     pub value: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the value; `None` where it has none.
     pub sd: Option<f64>,
-    /// The moving average over its limit.
+    /// The moving average divided by its control limit; `None` for a session without a score.
     pub average: Option<f64>,
 }
 
 /// The error curve of a joint: angle, error and standard deviation, rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    /// The joint, from 1.
+    /// Number of the joint, from 1.
     pub joint: usize,
-    /// In the first session.
+    /// The curve in the first session.
     pub first: Vec<[f64; 3]>,
-    /// In the newest.
+    /// The curve in the newest session.
     pub newest: Vec<[f64; 3]>,
 }
 
 /// A parameter of the arm: value and standard error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
     /// `mm` or `rad`.
     pub unit: &'static str,
-    /// In the first session.
+    /// Value in the first session; `None` where it has none.
     pub first: Option<(f64, f64)>,
-    /// In the newest.
+    /// Value in the newest session; `None` where it has none.
     pub newest: Option<(f64, f64)>,
 }

@@ -15,7 +15,7 @@ pub(super) fn curves(content: &Content) -> Option<Markup> {
         .collect();
     (!own.is_empty()).then(|| {
         html! {
-            p { "Error curve of each joint where stations measured it, with bands of two standard deviations; every session's stand in " code { "history" } "." }
+            p { "Error curve of each joint where stations measured it, with bands of two standard deviations; every session's curves are in " code { "history" } "." }
             div.pair { @for curve in own { (figure(curve)) } }
         }
     })
@@ -55,8 +55,8 @@ pub(super) fn parameters(content: &Content) -> Option<Markup> {
     let body = html! { @for parameter in &content.parameters { (row(parameter)) } };
     Some(html! {
         p {
-            "As each session identified them. A wide standard error says that the session could not tell the parameter apart; differences are "
-            "tested above, where what neither session determines takes no part."
+            "As each session identified them. A wide standard error shows that the session hardly determined the parameter; differences are "
+            "tested above, without the directions that neither session determines."
         }
         details { summary { (content.parameters.len()) " parameters" } (table(&head, &body)) }
     })

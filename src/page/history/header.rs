@@ -1,4 +1,4 @@
-//! The head of the page: whether the newest session is where it was, in words.
+//! The head of the page: whether base, target and joints of the newest session are where they were.
 
 use maud::{Markup, html};
 
@@ -41,16 +41,16 @@ fn counts(content: &Content) -> [(&'static str, usize); 6] {
     ]
 }
 
-/// Class, sign and headline; the sign tells them apart without colour too.
+/// Class, sign and headline; the sign distinguishes the cases without colour too.
 fn status(content: &Content) -> (&'static str, &'static str, &'static str) {
     match content.sessions.last() {
-        None => ("not-shown", "?", "There is no session to tell of"),
+        None => ("not-shown", "?", "There is no session to report"),
         Some(last) if last.moved.is_some() => ("not-met", "✗", "Something moved"),
         Some(last) if !last.out_of_control.is_empty() => ("not-met", "✗", "Out of control"),
         Some(last) if last.against == 0 => (
             "not-shown",
             "?",
-            "Nothing to hold the newest session against",
+            "Nothing to compare the newest session with",
         ),
         Some(_) => ("met", "✓", "Nothing moved"),
     }
@@ -62,9 +62,9 @@ fn sentence(content: &Content) -> Markup {
     };
     html! {
         @match (&last.moved, last.against) {
-            (_, 0) => "It begins a segment, so there is nothing to hold it against.",
-            (Some(moved), against) => { "Held against " (against) " before it: " (moved) "." },
-            (None, against) => { "Held against " (against) " before it, base, target and joints are where they were, as far as both can tell." },
+            (_, 0) => "It begins a segment, so there is nothing to compare it with.",
+            (Some(moved), against) => { "Compared with " (against) " before it: " (moved) "." },
+            (None, against) => { "Compared with " (against) " before it, base, target and joints are where they were, as far as both determine it." },
         }
         @if !last.out_of_control.is_empty() { " Out of control: " (last.out_of_control.join(", ")) "." }
     }

@@ -1,4 +1,4 @@
-//! How the figures of the page came about.
+//! Notes on how the figures of the page are computed.
 
 use maud::{Markup, html};
 
@@ -10,11 +10,11 @@ pub(super) fn section(content: &Content) -> Markup {
     html! {
         ul {
             li { "Sessions are in the order of the first stamps of their controller logs; of each only the current run counts. Another robot file, pipeline file, setting, version or model begins a segment, and nothing is compared across." }
-            li { "A session is held against all before it, pooled, since each part last moved. The covariances of both decide; a direction that one of them does not determine takes no part. Parts of a model that sessions share but that are not compared (fast curves, gear lines, drift within a session) make the test wider, never sharper." }
+            li { "A session is compared with all before it, pooled, since each part last moved. The covariances of both decide; a direction that one of them does not determine takes no part. Parts of a model that sessions share but that are not compared (fast curves, gear lines, drift within a session) make the test wider, never sharper." }
             li { "The smallest p-value of all hypotheses times their number has to be below 1 in " (length) ": a session without a change has a false alarm once in " (length) " at most, " (format!("{expected:.1}")) " in these " (content.sessions.len()) "." }
-            li { "Significant is not large: how far a part moved stands beside it. The control charts ask the other question, whether it is more than the sessions' ordinary spread." }
-            li { "Base stands for the tracker too: each moves against the other. The target is the tool or adapter that carries it." }
+            li { "Significant is not large: how far a part moved is given next to it. The control charts ask another question, whether the change is more than the sessions' ordinary spread." }
+            li { "Base includes the tracker: only their motion relative to each other is measured. The target is the tool or adapter that carries it." }
         }
-        p { "The numbers are in " code { "history.parquet" } " and " code { "drift.parquet" } " beside this page; " code { "posegrid schema history" } " and " code { "posegrid schema drift" } " say what each column is." }
+        p { "The numbers are in " code { "history.parquet" } " and " code { "drift.parquet" } " next to this page; " code { "posegrid schema history" } " and " code { "posegrid schema drift" } " describe each column." }
     }
 }

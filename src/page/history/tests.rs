@@ -82,5 +82,5 @@ fn an_empty_history_is_stated() {
         parameters: Vec::new(),
         ..content()
     };
-    assert!(html(&empty).contains("There is no session to tell of"));
+    assert!(html(&empty).contains("There is no session to report"));
 }

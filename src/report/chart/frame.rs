@@ -1,4 +1,4 @@
-//! The frame of a chart: where numbers lie on the paper, axes with ticks, limits, the legend.
+//! The frame of a chart: the positions of numbers on the paper, axes with ticks, limits, the legend.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use super::marks::{Marks, marker};
 use super::scale::{Scale, Tick};
 use super::{Axis, Chart, HEIGHT, Limit, Series, WIDTH, px, text_width};
 
-/// Scales laid out on the paper.
+/// Scales and their position on the paper.
 #[derive(Debug)]
 pub(super) struct Frame {
     x: Scale,
@@ -18,7 +18,7 @@ pub(super) struct Frame {
     legend: Vec<Placed>,
 }
 
-/// An entry of the legend: which series, and where its text begins.
+/// An entry of the legend: its series, and the place of its text.
 #[derive(Debug)]
 struct Placed {
     series: usize,
@@ -62,7 +62,7 @@ impl Frame {
         self.top + HEIGHT - BELOW - LINE
     }
 
-    /// Where x, y lies on the paper.
+    /// The position of x, y on the paper.
     pub(super) fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.across(x), self.down(y)]
     }
@@ -148,7 +148,7 @@ impl Frame {
     }
 }
 
-/// A minus is wider than a hyphen.
+/// The label with a minus sign, which is wider than a hyphen.
 fn signed(tick: &Tick) -> String {
     tick.label.replace('-', "\u{2212}")
 }
@@ -159,7 +159,7 @@ fn quantity(axis: &Axis, x: f64, y: f64, anchor: &str) -> Markup {
     }
 }
 
-/// Entries from left to right, in a new line where one does not fit.
+/// Entries from left to right; one that does not fit begins a new line.
 fn legend(drawn: &[Series]) -> Vec<Placed> {
     let (mut x, mut y) = (0.0, LINE - 4.0);
     let mut placed = Vec::new();
@@ -182,7 +182,7 @@ fn legend(drawn: &[Series]) -> Vec<Placed> {
     placed
 }
 
-/// What the legend shows of a series' marks.
+/// The marks of a series in the legend.
 fn sample(series: &Series, x: f64, y: f64) -> Markup {
     let line = format!("M{} {}h26", px(x), px(y));
     let area = format!("M{} {}h26v10h-26z", px(x), px(y - 5.0));

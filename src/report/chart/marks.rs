@@ -12,7 +12,7 @@ pub enum Marks {
     Line(Vec<[f64; 2]>),
     /// A marker at each x, y.
     Points(Vec<[f64; 2]>),
-    /// A ring around each x, y: what was chosen.
+    /// A ring around each x, y, to show a choice.
     Rings(Vec<[f64; 2]>),
     /// A line that keeps its y until the next x.
     Steps(Vec<[f64; 2]>),
@@ -22,7 +22,7 @@ pub enum Marks {
     Whiskers(Vec<[f64; 3]>),
 }
 
-/// From so many points on markers would hide each other, and dots are drawn.
+/// From this number of points on markers would hide each other, and dots are drawn.
 const CROWD: usize = 120;
 impl Marks {
     pub(super) fn corners(&self) -> Vec<[f64; 2]> {
@@ -64,7 +64,7 @@ impl Marks {
 
     pub(super) fn drawn(&self, frame: &Frame, look: usize) -> Markup {
         let (class, path) = match self {
-            // One point alone makes no line and no area.
+            // A single point makes no line and no area.
             Self::Line(points) | Self::Steps(points) if points.len() == 1 => {
                 ("points", marker(frame.at(points[0]), look))
             }

@@ -1,6 +1,6 @@
 //! Nice ranges and ticks: steps of 1, 2 or 5 times a power of ten; on logarithmic axes 1, 2, 5 of each decade.
 
-/// Where values of an axis lie between its two ends, and its ticks.
+/// The position of values between the two ends of an axis, and its ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
     low: f64,
@@ -13,19 +13,19 @@ pub struct Scale {
 /// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Its value.
+    /// Value of the tick.
     pub value: f64,
-    /// The value in as many decimals as the ticks of its axis need.
+    /// The value with as many decimals as the ticks of its axis need.
     pub label: String,
 }
 
-/// Steps between ticks that an axis has about.
+/// Approximate number of steps between the ticks of an axis.
 const STEPS: f64 = 5.0;
-/// Decades up to which each has ticks at 1, 2 and 5.
+/// Largest number of decades that have ticks at 1, 2 and 5.
 const FEW_DECADES: i32 = 2;
 
 impl Scale {
-    /// The same scale ending at `low` and `high` themselves, with the ticks between: where no line has to end at a tick.
+    /// Makes the scale end at `low` and `high` themselves, with the ticks between: for axes that need not end at a tick.
     #[must_use]
     pub(super) fn ending_at(mut self, low: f64, high: f64) -> Self {
         if low < high && !self.log {
@@ -37,7 +37,7 @@ impl Scale {
         self
     }
 
-    /// The same scale with ticks at whole numbers only.
+    /// Keeps the ticks at whole numbers only.
     #[must_use]
     pub(super) fn in_whole_numbers(mut self) -> Self {
         self.ticks
@@ -78,7 +78,7 @@ impl Scale {
     }
 
     fn linear(low: f64, high: f64) -> Self {
-        // One value alone gets some room around it.
+        // A single value gets some room around it.
         let room = if high > low {
             0.0
         } else {
@@ -86,7 +86,7 @@ impl Scale {
         };
         let step = nice((high - low + 2.0 * room) / STEPS);
         let (first, last) = (((low - room) / step).floor(), ((high + room) / step).ceil());
-        // Values alike to the last digit would have more ticks than numbers between them.
+        // Values that differ only in the last digit would have more ticks than numbers between them.
         let count = (last - first).clamp(1.0, 2.0 * STEPS);
         let digits = decimals(step);
         let tick = |place: f64| {
@@ -134,14 +134,14 @@ impl Scale {
         }
     }
 
-    /// Where a value lies: 0 at the low end, 1 at the high one.
+    /// The position of a value: 0 at the low end, 1 at the high one.
     pub fn share(&self, value: f64) -> f64 {
         let of = |v: f64| if self.log { v.ln() } else { v };
         (of(value) - of(self.low)) / (of(self.high) - of(self.low))
     }
 }
 
-/// The least of 1, 2, 5 times a power of ten that is not below `step`.
+/// The smallest of 1, 2, 5 times a power of ten that is not below `step`.
 fn nice(step: f64) -> f64 {
     let decade = power(exponent(step));
     let factor = [1.0, 2.0, 5.0]
@@ -169,14 +169,14 @@ fn exponent(value: f64) -> i32 {
     (value.log10() + 1e-9).floor() as i32
 }
 
-/// Ten to a whole number; by text, as no rounding is nearer to it.
+/// Ten to a whole power, parsed from text, which is rounded best.
 fn power(exponent: i32) -> f64 {
     format!("1e{exponent}")
         .parse()
         .expect("a power of ten is a number")
 }
 
-/// Decimals that a multiple of `step` needs, twelve at most.
+/// Number of decimals that a multiple of `step` needs, twelve at most.
 fn decimals(step: f64) -> usize {
     usize::try_from(-exponent(step)).map_or(0, |digits| digits.min(12))
 }
@@ -205,7 +205,7 @@ mod tests {
             labels(&[0.03, 0.4], true),
             ["0.02", "0.05", "0.1", "0.2", "0.5"]
         );
-        // One value alone, and values that differ in the last digit only.
+        // A single value, and values that differ in the last digit only.
         assert_eq!(labels(&[3.0], false).len(), 5);
         assert!(labels(&[1e15, 1e15 + 0.125], false).len() <= 11);
     }

@@ -9,15 +9,15 @@ use super::marks::Marks;
 /// Numbers that belong together, drawn in one look and named in the legend.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// Its name in the legend; none for an empty one.
+    /// Name in the legend; an empty one is left out of it.
     pub name: String,
-    /// What is drawn, from back to front.
+    /// The marks, from back to front.
     pub marks: Vec<Marks>,
-    /// Which look it has, from 0; its place among the series where not said.
+    /// Number of the look, from 0; `None`: its place among the series.
     pub look: Option<usize>,
 }
 
-/// Points that an empirical distribution is drawn by at most.
+/// Most points of an empirical distribution.
 const MOST_STEPS: usize = 240;
 
 impl Series {
@@ -53,9 +53,9 @@ impl Series {
         Self::new(name, vec![Marks::Band(band), Marks::Line(line)])
     }
 
-    /// The empirical distribution of `values`: which share, in percent, is not above a value.
+    /// The empirical distribution of `values`: the share, in percent, of values that are not above a value.
     ///
-    /// Of many values evenly spaced ranks are drawn, the largest always.
+    /// For many values evenly spaced ranks are drawn, always with the largest.
     pub fn distribution(name: &str, values: &[f64]) -> Self {
         let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -72,24 +72,24 @@ impl Series {
         )
     }
 
-    /// The same series in a look of its own, so that one thing looks alike in several charts.
+    /// Gives the series a fixed look, so that one thing looks alike in several charts.
     #[must_use]
     pub const fn looking(mut self, look: usize) -> Self {
         self.look = Some(look);
         self
     }
 
-    /// The class that its look has in the style.
+    /// The class of its look in the style.
     pub(super) fn class(&self) -> String {
         format!("s{}", self.look.unwrap_or(0) % LOOKS)
     }
 
-    /// Every corner of what is drawn, x and y.
+    /// Every corner of its marks, x and y.
     pub(super) fn corners(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         self.marks.iter().flat_map(Marks::corners)
     }
 
-    /// Keeps what has only corners that `fits` says yes to; gives how many were left out.
+    /// Keeps the marks whose corners `fits` accepts; returns how many were left out.
     pub(super) fn retain(&mut self, fits: impl Fn([f64; 2]) -> bool) -> usize {
         self.marks.iter_mut().map(|marks| marks.retain(&fits)).sum()
     }

@@ -1,8 +1,8 @@
 //! Error vectors in the work space: three projections of each set, all sets and projections on one scale.
 //!
-//! Work space and arrows have a scale each, and both are drawn as bars and said in words: errors are tenths of a millimetre
-//! in a space of metres. From above the longer of the base frame's x and y lies across, from the front the same against z,
-//! from the side the other one.
+//! Work space and arrows have a scale each, both drawn as bars and stated in the text: errors are tenths of a millimetre in
+//! a space of metres. From above, the longer of the base frame's x and y is across; from the front, the same axis against
+//! z; from the side, the other axis against z.
 
 use std::fmt::Write as _;
 
@@ -13,39 +13,39 @@ use super::{px, scale};
 /// An error at a place, base frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arrow {
-    /// Where.
+    /// The place.
     pub at: [f64; 3],
     /// The error there.
     pub error: [f64; 3],
 }
 
-/// The errors of one state of the arm: before, or after.
+/// The errors of one state of the arm: before or after compensation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vectors {
-    /// Its name: `Before`.
+    /// Name of the state: `Before`.
     pub name: String,
-    /// What they are, in a sentence.
+    /// Description of the errors, in a sentence.
     pub description: String,
     /// The errors.
     pub arrows: Vec<Arrow>,
-    /// Which look they have, from 0.
+    /// Number of the look, from 0.
     pub look: usize,
 }
 
-/// Arrows that a panel has at most: more hide each other.
+/// Most arrows of a panel: more would hide each other.
 const MOST: usize = 400;
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
-/// Width of a panel, and the most of it that the work space takes, px.
+/// Width of a panel, and the largest width of the work space in it, px.
 const WIDTH: f64 = 320.0;
 const PLOT: [f64; 2] = [244.0, 200.0];
-/// How long nineteen in twenty of the longest set's arrows are at most, px; arrows may reach this far out of the work space.
+/// Largest length of nineteen in twenty of the longest set's arrows, px; arrows may reach this far out of the work space.
 const LONG: f64 = 34.0;
-/// Above and below the work space: the name, and the bars.
+/// Space above and below the work space, for the name and the bars.
 const NAME: f64 = 16.0;
 const BARS: f64 = 46.0;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Draws `sets` in panels, those of one projection after each other; `None` without any arrow.
+/// Draws `sets` in panels, those of one projection next to each other; `None` without any arrow.
 pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
     let paper = Paper::of(sets)?;
     let fewer = sets.iter().filter(|set| set.arrows.len() > MOST);
@@ -64,7 +64,7 @@ pub fn vectors(sets: &[Vectors]) -> Option<Markup> {
 }
 
 /// The arrows that are drawn: all, or about [`MOST`] of them, spread evenly over their order by multiples of the golden
-/// ratio. Every second or third would take whole rows out of stations on a grid.
+/// ratio. Every second or third station would leave out whole rows of a grid.
 fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
     let share = MOST as f64 / set.arrows.len() as f64;
     let is_drawn = move |place: usize| (place as f64 * GOLDEN).fract() < share;
@@ -74,19 +74,19 @@ fn drawn(set: &Vectors) -> impl Iterator<Item = &Arrow> {
         .map(|(_, arrow)| arrow)
 }
 
-/// Scales that all panels share.
+/// Scales of all panels.
 struct Paper {
     middle: [f64; 3],
     extent: [f64; 3],
-    /// px for one mm of work space.
+    /// Pixels for one mm of work space.
     space: f64,
     magnification: f64,
-    /// Lengths that are drawn as bars: of work space and of error, mm.
+    /// Lengths of the bars: of work space and of error, mm.
     space_bar_mm: f64,
     error_bar_mm: f64,
 }
 
-/// A projection: which axes lie across and upwards.
+/// A projection: the axes that are across and upwards.
 struct View {
     name: &'static str,
     across: usize,
@@ -200,7 +200,7 @@ impl Paper {
         path
     }
 
-    /// Which axes one looks at, and how long a length of work space and of error is.
+    /// The axes of the view, and bars for a length of work space and of error.
     fn bars(&self, view: &View, look: usize) -> Markup {
         let top = NAME + self.room();
         let (first, second) = (top + 14.0, top + 34.0);
@@ -218,7 +218,7 @@ impl Paper {
     }
 }
 
-/// What nineteen in twenty errors are not above, mm.
+/// The value that nineteen in twenty errors do not exceed, mm.
 fn typical_mm(arrows: &[Arrow]) -> f64 {
     let norm = |arrow: &Arrow| arrow.error.iter().map(|e| e * e).sum::<f64>().sqrt();
     let mut norms: Vec<f64> = arrows.iter().map(norm).collect();
@@ -273,7 +273,7 @@ mod tests {
             "{drawn}"
         );
         assert_eq!(drawn.matches("h0").count(), 3 * 400);
-        // Of a grid's odd and even stations as many are drawn: no row is gone.
+        // As many of a grid's odd stations as of its even ones are drawn: no row is missing.
         let odd = super::drawn(&many)
             .filter(|arrow| arrow.at[1] > 0.0)
             .count();

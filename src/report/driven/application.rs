@@ -1,60 +1,59 @@
-//! How corrections were applied, told from what they did.
+//! The way in which corrections were applied, found from their effect.
 //!
-//! A correction δ that a table gives is minus the error the arm would have made: at a station with error r against its
-//! command, δ = −r was applied as meant. So the session that a table drove tells by itself, without the table:
-//! 1. how far the base was moved meanwhile is nobody's mistake: small rigid motions are taken out of errors and
-//!    corrections;
+//! A correction δ that a table gives is minus the error that the arm would have made: at a station with error r relative to
+//! its command, δ = −r was applied as meant. So the session that a table drove shows it by itself, without the table:
+//! 1. a motion of the base in the meantime is no misuse: small rigid motions are removed from errors and corrections;
 //! 2. each way of applying a table predicts the corrections from the errors: −r as meant, +r with the wrong sign, −2r
 //!    twice, −R r in a frame that is turned by R (Kabsch's closed form);
-//! 3. the way that leaves least is the one, if it leaves about what the table states to be left, or explains most of the
-//!    corrections; if none does, they have nothing to do with this arm's errors.
+//! 3. the way with the smallest remainder is the result, if its remainder is about the one that the table states, or it
+//!    explains most of the corrections; if none does, the corrections have nothing to do with this arm's errors.
 
 use nalgebra::{Matrix3, Matrix6, Point3, Rotation3, Vector3, Vector6};
 
 use super::DrivenStation;
 
-/// How the corrections of a table were applied.
+/// The way in which the corrections of a table were applied.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Application {
-    /// As meant; the share of the corrections that the errors explain.
+    /// As meant, with the share of the corrections that the errors explain.
     AsMeant(f64),
-    /// Commands are the targets as they were.
+    /// Not at all: commands equal the targets.
     Not,
-    /// Added where they had to be taken away.
+    /// With the wrong sign: added where they had to be subtracted.
     WrongSign(f64),
     /// Twice.
     Twice(f64),
-    /// In a frame that is turned against the table's.
+    /// In a frame that is rotated relative to the table's.
     Turned {
-        /// By this, degrees.
+        /// The rotation, degrees.
         angle_deg: f64,
         /// The share of the corrections that the errors then explain.
         explained: f64,
     },
-    /// Without likeness to the errors of this arm, however applied: the largest share that the errors explain.
+    /// Unrelated to the errors of this arm in every way of applying them: the largest share that the errors explain.
     Unrelated(f64),
-    /// Too few stations to tell.
+    /// Too few stations to find out.
     TooFew {
-        /// Stations there are.
+        /// Number of stations.
         stations: usize,
     },
 }
 
-/// With fewer stations a rotation and a motion of the base could explain much by themselves.
+/// Fewest stations: with fewer, a rotation and a motion of the base alone could explain much.
 const LEAST_STATIONS: usize = 12;
-/// Corrections smaller than this share of those stated were not made.
+/// Corrections smaller than this share of the stated ones were not made.
 const NOT_MADE: f64 = 0.2;
-/// A way of applying a table is believed if it leaves no more than this many times what the table states to be left …
+/// A way of applying a table is accepted if its remainder is at most this many times the one that the table states …
 const OF_STATED: f64 = 2.0;
-/// … or explains this share of the corrections: an arm that has changed since leaves more.
+/// … or if it explains this share of the corrections: an arm that has changed since leaves more.
 const EXPLAINS: f64 = 0.8;
-/// A turn counts from here, degrees, and only where it leaves clearly less than the next way.
+/// Smallest rotation that counts, degrees, and only where its remainder is clearly less than that of the next way.
 const TURN_DEG: f64 = 15.0;
-/// A way that leaves less than this share of what another leaves leaves clearly less. Where errors are as small as what the
-/// table states to be left, this alone tells a misuse from use as meant.
+/// A way whose remainder is less than this share of another's is clearly better. Where errors are as small as the remainder
+/// that the table states, this alone distinguishes a misuse from use as meant.
 const CLEARLY: f64 = 0.5;
 
-/// How the corrections of these stations were applied.
+/// Finds how the corrections of these stations were applied.
 pub fn application(stations: &[DrivenStation]) -> Application {
     if stations.len() < LEAST_STATIONS {
         return Application::TooFew {
@@ -69,12 +68,12 @@ pub fn application(stations: &[DrivenStation]) -> Application {
     Ways::of(stations, &made).best()
 }
 
-/// Corrections and errors, without how far the base moved, and what the table states to be left.
+/// Corrections and errors without the motion of the base, and the remainder that the table states.
 struct Ways {
     positions: Vec<Point3<f64>>,
     made: Vec<Vector3<f64>>,
     errors: Vec<Vector3<f64>>,
-    /// Sum of squares that the table states to be left, mm².
+    /// Sum of squares of the remainder that the table states, mm².
     stated: f64,
 }
 
@@ -83,7 +82,7 @@ struct Way {
     application: Application,
     /// Sum of squares that it leaves of the corrections, mm².
     left: f64,
-    /// The same over what the table states to be left, as often as errors are counted.
+    /// The remainder divided by the one that the table states, counted as often as the errors.
     of_stated: f64,
 }
 
@@ -99,7 +98,7 @@ impl Ways {
         }
     }
 
-    /// The way on which the error was counted `times` after `turn`.
+    /// The way in which the error was counted `times` after the rotation `turn`.
     fn way(&self, times: f64, turn: &Rotation3<f64>, name: impl Fn(f64) -> Application) -> Way {
         let predicted = self.made.iter().zip(&self.errors);
         let left: Vec<_> = predicted
@@ -159,12 +158,12 @@ impl Application {
         }
     }
 
-    /// Whether the table did what it is for, as far as can be told.
+    /// Whether the table was applied as meant, as far as is known.
     pub const fn is_sound(&self) -> bool {
         matches!(self, Self::AsMeant(_) | Self::TooFew { .. })
     }
 
-    /// In words that a person reads, with what to try.
+    /// The result as text for a person, with advice.
     pub fn words(&self) -> String {
         let percent = 100.0 * self.explained();
         match self {
@@ -174,29 +173,29 @@ impl Application {
                     .to_owned()
             }
             Self::WrongSign(_) => format!(
-                "corrections were applied with the WRONG SIGN (so applied, the errors explain {percent:.0} % of them): take the \
-                 error away, do not add it"
+                "corrections were applied with the WRONG SIGN (so applied, the errors explain {percent:.0} % of them): subtract \
+                 the error, do not add it"
             ),
             Self::Twice(_) => format!(
                 "corrections were applied TWICE (so the errors explain {percent:.0} % of them): correct the targets themselves, \
                  not corrected ones"
             ),
             Self::Turned { angle_deg, .. } => format!(
-                "corrections were applied in ANOTHER FRAME, turned by {angle_deg:.0}° against the table's (so the errors explain \
+                "corrections were applied in ANOTHER FRAME, turned by {angle_deg:.0}° relative to the table's (so the errors explain \
                  {percent:.0} % of them): give targets in the frame of commands"
             ),
             Self::Unrelated(_) => format!(
                 "corrections have NOTHING TO DO with this arm's errors (however applied, they explain at most {percent:.0} %): a \
-                 table of another arm, looked up in another frame, or the arm has changed; measure it anew"
+                 table of another arm, looked up in another frame, or the arm has changed; measure it again"
             ),
             Self::TooFew { stations } => format!(
-                "{stations} stations are too few to tell how corrections were applied; {LEAST_STATIONS} do"
+                "{stations} stations are too few to find how corrections were applied; {LEAST_STATIONS} are enough"
             ),
         }
     }
 }
 
-/// The rotation that brings `−errors` nearest to `made`.
+/// The rotation that brings `−errors` closest to `made`.
 fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
     let cross = errors
         .iter()
@@ -212,14 +211,14 @@ fn turn(errors: &[Vector3<f64>], made: &[Vector3<f64>]) -> Rotation3<f64> {
     Rotation3::from_matrix_unchecked(u * mended * v_t)
 }
 
-/// Vectors at positions without the small rigid motion `t + ω × (p − p̄)` that is nearest to them.
+/// Vectors at positions without the small rigid motion `t + ω × (p − p̄)` that fits them best.
 fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     let n = positions.len() as f64;
     let middle = positions
         .iter()
         .fold(Vector3::zeros(), |sum, p| sum + p.coords)
         / n;
-    // Radians times this are mm about as large as the translation, which keeps the six numbers alike in size.
+    // Radians times this are mm about as large as the translation, so that the six numbers have similar size.
     let size = (positions
         .iter()
         .map(|p| (p.coords - middle).norm_squared())
@@ -240,7 +239,7 @@ fn settled(positions: &[Point3<f64>], vectors: &[Vector3<f64>]) -> Vec<Vector3<f
         normal += rows.tr_mul(&rows);
         right += rows.tr_mul(vector);
     }
-    // Stations on a line leave a turn about it undetermined; the smallest motion is taken then.
+    // Stations on a line leave the rotation about it undetermined; the smallest motion is used then.
     let motion = normal
         .svd(true, true)
         .solve(&right, 1e-9 * n)
@@ -265,7 +264,7 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
 
-    /// A smooth error field of 0.3 mm or so; `phase` makes another arm of it.
+    /// A smooth error field of about 0.3 mm; another `phase` gives another arm.
     fn error(p: &Point3<f64>, phase: f64) -> Vector3<f64> {
         let [x, y, z] = [p.x, p.y, p.z].map(|v| v / 200.0 + phase);
         Vector3::new(
@@ -275,7 +274,7 @@ mod tests {
         ) * 0.3
     }
 
-    /// 125 stations in a box of 800 mm, whose corrections are made of the error field by `apply`.
+    /// 125 stations in a box of 800 mm, with corrections that `apply` makes from the error field.
     fn stations(apply: impl Fn(Vector3<f64>) -> Vector3<f64>, phase: f64) -> Vec<DrivenStation> {
         let place = |i: usize| {
             let [x, y, z] = [i % 5, i / 5 % 5, i / 25].map(|k| 200.0 * k as f64);
@@ -284,7 +283,7 @@ mod tests {
         let station = |i: usize| {
             let target = place(i);
             let command = target + apply(error(&target, phase));
-            // The base stands 0.5 mm and 0.2 mrad from where it stood.
+            // The base has moved by 0.5 mm and 0.2 mrad.
             let moved = Vector3::new(0.5, -0.1, 0.2)
                 + Vector3::new(1e-4, 1e-4, -1e-4).cross(&target.coords);
             DrivenStation {
@@ -322,7 +321,7 @@ mod tests {
 
     #[test]
     fn what_is_left_within_what_was_stated_is_as_meant_however_little_the_errors_explain() {
-        // Corrections of a hundredth of the error that is left, which is stated.
+        // Corrections of a hundredth of the remaining error, which the table states.
         let mut all = stations(|e| -e, 0.0);
         for (i, station) in all.iter_mut().enumerate() {
             let noise = Vector3::new(1.0, -1.0, 0.5) * if i % 2 == 0 { 0.3 } else { -0.3 };

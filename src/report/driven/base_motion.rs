@@ -1,29 +1,29 @@
-//! A base that moves while a session is measured, told from what is left at its stations.
+//! A base that moves while a session is measured, found from the errors at its stations.
 //!
-//! The base of a driven session is found from its first stations. If it moves at some station, later errors have its rigid
-//! motion in them: of all stations at which it may have moved, the one is taken for which a base of the later stations' own
-//! leaves least. Of a slow drift that takes most away too.
+//! The base of a driven session is found from its first stations. If it moves at some station, later errors contain its
+//! rigid motion: of all stations at which it may have moved, the one is chosen for which a separate base of the later
+//! stations leaves the smallest errors. This also removes most of a slow drift.
 
 use nalgebra::{Point3, Vector3};
 
 use super::super::{Residual, ResidualSet};
 use crate::geometry::align;
 
-/// How far a base moved.
+/// A motion of a base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BaseMotion {
-    /// The first station after it.
+    /// The first station after the motion.
     pub from_station: usize,
-    /// At the middle of the stations after it, mm.
+    /// Displacement at the middle of the stations after it, mm.
     pub mm: f64,
-    /// Its turn, rad.
+    /// Rotation, rad.
     pub rad: f64,
 }
 
-/// A base is found from as many stations: fewer make a base of their noise.
+/// Fewest stations that a base is found from: fewer would fit their noise.
 const LEAST_STATIONS: usize = 20;
 
-/// The errors of the stations that judge, with the motion of the base that explains most of them taken out; and that motion.
+/// The errors of the stations that judge, without the motion of the base that explains most of them; and that motion.
 /// `None` where too few stations judge, or where they do not span space.
 pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
     let judged = after.residuals.iter().filter(|r| !r.used_for_refit);
@@ -38,7 +38,7 @@ pub fn base_motion(after: &ResidualSet) -> Option<(ResidualSet, BaseMotion)> {
     Some((settled, motion))
 }
 
-/// What is left of the squares where the base moved at `place`, the errors then, and the motion.
+/// The sum of squares that remains where the base moved at `place`, the errors then, and the motion.
 fn moved_at(judged: &[&Residual], place: usize) -> Option<(f64, Vec<Residual>, BaseMotion)> {
     let (before, later) = judged.split_at(place);
     let wanted: Vec<_> = later.iter().map(|r| r.predicted).collect();

@@ -1,18 +1,19 @@
 //! Distance accuracy AD and repeatability RD, of two poses that were visited in turn.
 //!
-//! The standard takes two poses, goes from one to the other and back, and holds each attained distance against the commanded
-//! one. Here it is the two poses that were visited in turn most often, of these the two furthest apart: a longer way shows an
-//! arm's errors better. A visit counts with the visit of the other pose that follows it, each once.
+//! The standard takes two poses, goes from one to the other and back, and compares each attained distance with the
+//! commanded one. Here these are the two poses that were visited in turn most often, and of those the two furthest apart: a
+//! longer distance shows an arm's errors better. Each visit is paired with the visit of the other pose that follows it,
+//! each once.
 
 use nalgebra::Vector3;
 
 use super::{Characteristic, Figure, Says, VISITS, Visit, Visited, mean, most_visited};
 use crate::figures::Figures;
 
-/// Fewer turns have no spread.
+/// Fewest turns: fewer have no spread.
 const TURNS: usize = 2;
-/// Nearer poses have no distance to speak of, mm: across it an error e adds e²/2D to the length, at 1 mm of error 5 µm here, and
-/// of one position in two configurations nothing but errors is left.
+/// Smallest distance between two poses, mm: an error e across it adds e²/2D to the length, at 1 mm of error 5 µm here, and
+/// the distance of one position in two configurations would consist of errors only.
 const LEAST_MM: f64 = 100.0;
 
 /// `AD_p` and its components, and `RD` where positions are attained ones.
@@ -140,7 +141,7 @@ fn furthest(visited: &[Visited]) -> Option<Pair<'_>> {
     best.map(|(.., pair)| pair)
 }
 
-/// Visits of either pose in time, each with the next one where that is of the other.
+/// Visits of either pose in time, each with the next visit where that is of the other pose.
 fn turns<'v>(first: &'v [Visit], second: &'v [Visit]) -> Vec<Turn<'v>> {
     let mut all: Vec<(bool, &Visit)> = first.iter().map(|visit| (true, visit)).collect();
     all.extend(second.iter().map(|visit| (false, visit)));

@@ -60,22 +60,22 @@ pub(super) fn repeatability(own: &Visited) -> Vec<Figure> {
     figures
 }
 
-/// A row without a value where orientations were measured, and none commanded to hold them against.
+/// A row without a value where orientations were measured, but none was commanded to compare them with.
 pub(super) fn missing(visited: &[Visited]) -> Option<Figure> {
     let all = visited.iter().flat_map(|own| &own.visits);
     let mut measured = all.filter_map(|visit| visit.orientation).peekable();
     let is_missing = measured.peek().is_some() && measured.all(|o| o.commanded.is_none());
     is_missing.then(|| {
-        let remark = "no commanded orientation to hold the attained ones against: the log has none, or not those that were sent";
+        let remark = "no commanded orientation to compare the attained ones with: the log has none, or not those that were sent";
         Figure::missing(Characteristic::ApA, VISITS, remark)
     })
 }
 
-/// Two visits are as far from their barycentre as each other: what is left of `l̄ + 3 S_l` is half their distance.
+/// Two visits are equally far from their barycentre: then `l̄ + 3 S_l` is half their distance.
 fn of_two(figure: Figure) -> Figure {
     let remark = match figure.remark {
         Some(remark) if figure.n == 2 => Some(format!(
-            "{remark}; of two, S_l is zero whatever the arm does"
+            "{remark}; with two visits, S_l is zero whatever the arm does"
         )),
         other => other,
     };
@@ -115,7 +115,7 @@ fn mean_attained(all: &[Orientation]) -> Option<UnitQuaternion<f64>> {
     mean_orientation(&attained).map(|(mean, _)| mean)
 }
 
-/// From the commanded to the mean attained orientation, rad.
+/// Rotation from the commanded to the mean attained orientation, rad.
 fn turn(all: &[Orientation]) -> Option<Vector3<f64>> {
     let commanded = all.first()?.commanded?;
     Some((mean_attained(all)? * commanded.inverse()).scaled_axis())

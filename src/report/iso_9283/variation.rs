@@ -1,10 +1,10 @@
-//! How the accuracy of a pose varies: by where the arm came from (vAP), and over time (dAP).
+//! Variation of the accuracy of a pose: with the approach direction (vAP), and over time (dAP).
 //!
-//! - `vAP_p`, multi-directional variation: the largest distance between the barycentres of visits by approach. What a log tells
-//!   of an approach is the pose that the arm stood at before; a way around between the two is not known, nor is what the
-//!   standard asks for, three directions at right angles.
-//! - `dAP_p`, drift: how far `AP_p` of the last visits is from that of the first, as the standard has it in groups of ten.
-//!   Whether the arm was cold at first is not known.
+//! - `vAP_p`, multi-directional variation: the largest distance between the barycentres of visits by approach. A log shows
+//!   an approach only by the pose that the arm was at before; a detour between the two is not known, nor are the three
+//!   directions at right angles that the standard asks for.
+//! - `dAP_p`, drift: the difference between `AP_p` of the last visits and of the first, in groups of ten as in the
+//!   standard. Whether the arm was cold at first is not known.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ use nalgebra::Point3;
 
 use super::{Characteristic, Figure, VISITS, Visit, Visited, barycentre, positioning_accuracy};
 
-/// Approach directions that the standard asks for.
+/// Number of approach directions that the standard asks for.
 const DIRECTIONS: usize = 3;
-/// Visits that make a barycentre of their own.
+/// Fewest visits that make a barycentre of their own.
 const GROUP: usize = 2;
-/// Visits in each of the standard's groups.
+/// Number of visits in each of the standard's groups.
 const DRIFT_GROUP: usize = 10;
 
 /// `vAP_p` and `dAP_p` of one pose, where its visits allow them.
@@ -24,13 +24,13 @@ pub(super) fn of_pose(own: &Visited) -> Vec<Figure> {
     by_approach(own).into_iter().chain(over_time(own)).collect()
 }
 
-/// Rows without a value for what no pose allows.
+/// Rows without a value for figures that no pose allows.
 pub(super) fn missing(of_poses: &[Figure]) -> Vec<Figure> {
     let reasons = [
         (
             Characteristic::VapP,
             DIRECTIONS * VISITS,
-            "no pose was come to from two others, twice each",
+            "no pose was approached from two others, twice each",
         ),
         (
             Characteristic::DapP,
@@ -71,7 +71,7 @@ fn by_approach(own: &Visited) -> Option<Figure> {
         n: approaches.values().map(Vec::len).sum(),
         n_needed: DIRECTIONS * VISITS,
         remark: Some(format!(
-            "come to from {} other poses, as the dwell before tells; the standard asks for {DIRECTIONS} directions at right \
+            "approached from {} other poses, by the dwell before; the standard asks for {DIRECTIONS} directions at right \
              angles, {VISITS} visits each",
             approaches.len()
         )),
@@ -93,8 +93,8 @@ fn over_time(own: &Visited) -> Option<Figure> {
         n: 2 * group,
         n_needed: 2 * DRIFT_GROUP,
         remark: Some(format!(
-            "first {group} visits against last {group}, {hours:.2} h from the first to the last; the standard starts cold and \
-             goes on for 8 h"
+            "first {group} visits compared with last {group}, {hours:.2} h from the first to the last; the standard starts cold and \
+             continues for 8 h"
         )),
     })
 }
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
     use crate::units::Stamp;
 
-    /// Visits an hour apart: where from, and the error along x.
+    /// Visits an hour apart: the pose before, and the error along x.
     fn visited(visits: &[(usize, f64)]) -> Visited {
         let visit = |(place, &(from, error)): (usize, &(usize, f64))| Visit {
             station: place,
@@ -124,7 +124,8 @@ mod tests {
 
     #[test]
     fn barycentres_by_approach_are_compared_and_single_visits_are_none() {
-        // From pose 1 at 0.1 and 0.3 (0.2), from pose 2 at −0.1 twice: 0.3 apart. From pose 3 once, whatever it shows.
+        // From pose 1 at 0.1 and 0.3 (0.2), from pose 2 at −0.1 twice: 0.3 apart. From pose 3 only once, so its error does
+        // not count.
         let own = visited(&[(1, 0.1), (2, -0.1), (1, 0.3), (2, -0.1), (3, 9.0)]);
         let figure = by_approach(&own).expect("two approaches");
         assert!((figure.value.unwrap() - 0.3).abs() < 1e-12);
@@ -134,7 +135,7 @@ mod tests {
 
     #[test]
     fn drift_compares_the_first_visits_with_the_last() {
-        // Of five visits two and two: AP_p 0.2 (the mean of 0.1 and 0.3) against 0.5; the one between is in neither.
+        // Of five visits two and two: AP_p 0.2 (the mean of 0.1 and 0.3) against 0.5; the middle one is in neither.
         let own = visited(&[(1, 0.1), (1, 0.3), (1, 9.0), (1, -0.6), (1, -0.4)]);
         let figure = over_time(&own).expect("four visits and more");
         assert!((figure.value.unwrap() - 0.3).abs() < 1e-12);

@@ -150,7 +150,7 @@ fn a_message_without_a_wanted_value_is_rejected_by_the_name_of_the_field() {
         "no value at \"t_us\"",
         "stamp is no time",
         "ends before its last field",
-        "goes on after its last field",
+        "continues after its last field",
         "no JSON",
     ] {
         assert!(

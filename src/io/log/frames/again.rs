@@ -1,4 +1,4 @@
-//! Where framing is lost: the next frame that cannot be there by chance.
+//! Search, where framing is lost, for the next frame that cannot be there by chance.
 
 use std::io;
 
@@ -7,14 +7,14 @@ use super::judge::Judged;
 use super::{Frames, Loss, Lost, Piece};
 use crate::io::log::record::{ChunkRecord, FRAME_HEADER, op};
 
-/// Sound records in a row that cannot be there by chance.
+/// Number of sound records in a row that cannot be there by chance.
 const CHAIN: usize = 3;
 
-/// What framing is looked for in.
+/// The part of a log in which a frame is searched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Among {
     Data,
-    /// Behind the data, where definitions are those of a summary and the mark that data ends was met.
+    /// After the data, where definitions are those of a summary and the mark that data ends was found.
     Summary,
 }
 
@@ -55,7 +55,7 @@ impl Frames<'_> {
         }))
     }
 
-    /// The next place from `from` on where a frame begins that cannot be there by chance.
+    /// The next byte from `from` on where a frame begins that cannot be there by chance; `None` where there is none.
     pub(super) fn resynchronise(&mut self, from: u64, among: Among) -> io::Result<Option<u64>> {
         let (chunked, in_data) = (self.log.chunked, among == Among::Data);
         let mut at = from;
@@ -72,7 +72,7 @@ impl Frames<'_> {
                 };
                 opcode && header[6..9] == [0; 3]
             });
-            // The last eight bytes of a window are looked at again at the head of the next one.
+            // The last eight bytes of a window are searched again at the start of the next one.
             let step = candidate.unwrap_or(window.len().saturating_sub(8).max(1));
             at += step as u64;
             if candidate.is_some() {
@@ -86,7 +86,8 @@ impl Frames<'_> {
         Ok(None)
     }
 
-    /// The log that begins between these places: the record that seems to hold it was cut, and its length reaches into it.
+    /// The log that begins between these bytes: the record that seems to contain it was cut, and its length reaches into
+    /// it.
     fn log_within(&mut self, from: u64, to: u64) -> io::Result<Option<u64>> {
         let mut at = from;
         while at < to {

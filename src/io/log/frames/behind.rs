@@ -1,8 +1,8 @@
-//! What stands behind the data of a log: its summary and its end, data after all, or another log.
+//! The bytes after the data of a log: its summary and its end, further data, or another log.
 //!
-//! 1. Behind the mark that data ends, records of a summary are stepped over up to the footer. Where a record of data
-//!    stands among them, the mark is wrong, and the walk goes on behind it.
-//! 2. Behind the footer and the closing magic bytes another log may begin, or records may follow that somebody added.
+//! 1. After the mark that data ends, records of a summary are skipped up to the footer. Where a data record is among them,
+//!    the mark is wrong, and the walk continues after it.
+//! 2. After the footer and the closing magic bytes another log may begin, or records may follow that somebody added.
 
 use std::io;
 
@@ -14,24 +14,24 @@ use super::{Frames, Loss, Lost, Piece, lost};
 use crate::io::log::record::{FRAME_HEADER, op};
 use crate::io::log::summary::{self, Ending};
 
-/// Bytes of the magic.
+/// Number of magic bytes.
 const MARK: u64 = MAGIC.len() as u64;
 
-/// What follows the mark that data ends.
+/// The bytes that follow the mark that data ends.
 enum Behind {
-    /// Nothing more of the log's data; this is where its end was met.
+    /// No more data of the log; the byte where its end was found.
     End(u64),
-    /// Records of data.
+    /// Data records.
     Data,
 }
 
-/// Whether a log begins so: with magic bytes and the opcode of a header.
+/// Whether a log begins with these bytes: magic bytes and the opcode of a header.
 pub(super) fn begins_log(start: &[u8]) -> bool {
     start.starts_with(MAGIC) && start.get(MAGIC.len()) == Some(&op::HEADER)
 }
 
 impl Frames<'_> {
-    /// Whether magic bytes stand at `at`.
+    /// Whether there are magic bytes at `at`.
     pub(super) fn has_magic(&mut self, at: u64) -> io::Result<bool> {
         Ok(self.source.probe(at, MAGIC.len())? == MAGIC)
     }
@@ -41,7 +41,7 @@ impl Frames<'_> {
         Ok(begins_log(self.source.probe(at, MAGIC.len() + 1)?))
     }
 
-    /// The log that begins at `start`; before it, that the one before has no end, if it has none.
+    /// The log that begins at `start`; before it, the loss that the previous log has no end, where it has none.
     pub(super) const fn next_log(&mut self, start: u64) -> Piece {
         if self.log.end.is_some() {
             return Piece::Log { start };
@@ -50,7 +50,7 @@ impl Frames<'_> {
         lost(start, start, Loss::NoDataEnd)
     }
 
-    /// Goes on behind the mark from `start` to `end` that data ends here.
+    /// Continues after the mark, from `start` to `end`, that data ends here.
     pub(super) fn end_data(&mut self, start: u64, end: u64) -> io::Result<Option<Piece>> {
         match self.behind(end)? {
             Behind::End(at) => self.end_log(at),
@@ -61,7 +61,7 @@ impl Frames<'_> {
         }
     }
 
-    /// Goes on behind the log's footer, or where its summary breaks off.
+    /// Continues after the log's footer, or where its summary ends early.
     pub(super) fn end_log(&mut self, at: u64) -> io::Result<Option<Piece>> {
         let is_closed = self.has_magic(at)? && !self.begins_log(at)?;
         let end = at + if is_closed { MARK } else { 0 };
@@ -94,7 +94,7 @@ impl Frames<'_> {
         })))
     }
 
-    /// Steps over a summary, as far as it is one.
+    /// Skips a summary, up to the first byte that is none.
     fn behind(&mut self, from: u64) -> io::Result<Behind> {
         let is_damaged = self.is_damaged_summary(from)?;
         let mut at = from;
@@ -110,7 +110,7 @@ impl Frames<'_> {
             }
             let follows = self.could_follow(end)?;
             let is_data = match self.judge(at)? {
-                // One wrong bit makes data of a definition: in a summary that is damaged only what is certain counts.
+                // One wrong bit turns a definition into data: in a damaged summary only certain records count.
                 Judged::Sound { opcode, .. } if is_data(opcode) => {
                     !is_damaged || self.is_anchor(at)?
                 }
@@ -132,7 +132,7 @@ impl Frames<'_> {
         })
     }
 
-    /// Opcode and end of the frame at `at`, if it ends within the file.
+    /// Opcode and end of the frame at `at`; `None` where it does not end within the file.
     fn frame(&mut self, at: u64) -> io::Result<Option<(u8, u64)>> {
         let header = self.source.probe(at, 9)?;
         let length = header.get(1..9).and_then(|length| length.first_chunk());
@@ -146,7 +146,7 @@ impl Frames<'_> {
         Ok(end.map(|end| (opcode, end)))
     }
 
-    /// Whether the file's footer says that a summary begins here, and its checksum says that it is damaged.
+    /// Whether the file's footer states that a summary begins here, and its checksum shows that it is damaged.
     fn is_damaged_summary(&mut self, from: u64) -> io::Result<bool> {
         let (start, end) = (self.log.start, self.source.length());
         let begins = summary::begin(self.source, start..end)?;

@@ -1,4 +1,4 @@
-//! What the message indexes behind a chunk say of it.
+//! The number of messages in a chunk, from the message indexes after it.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -6,8 +6,8 @@ use std::io;
 use crate::io::log::record::{FRAME_HEADER, indexed_messages, op};
 use crate::io::log::source::Source;
 
-/// How many messages of each channel the message indexes from byte `at` on list, for a chunk that cannot be read; `None`
-/// where none stand there.
+/// The number of messages of each channel in the message indexes from byte `at` on, for a chunk that cannot be read; `None`
+/// where there are no indexes.
 pub fn indexed_behind(source: &mut Source, mut at: u64) -> io::Result<Option<BTreeMap<u16, u64>>> {
     let mut found = BTreeMap::new();
     loop {

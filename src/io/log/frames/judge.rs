@@ -1,4 +1,4 @@
-//! What a frame is found to be, by its opcode, its length and what its body says again.
+//! The judgement of a frame by its opcode, its length and the lengths that its body repeats.
 
 use std::io;
 
@@ -7,13 +7,13 @@ use crate::io::log::record::{
     ChunkRecord, FRAME_HEADER, MessageRecord, extends, indexed_messages, op,
 };
 
-/// What a frame is found to be.
+/// The judgement of a frame.
 pub(super) enum Judged {
     Sound {
         end: u64,
         opcode: u8,
     },
-    /// Its place is right, its body is not.
+    /// Its place is right, its body is wrong.
     Unsound {
         end: u64,
         why: Loss,
@@ -48,7 +48,7 @@ impl Frames<'_> {
         };
         let of_summary = belongs_to_summary(opcode) && self.log.went_on;
         if (is_private(opcode) && !self.was_a_chunk(start, length)?) || of_summary {
-            // Nothing in it can be checked, but what follows it can.
+            // The record itself cannot be checked, but the one after it can.
             return Ok(if self.could_follow(end)? {
                 Judged::Sound { end, opcode }
             } else {
@@ -71,13 +71,13 @@ impl Frames<'_> {
         })
     }
 
-    /// Whether the start of the body agrees with the length, for the records where it can tell.
+    /// Whether the start of the body agrees with the length, for the records where it states one.
     fn body_fits(&mut self, opcode: u8, start: u64, length: u64) -> io::Result<bool> {
         let body = self
             .source
             .probe(start + FRAME_HEADER, ChunkRecord::MOST_HEADER)?;
         Ok(match opcode {
-            // The header stands at the start of the file only.
+            // A header is at the start of the file only.
             op::HEADER => false,
             op::MESSAGE => length >= MessageRecord::HEADER,
             op::CHUNK => ChunkRecord::read(body).is_some_and(|chunk| chunk.fits(length)),
@@ -90,7 +90,7 @@ impl Frames<'_> {
         })
     }
 
-    /// Whether the parts of a body, by the counts in it, are as long as the body.
+    /// Whether the parts of a body, with the counts in it, are as long as the body.
     fn adds_up(&mut self, parts: &[Part], body: u64, length: u64) -> io::Result<bool> {
         let mut fields = 0_u64;
         for part in parts {
@@ -112,7 +112,7 @@ impl Frames<'_> {
         Ok(extends(fields, length))
     }
 
-    /// Whether a record of an application's own is a chunk with one bit wrong.
+    /// Whether an application-specific record is a chunk with one bit wrong.
     fn was_a_chunk(&mut self, start: u64, length: u64) -> io::Result<bool> {
         let bytes = self.source.probe(start, 9 + ChunkRecord::MOST_HEADER)?;
         let opcode = bytes.first().map(|opcode| opcode & !op::FIRST_PRIVATE);
@@ -121,14 +121,14 @@ impl Frames<'_> {
         Ok(chunk.is_some_and(|chunk| chunk.is_certain(length)))
     }
 
-    /// Whether a footer of `length` bytes may end at `end`: only magic bytes follow one.
+    /// Whether a footer of `length` bytes may end at `end`: only magic bytes follow a footer.
     pub(super) fn footer_fits(&mut self, end: u64, length: u64) -> io::Result<bool> {
         let near_end = self.source.length().saturating_sub(end) <= 8;
         Ok(extends(20, length) && (near_end || self.has_magic(end)?))
     }
 
-    /// Whether a frame at `start` looks like one at a glance: the end of the file or of a log, or an opcode in use and
-    /// a length that is not absurd.
+    /// Whether the bytes at `start` can be a frame by a quick test: the end of the file or of a log, or an opcode in use
+    /// and a plausible length.
     pub(super) fn could_follow(&mut self, start: u64) -> io::Result<bool> {
         if start == self.source.length() {
             return Ok(true);
@@ -152,7 +152,7 @@ impl Frames<'_> {
         )
     }
 
-    /// Whether the file or the log ends at `start`, or goes on with a record of a summary.
+    /// Whether the file or the log ends at `start`, or continues with a record of a summary.
     pub(super) fn summary_follows(&mut self, start: u64) -> io::Result<bool> {
         if self.has_magic(start)? {
             return Ok(true);
@@ -168,12 +168,12 @@ impl Frames<'_> {
     }
 }
 
-/// Whether a record is an application's own.
+/// Whether a record is application-specific.
 pub(super) const fn is_private(opcode: u8) -> bool {
     opcode >= op::FIRST_PRIVATE
 }
 
-/// Records that only a summary has; in the data section they are something else with a damaged opcode.
+/// Records that only a summary has; in the data section they are other records with a damaged opcode.
 pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
     matches!(
         opcode,
@@ -185,17 +185,17 @@ pub(super) const fn belongs_to_summary(opcode: u8) -> bool {
     )
 }
 
-/// Parts of a record's body, as far as its length follows from them.
+/// Parts of a record's body, as far as they determine its length.
 #[derive(Debug, Clone, Copy)]
 enum Part {
-    /// So many bytes.
+    /// This many bytes.
     Fixed(u8),
-    /// A count in so many bytes, and as many bytes as it says.
+    /// A count of this many bytes, then as many bytes as it states.
     Counted(u8),
 }
 
 impl Part {
-    /// Of the records whose parts say how long they are, by the specification.
+    /// The parts of the records whose length they determine, by the specification.
     const fn of(opcode: u8) -> &'static [Self] {
         use Part::{Counted, Fixed};
         match opcode {

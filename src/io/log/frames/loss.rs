@@ -8,16 +8,16 @@ pub struct Lost {
     pub start: u64,
     pub end: u64,
     pub why: Loss,
-    /// What a chunk's header says of its log times, ns.
+    /// Earliest and latest log time that a chunk's header states, ns; `None` for other bytes.
     pub times: Option<(u64, u64)>,
 }
 
-/// Why bytes are lost.
+/// The reason why bytes are lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum Loss {
     /// No record begins here.
     #[error(
-        "no sound record begins at byte {0}; reading went on at the next one that can be trusted"
+        "no sound record begins at byte {0}; reading continued at the next one that can be trusted"
     )]
     Framing(u64),
     /// The file ends inside a record.
@@ -31,11 +31,11 @@ pub enum Loss {
     NoDataEnd,
     /// The mark that data is complete, or the log's closing mark, before the last records of data.
     #[error(
-        "the log says that its data ends at byte {0}, but records of data follow: they were read; readers that believe it \
+        "the log states that its data ends at byte {0}, but data records follow: they were read; readers that trust the log \
          leave them out"
     )]
     EarlyEnd(u64),
-    /// A record whose opcode is not known or does not belong into the data section.
+    /// A record whose opcode is unknown or does not belong in the data section.
     #[error(
         "a record with opcode 0x{0:02x} does not belong here: its opcode is damaged, or another format wrote it"
     )]

@@ -1,6 +1,6 @@
 //! The records in a sound run of frames, such as a chunk's.
 
-/// The body of each record in a sound run of frames, with its place.
+/// Iterates over the bodies of the records in a sound run of frames, with their places.
 pub struct Records<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -21,7 +21,7 @@ impl<'a> Iterator for Records<'a> {
     fn next(&mut self) -> Option<Self::Item> {
         let start = self.at;
         let rest = self.bytes.get(start..).filter(|rest| !rest.is_empty())?;
-        // Whatever happens, an unsound frame is the last one.
+        // An unsound frame is always the last one.
         self.at = self.bytes.len();
         let body = rest.get(1..9).and_then(|length| {
             let length = usize::try_from(u64::from_le_bytes(*length.first_chunk()?)).ok()?;

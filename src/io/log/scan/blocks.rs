@@ -1,11 +1,11 @@
-//! Runs of records outside chunks, and what becomes of a block once it was worked on.
+//! Runs of records outside chunks, and the merge of a block that was worked on.
 
 use super::super::block::{Block, BlockFault, Extent, Outcome, Tally};
 use super::super::frames::{Loss, Lost};
 use super::super::read_summary::ReadSummary;
 use super::{LogReject, LossKind, SpanClock, Visitor, ns};
 
-/// Merges a block that was walked, accounts for one that was not.
+/// Merges a block that was walked, and adds a reject for one that was not.
 pub(super) fn settle<V: Visitor>(
     block: &mut Block<V::Part>,
     visitor: &mut V,
@@ -56,7 +56,7 @@ pub(super) fn settle<V: Visitor>(
 pub(super) struct Run {
     pub start: u64,
     pub end: u64,
-    /// Where the last record begins, and whether it is a message.
+    /// Start of the last record, and whether it is a message.
     last: (u64, bool),
 }
 
@@ -69,8 +69,8 @@ impl Run {
         }
     }
 
-    /// Where framing is lost right behind a message, its own length may be what is wrong; where it is lost from the last
-    /// record on, that one is none.
+    /// Where framing is lost right after a message, the message's own length may be wrong; where it is lost from the last
+    /// record on, that record is none.
     pub(super) fn yield_to(&mut self, lost: &mut Lost) {
         let (start, is_message) = self.last;
         let is_framing = matches!(lost.why, Loss::Framing(_));

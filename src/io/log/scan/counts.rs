@@ -1,12 +1,12 @@
-//! Messages by channel.
+//! Numbers of messages by channel.
 
 use std::collections::BTreeMap;
 
-/// How many messages of each channel; ids are dense in most logs.
+/// The number of messages of each channel; ids are dense in most logs.
 #[derive(Debug, Default)]
 pub(super) struct Counts {
     of: Vec<u64>,
-    /// Channels that have any.
+    /// Channels with at least one message.
     met: Vec<u16>,
 }
 
@@ -23,24 +23,24 @@ impl Counts {
         self.of[place] = self.of[place].saturating_add(messages);
     }
 
-    /// Messages of a channel.
+    /// The number of messages of a channel.
     pub fn of(&self, channel: u16) -> u64 {
         self.of.get(usize::from(channel)).copied().unwrap_or(0)
     }
 
-    /// Of all channels together.
+    /// The number of messages of all channels.
     pub fn all(&self) -> u64 {
         let of_channels = self.met.iter().map(|&channel| self.of(channel));
         of_channels.fold(0, u64::saturating_add)
     }
 
-    /// The channels that have any, by id.
+    /// The channels with at least one message, and their numbers, by id.
     pub(super) fn by_channel(&self) -> BTreeMap<u16, u64> {
         let of_channels = self.met.iter().map(|&channel| (channel, self.of(channel)));
         of_channels.collect()
     }
 
-    /// Begins again with none.
+    /// Sets all numbers to zero.
     pub fn clear(&mut self) {
         for channel in self.met.drain(..) {
             self.of[usize::from(channel)] = 0;

@@ -1,22 +1,22 @@
-//! What is known only at the end of a log: its checksum, how it ends, what could not be decompressed.
+//! Facts known only at the end of a log: its checksum, its end, and the bytes that could not be decompressed.
 
 use super::super::packed::Packed;
 use super::super::summary::{self, Ending};
 use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
 
-const AFTER_DATA_CUT: &str = "the file ends behind its data, without the closing mark: it was cut, or its recorder was \
+const AFTER_DATA_CUT: &str = "the file ends after its data, without the closing mark: it was cut, or its recorder was \
      stopped hard; no message is lost, but readers that need the summary will refuse it";
 const SUMMARY_DAMAGED: &str =
     "the summary at the end is damaged: no message is lost, but readers that need it may fail";
 const NO_RECORDS: &str =
-    "bytes behind the closing mark that are no records: nothing in them was read";
+    "bytes after the closing mark that are no records: nothing in them was read";
 
 impl<V, E> Scan<'_, V>
 where
     V: Visitor<Error = E>,
     E: From<FileError>,
 {
-    /// What is known only at the end of a log, which is at byte `end`.
+    /// Judges what is known only at the end of a log, which is at byte `end`.
     pub(super) fn end_log(&mut self, end: u64) -> Result<(), E> {
         self.flush()?;
         let log = self.frames.log_start()..end;
@@ -24,7 +24,7 @@ where
         let (ending, range) = ending.map_err(|source| self.io(source))?;
         self.check_records()?;
         if end < self.read_summary.bytes {
-            // What the summary defines was looked for at the end of the file.
+            // The definitions in the summary were searched at the end of the file.
             self.summary = None;
         }
         self.compare(end, range.filter(|_| ending == Ending::Sound))?;
@@ -35,7 +35,7 @@ where
                 _ => {}
             }
         }
-        // One that was cut is told, whatever stands behind it.
+        // A log that was cut is reported, whatever follows it.
         if self.read_summary.logs == 1 || self.read_summary.ending != Ending::Cut {
             self.read_summary.ending = ending;
         }
@@ -43,13 +43,13 @@ where
         Ok(())
     }
 
-    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one; nor have records
-    /// of an application's own, one of which may be a message with one bit wrong.
+    /// Messages outside chunks have no checksum of their own, only the data section as a whole has one; the same holds for
+    /// application-specific records, one of which may be a message with one bit wrong.
     fn check_records(&mut self) -> Result<(), E> {
         let Some((data_end, stated)) = self.frames.data_crc() else {
             return Ok(());
         };
-        // Where bytes are lost the checksum is wrong anyway. A message that cannot be used is no reason for that.
+        // Where bytes are lost the checksum is wrong anyway. A message that cannot be used does not make it wrong.
         let rejects = self.read_summary.rejects.get(self.rejects..);
         let damaged = rejects.is_none_or(|of_log| of_log.iter().any(LogReject::is_damage));
         let outside = self.read_summary.messages_outside_chunks > self.outside_chunks;
@@ -69,7 +69,7 @@ where
             let places = std::mem::take(&mut self.private);
             (
                 places,
-                "where chunks are sound, in records of an application's own",
+                "where chunks are sound, in application-specific records",
             )
         };
         for (byte_start, byte_end) in places {
@@ -83,8 +83,8 @@ where
                 messages: None,
                 loss: LossKind::Bytes,
                 reason: format!(
-                    "the checksum of all records is {found:08x} where the log says {stated:08x}: bytes are damaged, and \
-                     {what} it cannot be told which; they were kept"
+                    "the checksum of all records is {found:08x} where the log states {stated:08x}: bytes are damaged, and \
+                     {what} it is not known which; they were kept"
                 ),
             };
             self.read_summary.reject(reject);
@@ -92,17 +92,17 @@ where
         Ok(())
     }
 
-    /// Bytes behind the closing mark of the last log that are no records.
-    pub(super) fn tell_what_follows(&mut self, log_end: Option<u64>) {
+    /// Adds a note for bytes after the closing mark of the last log that are no records.
+    pub(super) fn note_what_follows(&mut self, log_end: Option<u64>) {
         let bytes = self.read_summary.bytes;
         if let Some(end) = log_end.filter(|&end| end < bytes) {
             self.note((end, bytes), NO_RECORDS.to_owned());
         }
     }
 
-    /// What could not be decompressed lies behind everything else; how much it is cannot be known, but a byte of the
-    /// compressed file stands for one at least.
-    pub(super) fn account_for_packing(&mut self) {
+    /// Adds a reject for the bytes that could not be decompressed, after all others; their number is not known, but each
+    /// byte of the compressed file is counted as one byte, the least that it can be.
+    pub(super) fn reject_undecompressed(&mut self) {
         let Some(
             packed @ Packed {
                 fault: Some(fault), ..

@@ -1,8 +1,8 @@
 //! Messages that the log's own summary counts and that were not read.
 //!
-//! A chunk cut out cleanly, or a message whose length swallows those behind it, leaves records that are all sound. What
-//! tells is the statistics in the summary, where its checksum is right. Statistics that count fewer than there are, or
-//! that count nothing, are a writer's mistake and no loss.
+//! A chunk cut out cleanly, or a message whose length covers the records after it, leaves only sound records. The loss
+//! shows in the statistics of the summary, where its checksum is right. Statistics that count fewer messages than there
+//! are, or none, are a writer's mistake and no loss.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -10,21 +10,21 @@ use std::ops::Range;
 use super::super::summary::Statistics;
 use super::{FileError, LogReject, LossKind, Scan, SpanClock, Visitor};
 
-/// More messages than any recorder can have written: a count above it is not believed.
+/// More messages than any recorder can have written: a count above it is not trusted.
 const MOST_MESSAGES: u64 = 1 << 48;
-/// Channels of one log that are told one by one.
-const MOST_TOLD: usize = 100;
+/// Most channels of one log that are reported one by one.
+const MOST_LISTED: usize = 100;
 
-/// What a sound summary says against what was read, by channel.
+/// The difference between a sound summary and the messages read, by channel.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Missing {
-    /// Messages that are lost, of each channel: those in damaged chunks too.
+    /// Number of lost messages of each channel, including those in damaged chunks.
     lost: BTreeMap<u16, u64>,
-    /// The part of them that no damaged chunk accounts for.
+    /// The part of them that is not in a damaged chunk.
     unexplained: BTreeMap<u16, u64>,
-    /// The same of messages whose channel is not told.
+    /// Number of lost messages, not in a damaged chunk, whose channel is not known.
     elsewhere: u64,
-    /// All that are lost.
+    /// Number of all lost messages.
     all: u64,
 }
 
@@ -70,8 +70,8 @@ where
     V: Visitor<Error = E>,
     E: From<FileError>,
 {
-    /// Counts what is lost of the log, which ends at byte `end`, and tells of what no damage accounts for; `summary` is
-    /// where a sound one lies.
+    /// Counts the lost messages of the log, which ends at byte `end`, and adds rejects for those that no damage explains;
+    /// `summary` is the place of a sound summary.
     pub(super) fn compare(&mut self, end: u64, summary: Option<Range<u64>>) -> Result<(), E> {
         let source = self.frames.source();
         let stated = summary.map(|range| Statistics::read(source, range));
@@ -99,7 +99,7 @@ where
         }
         let mut rest = missing.elsewhere;
         for (place, (id, &messages)) in missing.unexplained.iter().enumerate() {
-            if place < MOST_TOLD {
+            if place < MOST_LISTED {
                 let stated = stated.as_ref().map_or(0, |stated| stated.of_channels[id]);
                 let reason = self.reason(*id, messages, stated);
                 self.miss(topics[id].as_deref(), messages, end, reason);
@@ -121,7 +121,7 @@ where
         let read = self.read.of(id);
         format!(
             "the summary, whose checksum is right, counts {stated} messages of channel {id}, {read} were read, and no \
-             damage accounts for {messages}: they were cut out, or another record's length hides them"
+             damage explains {messages}: they were cut out, or another record's length hides them"
         )
     }
 
@@ -140,7 +140,7 @@ where
         self.read_summary.reject(reject);
     }
 
-    /// Fewer counted than there are: nothing is lost, but the summary is wrong.
+    /// Fewer messages are counted than there are: nothing is lost, but the summary is wrong.
     fn note_undercount(&mut self, stated: Option<&Statistics>) {
         let Some(stated) = stated else { return };
         let read = self.read.all();
@@ -151,7 +151,7 @@ where
         }
     }
 
-    /// The topic of a channel, if anything defines it.
+    /// The topic of a channel; `None` where nothing defines it.
     fn topic(&mut self, id: u16, end: u64) -> Result<Option<String>, E> {
         if let Some(channel) = self.registry.channel(id) {
             return Ok(Some(channel.topic.clone()));
@@ -174,19 +174,19 @@ mod tests {
             messages: stated,
             of_channels: of_channels.iter().copied().collect(),
         };
-        // Read: 60 of channel 1, 10 of channel 2.
+        // Messages read: 60 of channel 1, 10 of channel 2.
         let read = BTreeMap::from([(1, 60), (2, 10)]);
         Missing::new(Some(&stated), &read, &indexed.iter().copied().collect())
     }
 
     #[test]
-    fn what_damaged_chunks_account_for_is_not_told_twice() {
+    fn messages_in_damaged_chunks_are_not_counted_twice() {
         // 40 and 5 are lost, of which 25 and 5 lay in damaged chunks.
         let found = missing(115, &[(1, 100), (2, 15)], &[(1, 25), (2, 5)]);
         assert_eq!(found.lost, BTreeMap::from([(1, 40), (2, 5)]));
         assert_eq!(found.unexplained, BTreeMap::from([(1, 15)]));
         assert_eq!((found.elsewhere, found.all), (0, 45));
-        // Of 45 lost in all, 40 are of a channel that is counted; so are 40 where the sum says nothing.
+        // In all 45 are lost, 40 of them of a channel that is counted; where the sum states nothing, 40.
         let found = missing(115, &[(1, 100)], &[]);
         assert_eq!((found.elsewhere, found.all), (5, 45));
         let found = missing(0, &[(1, 100), (2, 0)], &[]);

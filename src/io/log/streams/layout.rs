@@ -1,4 +1,4 @@
-//! Which fields of a message a stream is made of: those of the common types, or those that the pipeline file names.
+//! The fields of a message that a stream is made from: those of the common types, or those that the pipeline file names.
 
 use super::Stream;
 use crate::ingest::{
@@ -6,7 +6,7 @@ use crate::ingest::{
 };
 use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError, ros2msg};
 
-/// What a type of message is decoded as.
+/// The values that a type of message is decoded into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
     /// Names and positions of joints: `sensor_msgs/JointState` and its like.
@@ -29,7 +29,7 @@ struct Common {
     fields: &'static [&'static str],
 }
 
-/// In both its ROS 2 and its protobuf or JSON name.
+/// The common types, each by its ROS 2 name and its protobuf or JSON name.
 const COMMON: [Common; 9] = [
     Common {
         names: &["sensor_msgs/JointState"],
@@ -122,49 +122,49 @@ const TEMPERATURE: Common = Common {
     fields: &["temperature"],
 };
 
-/// Where messages of no common type have their stamp, as far as nothing else is said.
+/// Usual paths of the stamp in messages of other types, where the pipeline file names none.
 const STAMPS: [&str; 2] = ["header.stamp", "timestamp"];
-/// What a time is made of, in ROS 2, in protobuf, and in ROS 1 and JSON.
+/// Fields of a time, in ROS 2, in protobuf, and in ROS 1 and JSON.
 const TIME: [&str; 2] = ["sec|seconds|secs", "nanosec|nanos|nsec|nsecs"];
 
-/// What the first values of a row are: the message's stamp.
+/// The first values of a row: the message's stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum StampValues {
-    /// None: the time is the record's.
+    /// None: the record's time is used.
     Record,
     /// Seconds and nanoseconds.
     Time,
-    /// The same or, in JSON, a date-time as text.
+    /// Seconds and nanoseconds or, in JSON, a date-time as text.
     TimeOrText,
     /// One number.
     Number(TimeUnit),
 }
 
-/// What the values of a row are, behind stamp and frame.
+/// The values of a row after stamp and frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// An array of names, an array of as many angles.
+    /// An array of names, and an array of as many angles.
     NamedAngles,
     /// The angle of each joint of the arm.
     Angles,
     /// x, y, z; a quaternion where there is one; an array of covariances where there is one.
     Pose { orientation: bool, covariance: bool },
-    /// °C.
+    /// The temperature, °C.
     Temperature,
 }
 
-/// How a stream's values are taken out of one channel's messages.
+/// The values that a stream takes from one channel's messages.
 #[derive(Debug)]
 pub(super) struct Recipe {
     pub(super) stamp: StampValues,
-    /// The frame that the value behind the stamp must name.
+    /// The frame that the value after the stamp must name; `None` where it is not checked.
     pub(super) frame: Option<String>,
     pub(super) meaning: Meaning,
     pub(super) paths: Vec<FieldPath>,
     pub(super) reader: FieldReader,
 }
 
-/// What the pipeline file says of a stream's messages.
+/// The statements of the pipeline file about a stream's messages.
 struct Statements<'m> {
     stamp: Option<&'m StampField>,
     frame: Option<&'m str>,
@@ -174,7 +174,7 @@ struct Statements<'m> {
 }
 
 impl Layout {
-    /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as protobuf does.
+    /// The layout of a common type, named `pkg/msg/T` or `pkg/T` or as in protobuf; `None` for other types.
     pub(super) fn of_type(name: &str) -> Option<Self> {
         common(name).map(|common| common.layout)
     }
@@ -208,7 +208,7 @@ fn common(name: &str) -> Option<&'static Common> {
     all.find(|common| common.names.contains(&name.as_str()))
 }
 
-/// What can be taken of messages without a pipeline file.
+/// The values that can be read from messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
     /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; where it is in one of the
@@ -219,7 +219,7 @@ pub struct Glance {
 }
 
 impl Glance {
-    /// What can be taken of a channel's messages.
+    /// The values that can be read from a channel's messages.
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
         let schema = schema.and_then(Result::ok);
@@ -243,13 +243,13 @@ impl Glance {
     }
 }
 
-/// Whether there is a time at this path, as far as is known.
+/// Whether there is a time at this path, as far as the schema shows.
 fn has_time(schema: &MessageSchema, path: &str) -> bool {
     let paths = FieldPath::parse(path).and_then(|path| time_at(&path, schema));
     paths.is_ok_and(|(_, paths)| paths.iter().any(|path| schema.has(path)))
 }
 
-/// How a time at this path is read, and the paths of its values.
+/// The form of a time at this path, and the paths of its values.
 fn time_at(
     path: &FieldPath,
     schema: &MessageSchema,
@@ -263,7 +263,8 @@ fn time_at(
 }
 
 impl Recipe {
-    /// How the stream is made of messages of the type `name`; `None` where nothing says how.
+    /// The recipe for a stream from messages of the type `name`; `None` where neither the type nor the pipeline file gives
+    /// one.
     pub(super) fn resolve(
         stream: Stream,
         time: TimeSource,
@@ -381,8 +382,8 @@ impl<'m> Statements<'m> {
         }
     }
 
-    /// Where the message's own stamp is: where the pipeline file says, where the common type has it, or else in one
-    /// of the usual places.
+    /// The path of the message's own stamp: the one that the pipeline file names, or that of the common type, or else one
+    /// of the usual paths.
     fn stamp_path(
         &self,
         common: Option<&Common>,
@@ -399,7 +400,7 @@ impl<'m> Statements<'m> {
     }
 }
 
-/// The field of another name in the same message.
+/// The path of another field in the same message.
 fn beside(path: &FieldPath, name: &str) -> Result<FieldPath, SchemaError> {
     let path = path.to_string();
     let inside = path.rsplit_once('.').map(|(inside, _)| inside);
@@ -427,7 +428,7 @@ fn without_orientation(
     }
 }
 
-/// What a stream's message types are called, for an error.
+/// The names of message types that suit a stream, for an error.
 pub(super) const fn suitable_types(stream: Stream) -> &'static str {
     match stream {
         Stream::Joints => {

@@ -1,4 +1,4 @@
-//! One message of a wanted channel → one row of its stream's columns, or the reason why not.
+//! One message of a wanted channel → one row of its stream's columns, or the reason why it gives none.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,8 @@ use crate::io::log::block::Tally;
 use crate::io::log::record::MessageRecord;
 use crate::io::message::{MessageFault, Row, Texts, Value};
 
-/// Why one message of a wanted topic is left out. Numbers are places: of a joint in the arm, or of a wanted path.
+/// The reason why one message of a wanted topic is left out. Numbers are places: of a joint in the arm, or of a wanted
+/// path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum RowFault {
     #[error(transparent)]
@@ -42,10 +43,10 @@ pub enum RowFault {
     Time,
 }
 
-/// How the messages of one channel are read: `None` where nobody wants them.
+/// The reader of one channel's messages: `None` for a channel that is not wanted.
 pub type Decoder = Option<Arc<Reader>>;
 
-/// How the messages of one wanted channel are read.
+/// The reader of the messages of one wanted channel.
 #[derive(Debug)]
 pub struct Reader {
     pub(super) stream: Stream,
@@ -53,28 +54,28 @@ pub struct Reader {
     pub(super) recipe: Recipe,
 }
 
-/// What one block gives.
+/// The rows from one block.
 #[derive(Debug, Default)]
 pub struct Part {
     pub joints: DecodedJoints,
-    /// One for each stream: its messages are alike.
+    /// A row for each stream: its messages are alike.
     rows: [Row; 4],
     order: JointOrder,
     pub commands: DecodedPoses,
     pub readings: DecodedPoses,
     pub temperatures: DecodedTemperatures,
     pub(super) faults: BTreeMap<(Stream, RowFault), Tally>,
-    /// How many of each stream.
+    /// Number of messages of each stream.
     pub(super) messages: [u64; 4],
 }
 
-/// Where the arm's joints stand in messages with these names.
+/// The places of the arm's joints in messages with these names.
 #[derive(Debug, Default)]
 struct JointOrder {
     names: Vec<u8>,
-    /// For each joint of the arm; fewer where some were not found.
+    /// The place of each joint of the arm; fewer where some were not found.
     places: Vec<usize>,
-    /// How many names there are.
+    /// Number of names in the message.
     of: usize,
     /// The filling of the row that had these names.
     seen_in: Option<u64>,
@@ -88,7 +89,7 @@ struct Values<'m> {
 }
 
 impl Part {
-    /// Empties it for the next block, with so many joints.
+    /// Empties it for the next block, for this number of joints.
     pub(super) fn clear(&mut self, joints: usize) {
         self.joints.stamps.clear();
         self.joints.angles.clear(joints);
@@ -106,7 +107,7 @@ impl Part {
 }
 
 impl Reader {
-    /// Adds the message's row to the part, or nothing.
+    /// Adds the message's row to the part; on a fault it adds nothing.
     pub(super) fn read(
         &self,
         message: &MessageRecord<'_>,
@@ -156,7 +157,7 @@ impl Reader {
         Ok(())
     }
 
-    /// The message's time, and the place of the value behind it.
+    /// The message's time, and the place of the value after it.
     fn stamp(
         &self,
         message: &MessageRecord<'_>,
@@ -209,7 +210,7 @@ impl<'m> Values<'m> {
             .ok_or(RowFault::Stamp)
     }
 
-    /// The same, or a date-time as text in the third place.
+    /// Seconds and nanoseconds, or a date-time as text in the third place.
     fn time_or_text(self) -> Result<i64, RowFault> {
         match self.get(2) {
             Value::Text(text) => text.date_time_ns().ok_or(RowFault::Stamp),
@@ -217,7 +218,8 @@ impl<'m> Values<'m> {
         }
     }
 
-    /// One number in the first place. A floating-point one is as fine as its digits: 0.24 µs for seconds since 1970.
+    /// One number in the first place. A floating-point number has the resolution of its digits: 0.24 µs for seconds since
+    /// 1970.
     fn stamp(self, unit: TimeUnit) -> Result<i64, RowFault> {
         match self.get(0) {
             Value::Absent => Err(RowFault::NoValue(0)),
@@ -262,7 +264,7 @@ impl JointOrder {
         if names.len() != angles.len() {
             return Err(RowFault::UnequalArrays);
         }
-        // The order hardly ever changes, so the names are looked at only when their bytes do.
+        // The order hardly ever changes, so the names are compared only when their bytes differ.
         let filled = Some(values.row.filled());
         let seen = self.seen_in == filled || names.are(&self.names);
         if self.places.len() != joint_names.len() || !seen {
@@ -273,7 +275,7 @@ impl JointOrder {
         joints.angles.try_push(self.places.iter().map(angle))
     }
 
-    /// Takes the angles where names and form are those of nearly every message: the same ones again, and doubles.
+    /// Takes the angles where names and form are those of nearly every message: unchanged names, and doubles.
     #[inline]
     fn reads_as_before(
         &mut self,

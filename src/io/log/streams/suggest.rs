@@ -1,25 +1,25 @@
-//! What a channel could be read as: for `posegrid inspect`, which prints a pipeline snippet.
+//! A suggestion of how to read a channel: for `posegrid inspect`, which prints a pipeline snippet.
 //!
-//! A common type needs nothing but its name. Of any other the fields are guessed by their names: x, y and z beside one
-//! another are a position, with w a quaternion; an array of names goes with one of positions or angles.
+//! A common type needs only its name. For any other the fields are guessed by their names: x, y and z in one message are a
+//! position, with w a quaternion; an array of names belongs to one of positions or angles.
 
 use super::layout::Layout;
 use crate::io::message::{FieldPath, JsonSchema, MessageSchema, Row, Value};
 
-/// What a channel could be read as.
+/// A suggestion of how to read a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Suggestion {
-    /// What its messages have.
+    /// The values that its messages hold.
     pub layout: Layout,
-    /// The line `fields = { … }` that the section needs besides, a guess, where the type is not a common one.
+    /// The line `fields = { … }` that the section also needs, a guess; `None` for a common type.
     pub fields: Option<String>,
-    /// Whether messages have a stamp of their own in a place that is found.
+    /// Whether messages have a stamp of their own in a place that was found.
     pub stamped: bool,
 }
 
-/// What the channel's messages could be read as; `None` where nothing fits or they cannot be read.
+/// A suggestion for the channel's messages; `None` where nothing fits or they cannot be read.
 ///
-/// `first_message` helps where JSON comes without a schema.
+/// `first_message` helps where JSON has no schema.
 pub fn suggest(
     encoding: &str,
     type_name: &str,
@@ -30,10 +30,10 @@ pub fn suggest(
     Suggestible::of(encoding, type_name, language, definition).suggestion(first_message)
 }
 
-/// The longest path that is offered: a longer one is nothing that a person would put into a pipeline file.
+/// The longest path that is offered: nobody would write a longer one into a pipeline file.
 const LONGEST_PATH: usize = 200;
 
-/// What a schema lets suggest, however many channels share it.
+/// The suggestion that a schema allows, for all channels that share it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Suggestible {
     /// Its messages cannot be read.
@@ -42,12 +42,12 @@ pub enum Suggestible {
     Common(Layout),
     /// The paths of its fields, of CDR and protobuf.
     Fields(Vec<String>),
-    /// The same of JSON, whose messages may tell more.
+    /// The paths of its fields, of JSON, whose messages may show more.
     Json(Vec<String>),
 }
 
 impl Suggestible {
-    /// Looks at a schema.
+    /// Parses a schema.
     pub fn of(encoding: &str, type_name: &str, language: &str, definition: &[u8]) -> Self {
         let schema = MessageSchema::read(encoding, type_name, language, definition);
         let Some(Ok(schema)) = schema else {
@@ -62,7 +62,7 @@ impl Suggestible {
         }
     }
 
-    /// What messages could be read as.
+    /// The suggestion for the messages.
     pub fn suggestion(&self, first_message: Option<&[u8]>) -> Option<Suggestion> {
         match self {
             Self::Nothing => None,
@@ -89,13 +89,13 @@ fn offered(mut leaves: Vec<String>) -> Vec<String> {
     leaves
 }
 
-/// Paths of a type's fields.
+/// The paths of a type's fields.
 struct Leaves<'l>(&'l [String]);
 
 type Named = Vec<(&'static str, String)>;
 
 impl Leaves<'_> {
-    /// A guess by their names; of JSON the first message may tell where its stamp is.
+    /// A guess by the names; in JSON the first message may show where its stamp is.
     fn suggestion(&self, json_message: Option<&[u8]>) -> Option<Suggestion> {
         let (layout, mut named) = self.joints().or_else(|| self.pose())?;
         let stamp = self.stamp().or_else(|| self.date_time(json_message?));
@@ -117,7 +117,7 @@ impl Leaves<'_> {
         })
     }
 
-    /// Paths that a pipeline file can name: a message may be made so that a name is none.
+    /// The paths that a pipeline file can name: a message type may have field names that it cannot.
     fn sound(&self) -> impl Iterator<Item = &str> {
         let plain = |leaf: &&str| {
             leaf.chars()
@@ -132,7 +132,7 @@ impl Leaves<'_> {
         self.sound().any(|leaf| leaf == path).then_some(path)
     }
 
-    /// What stands before one of these names, with its dot.
+    /// The prefixes of paths that end in one of these names, each with its dot.
     fn before(&self, name: &str) -> Vec<&str> {
         let before = self.sound().filter_map(|leaf| leaf.strip_suffix(name));
         before
@@ -146,7 +146,7 @@ impl Leaves<'_> {
                 let angles = ["position", "positions", "angle", "angles", "q"];
                 let angles = angles.iter().find_map(|angles| self.has(prefix, angles));
                 let angles = angles.or_else(|| self.has(prefix, "actual.positions"));
-                // Single values are arrays only where they stand in each element of one.
+                // Single values are arrays only where they are in each element of one.
                 let many = prefix.contains("[]") || names != "name";
                 if let Some(angles) = angles.filter(|_| many) {
                     let named = vec![("names", format!("{prefix}{names}")), ("angles", angles)];
@@ -195,7 +195,7 @@ impl Leaves<'_> {
         Some((layout, named))
     }
 
-    /// The time among the fields: seconds and nanoseconds.
+    /// The path of the time among the fields: seconds and nanoseconds.
     fn stamp(&self) -> Option<String> {
         let parts = [
             ("sec", "nanosec"),
@@ -212,7 +212,7 @@ impl Leaves<'_> {
         })
     }
 
-    /// The first text among the fields of a message in JSON that is a date-time.
+    /// The path of the first text in a JSON message that is a date-time.
     fn date_time(&self, message: &[u8]) -> Option<String> {
         let single: Vec<_> = self.sound().filter(|path| !path.contains("[]")).collect();
         let paths = single.iter().map(|path| FieldPath::parse(path));

@@ -1,9 +1,9 @@
-//! How the message read last was laid out: a recorder writes the same frame, names and array lengths over and over.
+//! The layout of the message read last: a recorder writes the same frame, names and array lengths over and over.
 //!
-//! Where everything stands in a message follows from its encapsulation and the counts in it. A message as long as the
-//! one before, with the same counts at the same places, is laid out alike: what was found in it stands there again,
-//! and only single numbers have to be read anew. The texts behind counts are compared with them: frames and names hardly
-//! ever change, and a few long stretches of bytes are compared faster than many short ones.
+//! The place of every field in a message follows from its encapsulation and the counts in it. A message as long as the one
+//! before, with the same counts at the same places, has the same layout: its fields are at the same places, and only single
+//! numbers have to be read. The texts after counts are compared too: frames and names hardly ever change, and a few long
+//! stretches of bytes are compared faster than many short ones.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -17,25 +17,25 @@ const MOST: usize = 32;
 /// Bytes between two stretches that may be padding: they are compared too, though they may hold anything.
 const PADDING: usize = 3;
 
-/// What the layout of a message follows from.
+/// The bytes that determine the layout of a message.
 #[derive(Debug, Clone, Default)]
 pub struct Layout {
     /// The reader that read it; `None` where the next message has to be walked.
     reader: Option<Arc<()>>,
     length: usize,
     header: [u8; HEADER],
-    /// Counts, and the texts between them: where they lie, and their bytes one behind the other.
+    /// Counts, and the texts between them: their places, and their bytes one after another.
     stretches: Vec<Range<usize>>,
     same: Vec<u8>,
-    /// Single numbers: place, slot, as what.
+    /// Single numbers: place, slot, type.
     numbers: Vec<(usize, usize, Primitive)>,
     big_endian: bool,
-    /// Something in it depends on more than counts.
+    /// Some value depends on more than counts.
     is_other: bool,
 }
 
 impl Layout {
-    /// The next message has to be walked.
+    /// Forgets the layout: the next message has to be walked.
     pub fn forget(&mut self) {
         self.reader = None;
         self.stretches.clear();
@@ -43,7 +43,7 @@ impl Layout {
         self.is_other = false;
     }
 
-    /// A count was read.
+    /// Records a count.
     pub fn count(&mut self, place: usize) {
         let is_full = self.stretches.len() == MOST;
         match self.stretches.last_mut() {
@@ -53,14 +53,14 @@ impl Layout {
         }
     }
 
-    /// A text that ends there was read, right behind its count.
+    /// Records a text that ends at `end`, right after its count.
     pub fn text(&mut self, end: usize) {
         if let Some(last) = self.stretches.last_mut() {
             last.end = end;
         }
     }
 
-    /// A single number was taken.
+    /// Records a single number.
     pub fn number(&mut self, place: usize, slot: usize, of: Primitive) {
         if self.numbers.len() < MOST {
             self.numbers.push((place, slot, of));
@@ -69,7 +69,7 @@ impl Layout {
         }
     }
 
-    /// Something was taken that depends on more than counts.
+    /// Records that a value depends on more than counts.
     pub const fn depends_on_more(&mut self) {
         self.is_other = true;
     }
@@ -108,7 +108,7 @@ impl Layout {
             && self.stretches.iter().all(&mut is_same)
     }
 
-    /// Reads the single numbers of a message laid out alike into their cells.
+    /// Reads the single numbers of a message with this layout into their cells.
     #[inline]
     pub fn numbers_of(&self, message: &[u8], cells: &mut [Cell]) {
         for &(place, slot, of) in &self.numbers {
@@ -117,7 +117,7 @@ impl Layout {
     }
 }
 
-/// Whether the bytes are the same; many stretches are a single count.
+/// Whether the bytes are equal; many stretches are a single count.
 #[inline]
 fn alike(known: &[u8], found: &[u8]) -> bool {
     match (known.as_array::<4>(), found.as_array::<4>()) {

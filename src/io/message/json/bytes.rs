@@ -1,17 +1,17 @@
-//! Eight bytes of a text at once: where a string ends, how long a number is.
+//! Searches in a text, eight bytes at once: the end of a string, the length of a number.
 
 const ONES: u64 = 0x0101_0101_0101_0101;
 const HIGH_BITS: u64 = 0x80 * ONES;
 const UPPER_HALVES: u64 = 0xF0 * ONES;
 
-/// Where the first quote or backslash is.
+/// The index of the first quote or backslash.
 #[inline]
 pub(super) fn quote_or_backslash(bytes: &[u8]) -> Option<usize> {
     let zeros = |word: u64| word.wrapping_sub(ONES) & !word & HIGH_BITS;
     let mut at = 0;
     while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk()) {
         let word = u64::from_le_bytes(*eight);
-        // Right up to the first hit; what a borrow makes of the bytes behind it does not matter.
+        // Correct up to the first hit; a borrow can only change the bytes after it.
         let hits = zeros(word ^ (u64::from(b'"') * ONES)) | zeros(word ^ (u64::from(b'\\') * ONES));
         if hits != 0 {
             return Some(at + place(hits));
@@ -23,14 +23,14 @@ pub(super) fn quote_or_backslash(bytes: &[u8]) -> Option<usize> {
     found.map(|found| at + found)
 }
 
-/// How many digits there are before anything else.
+/// The number of digits at the start.
 #[inline]
 pub(super) fn digits(bytes: &[u8]) -> usize {
     let mut at = 0;
     while let Some(eight) = bytes.get(at..).and_then(|rest| rest.first_chunk()) {
         let word = u64::from_le_bytes(*eight);
-        // The upper half of a digit is 3, and still is when 6 is added. A carry reaches only what stands behind
-        // a byte that is no digit.
+        // The upper half of a digit is 3, and still is when 6 is added. A carry reaches only bytes after one that is no
+        // digit.
         let raised = word.wrapping_add(6 * ONES);
         let others = ((word ^ (0x30 * ONES)) | (raised ^ (0x30 * ONES))) & UPPER_HALVES;
         if others != 0 {
@@ -43,7 +43,7 @@ pub(super) fn digits(bytes: &[u8]) -> usize {
     at + other.unwrap_or(rest.len())
 }
 
-/// Which byte has the lowest bit that is set.
+/// The byte that has the lowest set bit.
 #[inline]
 const fn place(bits: u64) -> usize {
     bits.trailing_zeros() as usize / 8

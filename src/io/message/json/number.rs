@@ -1,11 +1,11 @@
-//! Numbers: where one ends, what it says.
+//! Numbers: the end of one, and its value.
 
 use super::bytes;
 use crate::io::message::MessageFault;
 use crate::io::message::cell::Cell;
 
-/// Puts the nearest number to what is written at `start` into a cell, tells where it ends; a whole one that fits is an
-/// integer.
+/// Puts the double nearest to the number written at `start` into a cell and returns the number's end; a whole number that
+/// fits becomes an integer.
 #[inline]
 pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, MessageFault> {
     let (end, whole) = end(text, start)?;
@@ -18,7 +18,7 @@ pub(super) fn take(text: &[u8], start: usize, cell: &mut Cell) -> Result<usize, 
     Ok(end)
 }
 
-/// Where the number at `start` ends, and whether it is written as a whole one.
+/// The end of the number at `start`, and whether it is written as a whole number.
 #[inline]
 pub(super) fn end(text: &[u8], start: usize) -> Result<(usize, bool), MessageFault> {
     let sign = |at: usize| text.get(at).copied();
@@ -40,7 +40,7 @@ pub(super) fn end(text: &[u8], start: usize) -> Result<(usize, bool), MessageFau
     Ok((end, whole))
 }
 
-/// Where one digit or more end.
+/// The end of one digit or more.
 #[inline]
 fn digits(text: &[u8], start: usize) -> Result<usize, MessageFault> {
     let rest = text.get(start..).unwrap_or_default();

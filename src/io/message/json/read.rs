@@ -5,13 +5,13 @@ use super::{JsonReader, Node, number, unescaped};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
-/// Some writers put it before a text in UTF-8.
+/// Some writers put this byte order mark before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 impl JsonReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
-    /// What was taken before a fault was met must not be used.
+    /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if row.fill_as_worded_before(&self.identity, message) {
             return Ok(());
@@ -31,7 +31,7 @@ impl JsonReader {
         Ok(())
     }
 
-    /// Reads the value that comes next, of which something is wanted.
+    /// Reads the next value, which is wanted or contains wanted values.
     fn value(
         &self,
         node: &Node,
@@ -84,7 +84,7 @@ impl JsonReader {
         row: &mut Row,
         levels: usize,
     ) -> Result<(), MessageFault> {
-        // An array inside an element of another one is no single value.
+        // An array inside an element of another array is no single value.
         let whole = || node.slots.iter().filter(|(_, each)| !each);
         let lists = node.each.iter().flat_map(|(_, lists)| lists);
         for &slot in lists.chain(whole().map(|(slot, _)| slot)) {
@@ -121,7 +121,7 @@ impl JsonReader {
     }
 }
 
-/// Reads a number, string, truth value or null of which something is wanted.
+/// Reads a wanted number, string, truth value or null.
 #[inline]
 fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
     let (start, is_number) = (scan.at, scan.is_number());
@@ -133,7 +133,7 @@ fn single(scan: &mut Scan<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
     Ok(cell)
 }
 
-/// Passes over a value of which nothing is wanted.
+/// Skips a value that is not wanted.
 #[inline]
 fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), MessageFault> {
     let start = scan.at;
@@ -143,7 +143,7 @@ fn skip(scan: &mut Scan<'_>, row: &mut Row, levels: usize) -> Result<(), Message
     Ok(())
 }
 
-/// Goes back to where a value begins of which more than one thing is wanted.
+/// Goes back to the start of a value that is wanted in more than one way.
 const fn depends_on_more_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) {
     if scan.at != start {
         row.template.depends_on_more();
@@ -151,17 +151,17 @@ const fn depends_on_more_from(start: usize, scan: &mut Scan<'_>, row: &mut Row) 
     }
 }
 
-/// What differs in messages that are worded alike.
+/// A part that differs between messages with the same template.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::io::message) enum NumberSlot {
-    /// A number that is wanted.
+    /// A wanted number.
     Number,
-    /// Any value, nothing of which is; so deep may objects and arrays stand in it.
+    /// Any value that is not wanted, with objects and arrays nested up to this many levels.
     Unwanted { levels: usize },
 }
 
 impl NumberSlot {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
+    /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
     pub(in crate::io::message) fn take(
         self,
@@ -181,7 +181,7 @@ impl NumberSlot {
 }
 
 impl Node {
-    /// Takes out what was read before under the same name: the last counts.
+    /// Removes an earlier value of the same name: the last one counts.
     fn forget(&self, row: &mut Row) {
         for &(slot, each) in &self.below {
             if each && !row.list(slot).last_is_absent() {

@@ -1,20 +1,20 @@
-//! JSON's signs, strings and numbers; what is passed over.
+//! JSON's characters, strings and numbers, and the skipping of values.
 
 use super::{bytes, number};
 use crate::io::message::MessageFault;
 use crate::io::message::cell::{Cell, Span};
 
-/// How deep objects and arrays may stand in one another.
+/// Most levels of nested objects and arrays.
 pub(super) const MOST_LEVELS: usize = 64;
 
-/// Where reading stands.
+/// The reading position.
 pub(super) struct Scan<'m> {
     pub(super) bytes: &'m [u8],
     pub(super) at: usize,
 }
 
 impl Scan<'_> {
-    /// The next sign that is no space; it stays.
+    /// The next character that is no space; it is not consumed.
     #[inline]
     pub(super) fn peek(&mut self) -> Result<u8, MessageFault> {
         while let Some(&byte) = self.bytes.get(self.at) {
@@ -26,7 +26,7 @@ impl Scan<'_> {
         Err(MessageFault::Short)
     }
 
-    /// Takes the next sign if it is this one.
+    /// Consumes the next character if it is this one.
     #[inline]
     pub(super) fn take_if(&mut self, sign: u8) -> Result<bool, MessageFault> {
         let is = self.peek()? == sign;
@@ -43,7 +43,7 @@ impl Scan<'_> {
         }
     }
 
-    /// A string, whose opening quote comes next.
+    /// Reads a string, whose opening quote comes next.
     #[inline]
     pub(super) fn text(&mut self) -> Result<Span, MessageFault> {
         self.expect(b'"')?;
@@ -56,13 +56,13 @@ impl Scan<'_> {
                 self.at = stop + 1;
                 return Ok(Span::new(start, stop, escaped));
             }
-            // A backslash, and the sign that it changes.
+            // A backslash, and the character that it changes.
             escaped = true;
             self.at = stop + 2;
         }
     }
 
-    /// A number, string, truth value or null; objects and arrays are not.
+    /// Reads a number, string, truth value or null, but no object or array.
     #[inline]
     pub(super) fn scalar(&mut self) -> Result<Cell, MessageFault> {
         match self.peek()? {
@@ -96,7 +96,7 @@ impl Scan<'_> {
         Ok(cell)
     }
 
-    /// Whether digits come next, before which there may be a minus.
+    /// Whether digits come next, with or without a minus.
     #[inline]
     pub(super) fn is_number(&self) -> bool {
         match self.bytes.get(self.at) {
@@ -106,7 +106,7 @@ impl Scan<'_> {
         }
     }
 
-    /// Passes over a value.
+    /// Skips a value.
     pub(super) fn skip(&mut self, levels: usize) -> Result<(), MessageFault> {
         let levels = levels.checked_sub(1).ok_or(MessageFault::Deep)?;
         match self.peek()? {
@@ -120,7 +120,7 @@ impl Scan<'_> {
         }
     }
 
-    /// An object, whose brace comes next: `member` gets each name and reads its value.
+    /// Reads an object, whose brace comes next: `member` gets each name and reads its value.
     #[inline]
     pub(super) fn members(
         &mut self,
@@ -140,7 +140,7 @@ impl Scan<'_> {
         }
     }
 
-    /// An array, whose bracket comes next: `element` gets each index and reads its value.
+    /// Reads an array, whose bracket comes next: `element` gets each index and reads its value.
     #[inline]
     pub(super) fn elements(
         &mut self,
@@ -160,7 +160,7 @@ impl Scan<'_> {
         }
     }
 
-    /// Nothing but spaces, or the zeros that some writers end a text with, may follow the value.
+    /// Checks that only spaces, or the zeros that some writers end a text with, follow the value.
     pub(super) fn finish(&self) -> Result<(), MessageFault> {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         let blank = |byte: &u8| matches!(byte, b' ' | b'\n' | b'\r' | b'\t' | 0);

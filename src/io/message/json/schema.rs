@@ -1,23 +1,23 @@
-//! JSON Schema, as far as it tells which fields messages have.
+//! JSON Schema, as far as it shows which fields messages have.
 
 use serde_json::Value;
 
 use crate::io::message::FieldPath;
 
-/// Fields that a schema tells; messages may have others.
+/// The fields in a schema; messages may have others.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct JsonSchema {
     /// Paths of numbers, strings and arrays; not all of a very large type.
     pub leaves: Vec<String>,
 }
 
-/// Most paths that are told.
+/// Most paths that are listed.
 const MOST_LEAVES: usize = 40;
-/// Most levels that are looked into.
+/// Most levels that are searched.
 const MOST_LEVELS: usize = 8;
 
 impl JsonSchema {
-    /// Reads a schema; one that cannot be read tells nothing.
+    /// Reads a schema; one that cannot be read gives no fields.
     pub fn read(bytes: &[u8]) -> Self {
         let mut leaves = Vec::new();
         if let Ok(schema) = serde_json::from_slice::<Value>(bytes) {
@@ -26,7 +26,7 @@ impl JsonSchema {
         Self::of(leaves)
     }
 
-    /// The fields of one message, where nothing else tells which there are.
+    /// The fields of one message, where no schema gives them.
     pub fn of_message(bytes: &[u8]) -> Self {
         let mut leaves = Vec::new();
         if let Ok(message) = serde_json::from_slice::<Value>(bytes) {
@@ -44,7 +44,7 @@ impl JsonSchema {
         Self { leaves }
     }
 
-    /// Whether the schema tells of the field.
+    /// Whether the schema has the field.
     pub fn has(&self, path: &FieldPath) -> bool {
         let mut leaves = self
             .leaves

@@ -6,7 +6,7 @@ use super::wire::{Wire, wire_type};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, SchemaError};
 
-/// How deep message types may be defined in one another.
+/// Most levels of message types defined inside one another.
 const MOST_LEVELS: usize = 64;
 
 /// The message types of a descriptor set.
@@ -22,7 +22,7 @@ pub struct Descriptors {
 pub(super) struct Type {
     pub(super) name: String,
     pub(super) fields: Vec<Field>,
-    /// It is the key and value of a map field.
+    /// The type is the key and value of a map field.
     pub(super) is_map_entry: bool,
 }
 
@@ -34,11 +34,11 @@ pub(super) struct Field {
     pub(super) kind: Kind,
     pub(super) repeated: bool,
     pub(super) oneof: Option<u32>,
-    /// Its value where it is not there.
+    /// Value of the field where it is missing.
     pub(super) default: Cell,
 }
 
-/// What a field is of.
+/// The type of a field's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Double,
@@ -74,7 +74,7 @@ struct RawType<'d> {
     presence: Presence,
 }
 
-/// Whether a single number that is not there is told from one that is 0.
+/// Whether a missing single number is distinguished from one that is 0.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Presence {
     Explicit,
@@ -118,7 +118,7 @@ impl Descriptors {
         })
     }
 
-    /// Paths of the fields that could be wanted; not all of a very large type.
+    /// Paths of the fields that can be wanted; not all of a very large type.
     pub fn leaves(&self) -> Vec<String> {
         let mut found = Vec::new();
         let mut open = vec![(self.root, String::new(), 0_usize)];
@@ -193,7 +193,7 @@ fn read_file<'d>(bytes: &'d [u8], types: &mut Vec<RawType<'d>>) -> Result<(), Me
     Ok(())
 }
 
-/// What options say of presence: `features`, whose number is given, `field_presence`.
+/// The presence that options state: `features`, whose number is given, `field_presence`.
 fn presence_in(options: &[u8], features: u32) -> Result<Option<Presence>, MessageFault> {
     let mut found = None;
     each(options, |number, value| match value {
@@ -281,7 +281,7 @@ fn read_field(
         number: number.ok_or_else(|| unknown(&name))?,
         default: match default {
             Some(default) => kind.parse(&default),
-            // A member of a oneof, as which the compiler also writes `optional`, has presence.
+            // A member of a oneof has presence; the compiler also writes `optional` as one.
             None if presence == Presence::Implicit && oneof.is_none() => kind.zero(),
             None => Cell::Absent,
         },
@@ -293,14 +293,14 @@ fn read_field(
 }
 
 impl Kind {
-    /// By its number in `descriptor.proto`.
+    /// The kind with this number in `descriptor.proto`.
     fn numbered(number: u64, message: Option<usize>) -> Option<Self> {
         Some(match number {
             1 => Self::Double,
             2 => Self::Float,
             3 => Self::Int64,
             4 => Self::Uint64,
-            // An enum is stored as an int32 is.
+            // An enum is stored like an int32.
             5 | 14 => Self::Int32,
             6 => Self::Fixed64,
             7 => Self::Fixed32,
@@ -325,7 +325,7 @@ impl Kind {
         }
     }
 
-    /// A default value as the descriptor has it; only of numbers.
+    /// A default value as written in the descriptor; for numbers only.
     fn parse(self, text: &str) -> Cell {
         match (self, text) {
             (Self::Text | Self::Message(_), _) => Cell::Absent,

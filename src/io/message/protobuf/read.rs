@@ -9,7 +9,7 @@ use crate::io::message::{MessageFault, Row, template};
 impl ProtobufReader {
     /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
-    /// What was taken before a fault was met must not be used.
+    /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         if !row.fill_as_worded_before(&self.identity, message) {
             row.begin(message, self.slots)?;
@@ -23,7 +23,7 @@ impl ProtobufReader {
         Ok(())
     }
 
-    /// Reads up to where the wire's message ends.
+    /// Reads to the end of the wire's message.
     fn message(&self, node: usize, wire: &mut Wire<'_>, row: &mut Row) -> Result<(), MessageFault> {
         let node = &self.nodes[node];
         node.begin(row);
@@ -36,7 +36,7 @@ impl ProtobufReader {
         Ok(())
     }
 
-    /// Reads up to the end of a group.
+    /// Reads to the end of a group.
     fn group(
         &self,
         node: usize,
@@ -73,7 +73,7 @@ impl ProtobufReader {
             Action::Values(slot, kind) if kind.wire_type() == wire_type => {
                 kind.push(wire, *slot, row)
             }
-            // Packed: the values one behind the other.
+            // Packed: the values one after another.
             Action::Values(slot, kind) if wire_type == wire_type::LENGTH => inside(wire, |wire| {
                 while wire.at < wire.bytes.len() {
                     kind.push(wire, *slot, row)?;
@@ -115,7 +115,7 @@ const fn is_message(wire_type: u8) -> bool {
     matches!(wire_type, wire_type::LENGTH | wire_type::GROUP)
 }
 
-/// Reads what begins with its length in bytes.
+/// Reads a part that begins with its length in bytes.
 fn inside<'m>(
     wire: &mut Wire<'m>,
     read: impl FnOnce(&mut Wire<'m>) -> Result<(), MessageFault>,
@@ -128,7 +128,7 @@ fn inside<'m>(
     Ok(())
 }
 
-/// Passes over the value of a field of which nothing is wanted.
+/// Skips the value of a field that is not wanted.
 #[inline]
 fn skip(
     number: u32,
@@ -142,7 +142,7 @@ fn skip(
     Ok(())
 }
 
-/// Notes for the template what was read from `start` on.
+/// Records for the template the bytes read from `start` on.
 #[inline]
 fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
     let size = wire.at - start;
@@ -150,7 +150,8 @@ fn note(stored: Stored, start: usize, wire: &Wire<'_>, row: &mut Row) {
     row.template.slot(wire.bytes, start, wire.at, slot);
 }
 
-/// What differs in messages that are worded alike. Its size does not: lengths of messages that it stands in count it.
+/// A part that differs between messages with the same template. Its size is fixed: the lengths of the messages around it
+/// include it.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::io::message) struct NumberSlot {
     stored: Stored,
@@ -159,14 +160,14 @@ pub(in crate::io::message) struct NumberSlot {
 
 #[derive(Debug, Clone, Copy)]
 enum Stored {
-    /// A number that is wanted.
+    /// A wanted number.
     Number(Kind),
-    /// The value of a field of which nothing is.
+    /// The value of a field that is not wanted.
     Unwanted { number: u32, wire_type: u8 },
 }
 
 impl NumberSlot {
-    /// Puts the number that stands there into the cell, if one is wanted; tells where the slot ends.
+    /// Puts the number at this place into the cell, if it is wanted; returns the end of the slot.
     #[inline]
     pub(in crate::io::message) fn take(
         self,
@@ -223,7 +224,7 @@ impl Target {
 }
 
 impl Node {
-    /// What holds as long as no field is read; of a message given twice what was read before stays.
+    /// Sets the initial values before any field is read; a message given twice keeps the values read before.
     fn begin(&self, row: &mut Row) {
         for &slot in &self.lists {
             row.list(slot);
@@ -268,7 +269,7 @@ impl Kind {
         }
     }
 
-    /// A value of a repeated field is added to the list in a slot.
+    /// Adds a value of a repeated field to the list in a slot.
     #[inline]
     fn push(self, wire: &mut Wire<'_>, slot: usize, row: &mut Row) -> Result<(), MessageFault> {
         let value = self.take(wire, row)?;
@@ -277,7 +278,7 @@ impl Kind {
         Ok(())
     }
 
-    /// One value that is wanted.
+    /// Reads one wanted value.
     #[inline]
     fn take(self, wire: &mut Wire<'_>, row: &mut Row) -> Result<Cell, MessageFault> {
         let (start, mut cell) = (wire.at, Cell::Absent);
@@ -288,7 +289,7 @@ impl Kind {
         Ok(cell)
     }
 
-    /// Puts one value, stored as its kind is, into a cell.
+    /// Puts one value, stored by its kind, into a cell.
     #[inline]
     fn put(self, wire: &mut Wire<'_>, cell: &mut Cell) -> Result<(), MessageFault> {
         *cell = match self {

@@ -1,4 +1,4 @@
-//! Message types + wanted paths → for each message type on the way, what to do with which field number.
+//! Message types + wanted paths → for each message type on the way, the action for each field number.
 
 use std::sync::Arc;
 
@@ -7,12 +7,12 @@ use crate::io::message::cell::Cell;
 use crate::io::message::path::{Segment, Want, by_element};
 use crate::io::message::{FieldPath, SchemaError};
 
-/// How to read the wanted values of one message type.
+/// The actions that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProtobufReader {
     /// The first one is the message itself.
     pub(super) nodes: Vec<Node>,
-    /// Elements of repeated numbers and strings that are wanted: slot of the list, index, slot of the value.
+    /// Wanted elements of repeated numbers and strings: slot of the list, index, slot of the value.
     pub(super) picks: Vec<(usize, usize, usize)>,
     /// Slots of the row: the wanted ones and those needed on the way.
     pub(super) slots: usize,
@@ -20,22 +20,22 @@ pub struct ProtobufReader {
     pub(super) identity: Arc<()>,
 }
 
-/// What to do with the fields of one message on the way to wanted ones.
+/// The actions for the fields of one message on the way to wanted ones.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Node {
-    /// By number.
+    /// The actions by field number.
     pub(super) entries: Vec<Entry>,
-    /// What values are as long as nothing is read.
+    /// Initial values, before anything is read.
     pub(super) defaults: Vec<(Target, Cell)>,
     /// Lists that begin empty.
     pub(super) lists: Vec<usize>,
 }
 
-/// What to do with one field.
+/// The action for one field.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub(super) number: u32,
-    /// Values that it ousts: those of the other members of its oneof.
+    /// Values that it removes: those of the other members of its oneof.
     pub(super) ousts: Vec<Target>,
     pub(super) action: Action,
 }
@@ -44,7 +44,7 @@ pub(super) struct Entry {
 pub(super) enum Action {
     Skip,
     Value(Target, Kind),
-    /// Values of a repeated field are added to the list in a slot.
+    /// The values of a repeated field are added to the list in a slot.
     Values(usize, Kind),
     /// A nested message: its node.
     Message(usize),
@@ -58,13 +58,13 @@ pub(super) struct Messages {
     pub(super) counter: usize,
     /// The node of an element.
     pub(super) each: usize,
-    /// The nodes of elements of which something else is wanted, by index.
+    /// The nodes of single elements with other wanted values, by index.
     pub(super) picked: Vec<(usize, usize)>,
     /// Lists that each element adds to.
     pub(super) lists: Vec<usize>,
 }
 
-/// Where a value goes.
+/// The destination of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Target {
     /// Into the slot itself.
@@ -73,7 +73,7 @@ pub(super) enum Target {
     Last(usize),
 }
 
-/// What is carried while paths are resolved.
+/// State while paths are resolved.
 struct Resolving<'d> {
     descriptors: &'d Descriptors,
     wanted: &'d [FieldPath],
@@ -118,7 +118,7 @@ impl Resolving<'_> {
         let place = self.reader.nodes.len();
         self.reader.nodes.push(Node::default());
         let mut node = Node::default();
-        // Members of oneofs with what is wanted of them, to be ousted by the others.
+        // Members of oneofs with their wanted values, which the other members remove.
         let mut members = Vec::new();
         for field in &of.fields {
             let chosen = wants.iter().zip(&choices);
@@ -185,7 +185,7 @@ impl Resolving<'_> {
         }
     }
 
-    /// The slot of the list that a repeated number or string is gathered in.
+    /// The slot of the list that gathers a repeated number or string.
     fn repeated(&mut self, wants: &[Want<'_>]) -> Result<usize, SchemaError> {
         if let [want] = wants
             && matches!(want.rest, [] | [Segment::Each])

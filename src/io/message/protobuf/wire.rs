@@ -1,11 +1,11 @@
-//! Protobuf's wire format: varints, tags, lengths, and what is passed over.
+//! Protobuf's wire format: varints, tags, lengths, and the skipping of values.
 
 use crate::io::message::MessageFault;
 
-/// How deep groups that are passed over may stand in one another.
+/// Most levels of nested groups that are skipped.
 const MOST_LEVELS: usize = 64;
 
-/// How a field's value is stored.
+/// The ways in which a field's value is stored.
 pub(super) mod wire_type {
     pub const VARINT: u8 = 0;
     pub const FIXED_64: u8 = 1;
@@ -15,9 +15,9 @@ pub(super) mod wire_type {
     pub const FIXED_32: u8 = 5;
 }
 
-/// Where reading stands in a message, which may lie inside another.
+/// The reading position in a message, which may be inside another.
 pub(super) struct Wire<'m> {
-    /// Up to where the message that is read ends.
+    /// The bytes up to the end of the message that is read.
     pub(super) bytes: &'m [u8],
     pub(super) at: usize,
 }
@@ -52,14 +52,14 @@ impl<'m> Wire<'m> {
         self.long_varint(first)
     }
 
-    /// Most numbers have one byte: the others stay out of the way of those.
+    /// Most numbers have one byte: the others are kept out of their way, in a function of its own.
     #[cold]
     fn long_varint(&mut self, first: u8) -> Result<u64, MessageFault> {
         let mut number = u64::from(first & 0x7F);
         for shift in (7..70).step_by(7) {
             let byte = *self.bytes.get(self.at).ok_or(MessageFault::Short)?;
             self.at += 1;
-            // Of the tenth byte only the lowest bit has room; official readers drop the rest.
+            // Only the lowest bit of the tenth byte fits; official readers drop the other bits.
             number |= u64::from(byte & 0x7F) << shift;
             if byte < 0x80 {
                 return Ok(number);
@@ -76,7 +76,7 @@ impl<'m> Wire<'m> {
         bytes.copied().ok_or(MessageFault::Short)
     }
 
-    /// Where the bytes of a string, a packed array or a nested message end; they begin here.
+    /// The end of the bytes of a string, a packed array or a nested message, which begin here.
     #[inline]
     pub(super) fn length(&mut self) -> Result<usize, MessageFault> {
         let length = usize::try_from(self.varint()?).map_err(|_| MessageFault::Short)?;
@@ -85,7 +85,7 @@ impl<'m> Wire<'m> {
             .ok_or(MessageFault::Short)
     }
 
-    /// Passes over the value of a field.
+    /// Skips the value of a field.
     #[inline]
     pub(super) fn skip(&mut self, number: u32, wire_type: u8) -> Result<(), MessageFault> {
         match wire_type {

@@ -1,14 +1,14 @@
-//! Words and signs → structs, typedefs and constants with the scopes they stand in.
+//! Words and characters → structs, typedefs and constants with their scopes.
 
 use std::collections::BTreeMap;
 
 use super::tokens::{Token, tokens};
 use crate::io::message::{Extensibility, FieldType, Primitive, SchemaError, Shape};
 
-/// How many modules may stand in one another, and angle brackets.
+/// Most levels of nested modules, and of nested angle brackets.
 const MOST_LEVELS: usize = 32;
 
-/// What a text declares.
+/// The declarations of a text.
 #[derive(Debug, Default)]
 pub(super) struct Parsed {
     pub(super) structs: Vec<Struct>,
@@ -122,7 +122,7 @@ impl<'t> Parser<'t> {
         token.map_or(1, |token| token.line)
     }
 
-    /// The token taken last makes no sense where it stands.
+    /// An error for the last token, which is not allowed at its place.
     fn wrong(&self) -> SchemaError {
         let at = self.at.saturating_sub(1);
         let found = self
@@ -172,7 +172,7 @@ impl<'t> Parser<'t> {
         self.expect("{")
     }
 
-    /// Annotations, of which only those matter that change how a message is stored.
+    /// Reads annotations; only those that change how a message is stored have an effect.
     fn annotations(&mut self) -> Result<Extensibility, SchemaError> {
         let mut extensibility = Extensibility::Unstated;
         while self.take_if("@") {
@@ -201,7 +201,7 @@ impl<'t> Parser<'t> {
         Ok(extensibility)
     }
 
-    /// What stands in parentheses; its last word is told.
+    /// Reads the contents of parentheses; returns the last word.
     fn arguments(&mut self) -> Result<Option<&'t str>, SchemaError> {
         if !self.take_if("(") {
             return Ok(None);

@@ -1,13 +1,13 @@
-//! The words and signs of an IDL text, without comments, preprocessor lines and section headings.
+//! The words and characters of an IDL text, without comments, preprocessor lines and section headings.
 
-/// A word or sign and the line it stands in, counted from 1.
+/// A word or character and the number of its line, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Token<'t> {
     pub(super) line: usize,
     pub(super) text: &'t str,
 }
 
-/// Cuts a text into words (names with their scopes, numbers), literals and signs of one character.
+/// Cuts a text into words (names with their scopes, numbers), literals and single characters.
 pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
     let mut found = Vec::new();
     let mut rest = text;
@@ -31,7 +31,7 @@ pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
     found
 }
 
-/// Preprocessor lines, and what recorders put between sections.
+/// Whether a preprocessor line, or a line that recorders put between sections, begins here.
 fn is_heading(rest: &str) -> bool {
     ["#", "===", "IDL: "]
         .iter()
@@ -75,7 +75,7 @@ fn word_length(rest: &str) -> usize {
     }
 }
 
-/// Up to the closing quote, which a backslash makes a plain character.
+/// The length up to the closing quote; a quote after a backslash does not close.
 fn literal_length(rest: &str, quote: char) -> usize {
     let mut escaped = false;
     for (at, c) in rest.char_indices().skip(1) {

@@ -1,7 +1,7 @@
 //! The environment → a client of a bucket.
 //!
-//! Credentials come from `AWS_…` variables and from nowhere else: no file, and no machine's metadata service unless a variable
-//! names it. What is missing is told before anything is sent.
+//! Credentials come from `AWS_…` variables and from nowhere else: no file, and no machine's metadata service unless a
+//! variable names it. A missing variable is reported before any request is sent.
 
 use std::env;
 
@@ -12,7 +12,7 @@ use object_store::client::ClientConfigKey;
 use super::trouble::{self, Secrets};
 use super::{PATIENCE, Place, RETRIES, StoreError};
 
-/// Who we are; a variable of these names says where else credentials come from, so that the two of a key are not needed.
+/// Variables that name another source of credentials, so that the two variables of a key are not needed.
 const OTHER_CREDENTIALS: [&str; 5] = [
     "AWS_WEB_IDENTITY_TOKEN_FILE",
     "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
@@ -20,10 +20,10 @@ const OTHER_CREDENTIALS: [&str; 5] = [
     "AWS_METADATA_ENDPOINT",
     "AWS_SKIP_SIGNATURE",
 ];
-/// Where the storage is, if it is not Amazon's own.
+/// Variables with the address of the storage, if it is not Amazon's own.
 const ENDPOINTS: [&str; 3] = ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"];
 
-/// The client of the bucket at an address, and what it must never tell.
+/// The client of the bucket at an address, and the secrets that no message may contain.
 pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
     let bucket = bucket(place)?;
     let builder = AmazonS3Builder::from_env();
@@ -34,18 +34,18 @@ pub(super) fn client(place: &Place) -> Result<(AmazonS3, Secrets), StoreError> {
         ..RetryConfig::default()
     };
     let secrets = Secrets::of(&builder);
-    // TLS by ring for the whole process; the second client finds it there already.
+    // TLS by ring for the whole process; for a second client it is installed already.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let client = builder
         .with_bucket_name(bucket)
         .with_conditional_put(S3ConditionalPut::ETagMatch)
         .with_retry(retry)
         .build()
-        .map_err(|error| trouble::told("reach", place.clone(), &error, &secrets))?;
+        .map_err(|error| trouble::failure("reach", place.clone(), &error, &secrets))?;
     Ok((client, secrets))
 }
 
-/// The bucket of an address.
+/// The bucket's name in an address.
 fn bucket(place: &Place) -> Result<&str, StoreError> {
     let (bucket, prefix) = place.bucket().expect("an address");
     let problem = if bucket.is_empty() {
@@ -69,7 +69,7 @@ fn bucket(place: &Place) -> Result<&str, StoreError> {
     })
 }
 
-/// What can be known of the environment before anything is sent.
+/// Checks the environment before any request is sent.
 fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
     let wrong = |variable, problem| {
         Err(StoreError::Environment {
@@ -102,14 +102,14 @@ fn check(place: &Place, builder: &AmazonS3Builder) -> Result<(), StoreError> {
     {
         return wrong(
             variable,
-            "holds a name and password, which belong into AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
+            "holds a name and password, which belong in AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY",
         );
     }
     let may_http = AmazonS3ConfigKey::Client(ClientConfigKey::AllowHttp);
     if scheme == "http" && builder.get_config_value(&may_http).as_deref() != Some("true") {
         return wrong(
             variable,
-            "begins with http://, by which anybody on the way can read along: where that network is your own set AWS_ALLOW_HTTP=true",
+            "begins with http://, which anybody on the way can read: where that network is your own set AWS_ALLOW_HTTP=true",
         );
     }
     Ok(())

@@ -1,7 +1,7 @@
-//! What storage answered → an error that says what to try, without anything secret.
+//! An answer of the storage → an error with advice, without anything secret.
 //!
-//! An answer may quote the request, headers and session token included: of its text only status, code and message are
-//! told, and whatever is secret is struck from those too.
+//! An answer may quote the request with its headers and session token: of its text only status, code and message are used,
+//! and secrets are removed from those too.
 
 use object_store::Error;
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
@@ -10,17 +10,17 @@ use object_store::client::{HttpError, HttpErrorKind};
 use super::{Place, StoreError};
 use crate::io::store::BucketTrouble;
 
-/// What is told of an object that is not what it was.
+/// Reason for an object that is no longer the one listed.
 const CHANGED: &str = "it changed meanwhile";
-/// The longest message told.
+/// Longest message that is shown, in characters.
 const LONGEST: usize = 300;
 
-/// What must never be told.
+/// Texts that no message may contain.
 #[derive(Default)]
 pub(super) struct Secrets(Vec<String>);
 
 impl Secrets {
-    /// The secrets that a client is made with.
+    /// The secrets in a client's settings.
     pub(super) fn of(builder: &AmazonS3Builder) -> Self {
         let keys = [
             AmazonS3ConfigKey::SecretAccessKey,
@@ -37,8 +37,8 @@ impl Secrets {
     }
 }
 
-/// The error of doing something, of what storage answered.
-pub(super) fn told(
+/// The error of an operation, from the client's error.
+pub(super) fn failure(
     doing: &'static str,
     place: Place,
     error: &Error,
@@ -59,7 +59,7 @@ pub(super) fn told(
     }
 }
 
-/// The error of an object that is not there.
+/// The error of an object that does not exist.
 pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
     StoreError::Bucket {
         doing,
@@ -69,7 +69,7 @@ pub(super) fn missing(doing: &'static str, place: Place) -> StoreError {
     }
 }
 
-/// The error of an object that is not what was listed.
+/// The error of an object that differs from the one listed.
 pub(super) fn changed(doing: &'static str, place: Place) -> StoreError {
     StoreError::Bucket {
         doing,
@@ -106,7 +106,7 @@ fn read(error: &Error) -> (String, BucketTrouble) {
     (reason, trouble)
 }
 
-/// Whether a request may have been served without our hearing of it.
+/// Whether a request may have been served although its answer was lost.
 pub(super) fn is_answer_lost(error: &Error) -> bool {
     use HttpErrorKind::{Connect, Request};
     let mut cause: &dyn std::error::Error = error;
@@ -137,7 +137,7 @@ fn by_status(status: &str, code: Option<&str>) -> BucketTrouble {
     }
 }
 
-/// What went wrong on the way, where nothing was answered: the deepest cause, as the others only say that there is one.
+/// The cause of a failure without an answer: the deepest one, as the others only state that there is one.
 fn on_the_way(error: &Error) -> Option<String> {
     let mut cause: &dyn std::error::Error = error;
     let mut is_http = false;
@@ -148,7 +148,7 @@ fn on_the_way(error: &Error) -> Option<String> {
     is_http.then(|| cause.to_string())
 }
 
-/// A text that is no answer of ours to read: up to where it begins to quote.
+/// The part of an unexpected answer before it begins to quote.
 fn without_quotes(text: &str) -> String {
     text.split('<').next().unwrap_or_default().trim().to_owned()
 }
@@ -166,19 +166,19 @@ mod tests {
         answered("403 Forbidden", body)
     }
 
-    /// As listing tells of any answer.
+    /// An answer as listing reports it.
     fn answered(status: &str, body: &str) -> String {
         let error = Error::Generic {
             store: "S3",
             source: format!("Server returned non-2xx status code: {status}: {body}").into(),
         };
         let secrets = Secrets(vec!["hush-hush".to_owned()]);
-        told("read", Place::of("s3://b/a"), &error, &secrets).to_string()
+        failure("read", Place::of("s3://b/a"), &error, &secrets).to_string()
     }
 
     #[test]
     fn an_answer_that_quotes_the_request_is_reported_without_it() {
-        // As Amazon answers a wrong signature: the canonical request holds the session token.
+        // Amazon's answer to a wrong signature: the canonical request holds the session token.
         let text = refused(
             "<Error><Code>SignatureDoesNotMatch</Code><Message>The signature of\nhush-hush</Message>\
              <CanonicalRequest>x-amz-security-token:hush-hush</CanonicalRequest></Error>",

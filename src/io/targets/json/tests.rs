@@ -57,7 +57,7 @@ fn what_is_wrong_is_reported_by_its_row_or_place() {
         ),
         (
             r#"{"target": "B", "x_mm": 1, "x_mm": 1, "y_mm": 2}"#,
-            "row 1: \"x_mm\" stands twice",
+            "row 1: \"x_mm\" is given twice",
         ),
         (
             r#"{"target": "B", "x_mm": 1, "z_mm": 2}"#,
@@ -71,7 +71,7 @@ fn what_is_wrong_is_reported_by_its_row_or_place() {
             r#"{"x_mm": 1, "y_mm": 2, "z_mm": 3}"#,
             "row 1: column \"target\" is empty",
         ),
-        (good, "row 1: target \"A\" stands in row 0 already"),
+        (good, "row 1: target \"A\" is in row 0 already"),
         (
             r#"{"target": "B", "q1_deg": 1, "q2_rad": 2}"#,
             "row 1: some are in radians",
@@ -105,7 +105,7 @@ fn texts_that_hold_no_targets_are_reported_so() {
         ("{}", "no key \"targets\""),
         (
             "{\"targets\": [], \"targets\": []}",
-            "\"targets\" stands twice",
+            "\"targets\" is given twice",
         ),
         (
             "{\"targets\": {\"targets\": []}}",

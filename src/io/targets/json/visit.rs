@@ -1,4 +1,4 @@
-//! Objects as the parser meets them, one after the other.
+//! Objects as the parser finds them, one after the other.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -19,12 +19,12 @@ pub(super) enum Cell {
     Text(String),
     Other {
         what: &'static str,
-        /// A mark of corrected targets inside of it.
+        /// A mark of corrected targets inside it.
         mark: Option<Mark>,
     },
 }
 
-/// A value under a key that only commands have a value under.
+/// A value under a key that has a value in commands only.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Mark {
     pub(super) key: String,
@@ -45,7 +45,7 @@ impl Cell {
         }
     }
 
-    /// The value in words; `None` where there is none.
+    /// The value as text; `None` where there is none.
     pub(super) fn shown(&self) -> Option<String> {
         match self {
             Self::Absent => None,
@@ -55,7 +55,7 @@ impl Cell {
         }
     }
 
-    /// The mark that this value is under that key, or has inside.
+    /// The mark that this value is under `key`, or contains.
     fn mark(self, key: &str) -> Option<Mark> {
         let value = self.shown().filter(|value| !value.is_empty())?;
         if names::is_mark(key) {
@@ -69,7 +69,7 @@ impl Cell {
     }
 }
 
-/// The keys and values of an object in its order, or what is wrong with it.
+/// The keys and values of an object in its order, or the fault in it.
 pub(super) type Object = Result<Vec<(String, Cell)>, RowProblem>;
 
 /// The whole text.
@@ -83,7 +83,7 @@ impl<'de> DeserializeSeed<'de> for Document<'_> {
 }
 
 impl Document<'_> {
-    /// Ends the reading, as what is wrong tells.
+    /// Ends the reading, with the fault that was found.
     fn refuse<E: serde::de::Error>(&mut self, problem: impl Into<RowProblem>) -> E {
         self.0.refuse(problem.into());
         E::custom("a wrong document")
@@ -127,7 +127,7 @@ impl<'de> Visitor<'de> for Document<'_> {
     }
 }
 
-/// What is wrong with the last of a document's keys.
+/// The fault in the last of a document's keys.
 fn problem_of(keys: &[String]) -> Option<NamesProblem> {
     let (last, before) = keys.split_last()?;
     let folded = last.trim().to_lowercase();
@@ -198,7 +198,7 @@ impl<'de> Visitor<'de> for ObjectSeed {
         let mut cells = Vec::new();
         let mut places = BTreeSet::new();
         let mut twice = None;
-        // The object is read to its end even so: the parser stands nowhere else.
+        // The object is read to its end in any case: the parser cannot continue from another place.
         while let Some(key) = object.next_key::<String>()? {
             let cell = object.next_value_seed(CellSeed)?;
             if !places.insert(key.clone()) {

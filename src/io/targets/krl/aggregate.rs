@@ -1,7 +1,7 @@
 //! An aggregate's components: `{E6POS: X 1650.0,Y -120.5,…}`.
 //!
-//! Components stand apart by one comma each, and each is a name and one value apart by blanks. Whatever else stands
-//! between the braces is an error: a controller would refuse it, and half of what was meant would be read here.
+//! Components are separated by one comma each, and each is a name and one value separated by blanks. Any other text between
+//! the braces is an error: a controller would refuse it, and half of its meaning would be read here.
 
 use std::ops::Range;
 
@@ -9,15 +9,15 @@ use super::super::RowProblem;
 use super::lines::trimmed;
 use super::{KrlProblem, Status};
 
-/// Braces within braces that are followed; KRL's own structures have three at most.
+/// Most levels of nested braces; KRL's own structures have three at most.
 const DEEPEST: usize = 16;
 
-/// An aggregate, as far as its own components go.
+/// An aggregate with its own components, but not those of nested ones.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Aggregate {
     /// The type before a colon, in capitals.
     pub(super) kind: Option<String>,
-    /// Names in capitals, and where their values stand.
+    /// Names in capitals, and the places of their values.
     components: Vec<(String, Range<usize>)>,
 }
 
@@ -54,8 +54,8 @@ fn of_braces(text: &[u8], value: &Range<usize>, depth: usize) -> Result<Aggregat
     Ok(Aggregate { kind, components })
 }
 
-/// What stands between the outer braces, apart by commas that stand in nothing else; `None` where they are not closed, or
-/// something follows them.
+/// The parts between the outer braces, separated by commas outside texts and inner braces; `None` where the braces are not
+/// closed, or something follows them.
 fn pieces(text: &[u8], value: &Range<usize>) -> Option<Vec<Range<usize>>> {
     let mut pieces = Vec::new();
     let mut open = Vec::new();
@@ -85,7 +85,7 @@ fn pieces(text: &[u8], value: &Range<usize>) -> Option<Vec<Range<usize>>> {
     None
 }
 
-/// The type before a colon, and what follows it.
+/// The type before a colon, and the text after it.
 fn typed(text: &[u8], piece: &Range<usize>) -> Option<(String, Range<usize>)> {
     let own = &text[piece.clone()];
     let colon = own.iter().position(|&byte| byte == b':')?;
@@ -96,7 +96,7 @@ fn typed(text: &[u8], piece: &Range<usize>) -> Option<(String, Range<usize>)> {
     })
 }
 
-/// Name and value: apart by blanks, and the value one word, text or aggregate.
+/// Name and value, separated by blanks; the value is one word, text or aggregate.
 fn component(text: &[u8], piece: Range<usize>) -> Result<(String, Range<usize>), RowProblem> {
     let own = &text[piece.clone()];
     let wrong = || KrlProblem::NoComponent {
@@ -113,12 +113,12 @@ fn component(text: &[u8], piece: Range<usize>) -> Result<(String, Range<usize>),
     Ok((capitals(name), value))
 }
 
-/// Whether something is one value: without a blank outside of texts and braces, and nothing behind those.
+/// Whether the bytes are one value: no blank outside texts and braces, and nothing after those.
 fn is_one_value(value: &[u8]) -> bool {
     let (mut quoted, mut depth) = (false, 0_usize);
     let mut is_whole = false;
     for &byte in value {
-        // Behind the end of a text or of braces nothing stands.
+        // Nothing may follow the end of a text or of braces.
         if is_whole || (byte.is_ascii_whitespace() && !quoted && depth == 0) {
             return false;
         }
@@ -144,19 +144,19 @@ fn capitals(word: &[u8]) -> String {
 }
 
 impl Aggregate {
-    /// How many of some components there are.
+    /// The number of these components that are present.
     pub(super) fn has(&self, components: &[&str]) -> usize {
         let there = components.iter().filter(|own| self.range(own).is_some());
         there.count()
     }
 
-    /// The first component that is none of those there can be.
+    /// The first component that is not among those allowed.
     pub(super) fn other_than(&self, components: &[&str]) -> Option<&str> {
         let mut names = self.components.iter().map(|(name, _)| name.as_str());
         names.find(|name| !components.contains(name))
     }
 
-    /// Where a component's value stands.
+    /// The place of a component's value.
     pub(super) fn range(&self, component: &str) -> Option<Range<usize>> {
         let found = self.components.iter().find(|(own, _)| own == component);
         found.map(|(_, value)| value.clone())
@@ -166,7 +166,7 @@ impl Aggregate {
         self.range(component).map(|value| &text[value])
     }
 
-    /// A component's number.
+    /// The number of a component; `None` where it is missing.
     pub(super) fn number(&self, text: &[u8], component: &str) -> Result<Option<f64>, RowProblem> {
         let Some(value) = self.value(text, component) else {
             return Ok(None);
@@ -186,7 +186,7 @@ impl Aggregate {
         }
     }
 
-    /// A component's whole number, in decimal, `'B101'` or `'H1A'`.
+    /// The whole number of a component, in decimal, `'B101'` or `'H1A'`; `None` where it is missing.
     pub(super) fn whole(&self, text: &[u8], component: &str) -> Result<Option<i64>, RowProblem> {
         let Some(value) = self.value(text, component) else {
             return Ok(None);
@@ -194,7 +194,7 @@ impl Aggregate {
         let text = String::from_utf8_lossy(value).to_ascii_uppercase();
         let quoted = text.strip_prefix('\'').and_then(|t| t.strip_suffix('\''));
         let digits = |digits: &str, radix| {
-            // A sign has no place among bits.
+            // A sign is not allowed among bits.
             let all = digits.chars().all(|digit| digit.is_digit(radix));
             all.then(|| i64::from_str_radix(digits, radix).ok())?
         };
@@ -211,7 +211,7 @@ impl Aggregate {
         number.map(Some).ok_or_else(|| wrong().into())
     }
 
-    /// S.
+    /// The value of S; `None` where it is missing.
     pub(super) fn status(&self, text: &[u8]) -> Result<Option<Status>, RowProblem> {
         let Some(number) = self.whole(text, "S")? else {
             return Ok(None);

@@ -1,4 +1,4 @@
-//! The lines of a data list: their code, apart from comments, and which of them are its own.
+//! The lines of a data list: their code without comments, and the lines that belong to the list.
 
 use std::ops::Range;
 
@@ -7,17 +7,17 @@ use super::{InLine, KrlProblem};
 /// One line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Line {
-    /// From 1.
+    /// Its number, from 1.
     pub(super) number: u64,
-    /// Without its end.
+    /// The bytes of the line, without its end.
     pub(super) whole: Range<usize>,
-    /// As far as a comment, without blanks around it.
+    /// The bytes before a comment, without blanks around them.
     pub(super) code: Range<usize>,
-    /// After its end.
+    /// First byte after the line's end.
     pub(super) next: usize,
 }
 
-/// What a program that writes these lines begins them with.
+/// The first words of the comments in corrected lists.
 pub(super) const CORRECTED: &str = "corrected by posegrid";
 pub(super) const REFUSED: &str = "refused by posegrid";
 
@@ -30,7 +30,7 @@ pub(super) fn all(text: &[u8]) -> Result<Vec<Line>, InLine> {
         let whole = start..start + without_end(piece).len();
         let number = lines.len() as u64 + 1;
         if text[whole.clone()].contains(&b'\r') {
-            // Some readers take it for the end of a line, some do not: what is a comment to one is a statement to another.
+            // Some readers take it for the end of a line, others do not: a comment to one is a statement to the other.
             return Err(InLine {
                 line: number,
                 problem: KrlProblem::LoneReturn.into(),
@@ -52,7 +52,7 @@ fn without_end(piece: &[u8]) -> &[u8] {
     piece.strip_suffix(b"\r").unwrap_or(piece)
 }
 
-/// As far as a `;` that does not stand in a text.
+/// The bytes before a `;` that is not in a text.
 fn code_of(text: &[u8], whole: Range<usize>) -> Range<usize> {
     let mut quoted = false;
     let is_comment = |&byte: &u8| {
@@ -63,25 +63,26 @@ fn code_of(text: &[u8], whole: Range<usize>) -> Range<usize> {
     whole.start..comment.map_or(whole.end, |place| whole.start + place)
 }
 
-/// Without blanks at either end.
+/// The range without blanks at either end.
 pub(super) fn trimmed(text: &[u8], range: Range<usize>) -> Range<usize> {
     let inside = &text[range.clone()];
     let start = range.start + (inside.len() - inside.trim_ascii_start().len());
     start..start + inside.trim_ascii().len()
 }
 
-/// A list's own lines, and where it is written to.
+/// The lines inside a list, and the places to write to.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Inside<'l> {
-    /// After the line of DEFDAT.
+    /// First byte after the line of DEFDAT.
     pub(super) head: usize,
-    /// Those between DEFDAT and ENDDAT.
+    /// The lines between DEFDAT and ENDDAT.
     pub(super) lines: &'l [Line],
-    /// Where the line of ENDDAT begins.
+    /// First byte of the line of ENDDAT.
     pub(super) end: usize,
 }
 
-/// The lines between DEFDAT and ENDDAT. Before them stand lines that begin with `&`, and besides them comments alone.
+/// The lines between DEFDAT and ENDDAT. Only lines that begin with `&`, and comments, may come before them; only comments
+/// after.
 pub(super) fn of_list<'l>(text: &[u8], lines: &'l [Line]) -> Result<Inside<'l>, InLine> {
     let at = |line: &Line, problem: KrlProblem| InLine {
         line: line.number,
@@ -139,7 +140,7 @@ pub(super) fn begins(code: &[u8], word: &str) -> bool {
         && after.is_none_or(|byte| !byte.is_ascii_alphanumeric() && !b"_$".contains(byte))
 }
 
-/// What stands behind DEFDAT: a name, and PUBLIC or nothing.
+/// Checks the text after DEFDAT: a name, and PUBLIC or nothing.
 fn check_head(behind: &[u8]) -> Result<(), KrlProblem> {
     let words: Vec<&[u8]> = behind
         .split(u8::is_ascii_whitespace)
@@ -156,7 +157,7 @@ fn check_head(behind: &[u8]) -> Result<(), KrlProblem> {
     }
 }
 
-/// Whether a line is a comment that corrected lists have.
+/// Whether a line is a comment of corrected lists.
 fn is_ours(text: &[u8], line: &Line) -> bool {
     let comment = &text[line.code.end..line.whole.end];
     let comment = comment.strip_prefix(b";").unwrap_or_default();

@@ -1,12 +1,12 @@
-//! What a person should know of a data list beside its targets.
+//! Remarks on a data list for the user, in addition to its targets.
 
 use super::{DataList, Point};
 
-/// Lines are named up to this many.
+/// Most lines that are named.
 const LINES_SHOWN: usize = 10;
 
 impl DataList {
-    /// What a person should know, a sentence each.
+    /// The remarks, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let notes = [
             Some(self.whose()),
@@ -27,19 +27,19 @@ impl DataList {
         notes.into_iter().flatten().collect()
     }
 
-    /// Of which tool and base the positions are.
+    /// A sentence on the tool and base of the positions.
     fn whose(&self) -> String {
         match &self.frames {
             Some(frames) => format!(
-                "the positions are those of {frames}: see to it that these are the table's tool and frame of commands"
+                "the positions are those of {frames}: make sure that these are the table's tool and frame of commands"
             ),
             None => {
-                "no FDAT says for which tool and base the positions are: see to it that these are the table's".to_owned()
+                "no FDAT states for which tool and base the positions are: make sure that these are the table's".to_owned()
             }
         }
     }
 
-    /// Programs keep tools and bases in values of the same type.
+    /// A sentence on values of type FRAME; programs keep tools and bases in values of the same type.
     fn frame_values(&self) -> Option<String> {
         let lines = self.points.iter().filter_map(|point| point.frame_in);
         let all = lines.clone().count();
@@ -50,7 +50,7 @@ impl DataList {
         let more = if all > shown.len() { ", …" } else { "" };
         (all > 0).then(|| {
             format!(
-                "{all} values of type FRAME are taken for positions (line {}{more}): see to it that none of them is a tool or a base",
+                "{all} values of type FRAME are taken for positions (line {}{more}): make sure that none of them is a tool or a base",
                 shown.join(", ")
             )
         })
@@ -61,11 +61,11 @@ impl DataList {
         (count > 0).then_some(count)
     }
 
-    /// Aggregates that are no positions.
+    /// A sentence on the aggregates that are no positions.
     fn left(&self) -> Option<String> {
         let others = self.others.iter();
         let others: Vec<String> = others.map(|(kind, n)| format!("{n} {kind}")).collect();
-        (!others.is_empty()).then(|| format!("left as they are: {}", others.join(", ")))
+        (!others.is_empty()).then(|| format!("unchanged: {}", others.join(", ")))
     }
 }
 

@@ -1,4 +1,4 @@
-//! What can be wrong with a data list.
+//! Errors of a data list.
 
 use std::fmt;
 
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use super::super::RowProblem;
 
-/// Tool and base of positions, by their numbers at the controller.
+/// The tool and base of positions, by their numbers at the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FdatFrames {
     /// `TOOL_NO`.
@@ -21,68 +21,68 @@ impl fmt::Display for FdatFrames {
     }
 }
 
-/// What is wrong with a line of a data list.
+/// The fault in a line of a data list.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum KrlProblem {
-    /// No DEFDAT.
+    /// The text has no DEFDAT.
     #[error("no line DEFDAT up to here; a data list of KUKA begins with DEFDAT and its name")]
     NoList,
-    /// No ENDDAT.
+    /// The text has no ENDDAT.
     #[error("no line ENDDAT up to here; the list is cut, or its end is missing")]
     NoEnd,
     /// A second DEFDAT.
     #[error("a second DEFDAT before ENDDAT; give each list in a file of its own")]
     SecondList,
     /// A DEFDAT without a name, or with more than one.
-    #[error("DEFDAT has a name behind it, and PUBLIC or nothing behind that")]
+    #[error("DEFDAT is followed by a name, and PUBLIC or nothing after that")]
     Head,
-    /// A statement outside of the list.
+    /// A statement outside the list.
     #[error(
-        "a statement outside of the list; before DEFDAT stand lines that begin with &, and behind ENDDAT comments alone"
+        "a statement outside of the list; before DEFDAT there may be lines that begin with &, after ENDDAT only comments"
     )]
     Outside,
-    /// A text without an end.
+    /// A text that does not end.
     #[error("a text begins with \" and does not end in its line")]
     OpenText,
-    /// A type again for the same name.
+    /// A second type for the same name.
     #[error("{name} is declared in line {first_line} already")]
     DeclaredTwice {
         /// The name.
         name: String,
-        /// Where it is declared first.
+        /// Line of the first declaration.
         first_line: u64,
     },
     /// The mark of a corrected list.
     #[error(
-        "corrected already, by table {table:?}, as {name} says; correct the list that it was made from, a second correction \
+        "corrected already, by table {table:?}, as {name} states; correct the list that it was made from, a second correction \
          would move the tool by the error once more"
     )]
     Marked {
-        /// The variable.
+        /// Name of the variable.
         name: String,
-        /// The table, where the list tells.
+        /// The table's id, as in the list.
         table: String,
     },
-    /// Data of the controller itself.
+    /// The list holds data of the controller itself.
     #[error(
         "this list belongs to the system, and its frames are tools and bases, not targets; give the .dat of a program"
     )]
     System,
-    /// Commands are no targets.
+    /// The list holds commands, which are no targets.
     #[error(
         "corrected already: {comment:?}; correct the list that it was made from, a second correction would move the tool by \
          the error once more"
     )]
     Corrected {
-        /// The line that says so.
+        /// The comment that marks it.
         comment: String,
     },
-    /// Ends of lines that readers do not agree about.
+    /// A line's end that readers interpret in different ways.
     #[error(
         "a carriage return without a line feed; where the line ends is not clear, save the list with CR LF or LF"
     )]
     LoneReturn,
-    /// Points of several frames.
+    /// Points of several frames in one list.
     #[error(
         "{other}, but {first} in line {first_line}: a table holds in one frame of commands and for one tool; make a list of \
          each pair and correct each by its own table"
@@ -90,27 +90,27 @@ pub enum KrlProblem {
     SeveralFrames {
         /// The first pair.
         first: FdatFrames,
-        /// Where it stands.
+        /// Line of the first pair.
         first_line: u64,
-        /// The other.
+        /// The other pair.
         other: FdatFrames,
     },
-    /// The robot carries the work piece.
+    /// The robot carries the workpiece.
     #[error(
-        "IPO_FRAME #TCP: the tool stands in the cell and the robot carries the part, and tables are for tools that the robot \
+        "IPO_FRAME #TCP: the tool is fixed in the cell and the robot carries the part, and tables are for tools that the robot \
          carries"
     )]
     ToolInTheCell,
-    /// A position whose type nothing says.
+    /// A position whose type is not stated.
     #[error(
-        "{name} has X, Y and Z, but neither this list nor the value itself says its type; write {{E6POS: X …}} if it is a \
+        "{name} has X, Y and Z, but neither this list nor the value itself states its type; write {{E6POS: X …}} if it is a \
          position"
     )]
     NoKind {
         /// The name.
         name: String,
     },
-    /// A position whose value is none.
+    /// A position whose value is no aggregate.
     #[error("{name} is a position, but its value is no aggregate; write {{X …,Y …,Z …}}")]
     NoAggregate {
         /// The name.
@@ -118,7 +118,7 @@ pub enum KrlProblem {
     },
     /// A value for something that is no name.
     #[error(
-        "what stands before = is no name, or a type and a name; write each value in a line of its own"
+        "the text before = is no name, or a type and a name; write each value in a line of its own"
     )]
     NoStatement,
     /// A line that is no statement.
@@ -126,7 +126,7 @@ pub enum KrlProblem {
         "this is neither a declaration (a type and names) nor a value (a name, =, and one value); is an = or a comma missing?"
     )]
     NoDeclaration,
-    /// A value for a part of a position.
+    /// A value for one component of a position.
     #[error(
         "a value for a component of {name}; write the whole position in braces, {{X …,Y …,Z …}}"
     )]
@@ -134,25 +134,25 @@ pub enum KrlProblem {
         /// The variable.
         name: String,
     },
-    /// An element whose number is none.
+    /// An element whose index is no number.
     #[error("{name} is a position, but its index is no whole number")]
     NoIndex {
         /// The name with its index.
         name: String,
     },
-    /// A value with something behind it.
+    /// A value with further text after it.
     #[error("{text:?} is not one value; write each value in a line of its own")]
     NoValue {
-        /// What stands there.
+        /// The text of the value.
         text: String,
     },
     /// A component that is not a name and one value.
     #[error(
-        "{text:?} stands between the commas of the braces where a component, a name and its value, should; a number has a \
+        "{text:?} is between the commas of the braces, where a component, a name and its value, belongs; a number has a \
          decimal point, and components have one comma between them"
     )]
     NoComponent {
-        /// What stands there.
+        /// The text between the commas.
         text: String,
     },
     /// A component that positions do not have.
@@ -163,7 +163,7 @@ pub enum KrlProblem {
         /// The type.
         kind: String,
     },
-    /// A type before the colon that is not the one declared.
+    /// The type before the colon differs from the declared one.
     #[error("the value is of type {own}, but {name} is declared as {kind}")]
     OtherKind {
         /// The name.
@@ -173,39 +173,39 @@ pub enum KrlProblem {
         /// The type of the value.
         own: String,
     },
-    /// Braces without an end.
+    /// Braces that do not close.
     #[error(
-        "the braces of the value do not close at the end of the line, or lie too deep; write each value in a line of its own"
+        "the braces of the value do not close in the line, or are nested too deep; write each value in a line of its own"
     )]
     Open,
-    /// The same component twice.
-    #[error("component {component} stands twice")]
+    /// A component is given twice.
+    #[error("component {component} is given twice")]
     SameComponent {
         /// The component.
         component: String,
     },
-    /// Some of an orientation's three angles.
+    /// Only some of an orientation's three angles are given.
     #[error(
         "an orientation is three angles, A B C, and some of them are missing; give all or none"
     )]
     PartOfOrientation,
-    /// Text where a number stands.
+    /// A text in the place of a number.
     #[error("component {component} holds {text:?}, which is no finite number")]
     NoNumber {
         /// The component.
         component: String,
-        /// What stands there.
+        /// The text.
         text: String,
     },
-    /// Text where a whole number stands.
+    /// A text in the place of a whole number.
     #[error("component {component} holds {text:?}, which is no whole number")]
     NoWhole {
         /// The component.
         component: String,
-        /// What stands there.
+        /// The text.
         text: String,
     },
-    /// An S with bits that do not exist.
+    /// An S with bits that are not defined.
     #[error("S is {number}; it has the bits 0 to 4, so it is 0 to 31")]
     NoStatus {
         /// S.

@@ -1,8 +1,8 @@
-//! One line of code → what it declares or gives a value.
+//! One line of code → the declaration or the value in it.
 //!
 //! A line of a data list declares names of a type, gives a name a value, or does both; or it is one of the declarations
-//! that hold no value ([`WITHOUT_VALUES`]). What is none of these is an error: a controller refuses it, and a line that is
-//! skipped may be a position.
+//! without a value ([`WITHOUT_VALUES`]). Any other line is an error: a controller refuses it, and a skipped line may be a
+//! position.
 
 use std::ops::Range;
 
@@ -10,18 +10,18 @@ use super::super::RowProblem;
 use super::KrlProblem;
 use super::lines::{begins, trimmed};
 
-/// A statement that matters here; names and types in capitals, as KRL does not tell them apart.
+/// A statement that is used here; names and types in capitals, since KRL does not distinguish them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Statement {
     /// Names of a type.
     Declared(Declaration),
     /// A value for a name.
     Valued {
-        /// The type, where the line says it.
+        /// The type; `None` where the line does not state it.
         kind: Option<String>,
         /// The name.
         name: Name,
-        /// Where the value stands.
+        /// The place of the value.
         value: Range<usize>,
     },
 }
@@ -33,14 +33,14 @@ pub(super) struct Declaration {
     pub(super) names: Vec<String>,
 }
 
-/// What has a value.
+/// The left side of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Name {
     /// The variable, in capitals.
     pub(super) variable: String,
-    /// With the index of an element, without blanks, in capitals; numbers without a sign and leading zeros.
+    /// The name with the index of an element, without blanks, in capitals; numbers without a sign and leading zeros.
     pub(super) shown: String,
-    /// Whether the index, if there is one, is whole numbers.
+    /// Whether the index, if there is one, consists of whole numbers.
     pub(super) is_counted: bool,
     /// Whether it is a component of the variable.
     pub(super) is_part: bool,
@@ -61,7 +61,7 @@ impl Name {
 /// Words before a type.
 const BEFORE_TYPE: [&str; 4] = ["DECL", "GLOBAL", "CONST", "PUBLIC"];
 
-/// Declarations of other things than variables: they hold no values.
+/// Declarations of anything but variables: they hold no values.
 const WITHOUT_VALUES: [&str; 8] = [
     "EXT", "EXTP", "EXTFCT", "EXTFCTP", "IMPORT", "STRUC", "ENUM", "SIGNAL",
 ];
@@ -100,7 +100,7 @@ fn is_without_values(line: &[u8]) -> bool {
     WITHOUT_VALUES.iter().any(|word| begins(rest, word))
 }
 
-/// Whether a value that is no aggregate is one: a text, or a word without blanks, commas and braces.
+/// Whether the bytes are one value that is no aggregate: a text, or a word without blanks, commas and braces.
 fn is_plain_value(value: &[u8]) -> bool {
     if let Some(text) = value.strip_prefix(b"\"") {
         return text.iter().position(|&byte| byte == b'"') == text.len().checked_sub(1);
@@ -112,7 +112,7 @@ fn is_plain_value(value: &[u8]) -> bool {
 /// Type and name of the left side of a value.
 fn left(left: &[u8]) -> Option<(Option<String>, Name)> {
     let left = std::str::from_utf8(left).ok()?.trim().to_ascii_uppercase();
-    // Blanks may stand before an index and in it.
+    // Blanks are allowed before an index and in it.
     let (words, rest) = match left.find(['[', '.']) {
         Some(place) => left.split_at(place),
         None => (left.as_str(), ""),
@@ -134,14 +134,14 @@ fn left(left: &[u8]) -> Option<(Option<String>, Name)> {
     })
 }
 
-/// What stands in square brackets behind a name.
+/// The text in square brackets after a name.
 struct Index {
     shown: String,
     is_counted: bool,
 }
 
 impl Index {
-    /// Of a text without blanks: `[2]`, `[1,4]`, `[]`, `[1,]`, or none at all.
+    /// The index in a text without blanks: `[2]`, `[1,4]`, `[]`, `[1,]`, or none at all.
     fn of(text: &str) -> Option<Self> {
         if text.is_empty() {
             return Some(Self {
@@ -199,7 +199,7 @@ fn declared(line: &[u8]) -> Option<Declaration> {
     })
 }
 
-/// A declared name without what stands in its brackets.
+/// A declared name without its brackets.
 fn own_name(name: &str) -> Option<String> {
     let name = name.trim();
     let (own, index) = match name.split_once('[') {
@@ -209,7 +209,7 @@ fn own_name(name: &str) -> Option<String> {
     (is_name(own) && !index.contains(['[', ']'])).then(|| own.to_owned())
 }
 
-/// Parts of a text apart by commas that stand in no brackets.
+/// Parts of a text, separated by commas outside brackets.
 fn outside_brackets(text: &str) -> Vec<&str> {
     let mut depth = 0_i32;
     text.split(|letter| {

@@ -1,23 +1,23 @@
-//! S, the status of a KUKA position → the arm configuration it asks for.
+//! S, the status of a KUKA position → the arm configuration that it asks for.
 //!
 //! - Bit 0 is set where the arm reaches over itself: the wrist's centre has a negative x in the frame that turns with axis 1.
-//! - Bit 1 is set where axis 3 stands beyond the angle at which the arm is stretched: A3 = 0° where axes 3 and 4 meet, and
+//! - Bit 1 is set where axis 3 is beyond the angle at which the arm is stretched: A3 = 0° where axes 3 and 4 meet, and
 //!   −atan(offset / forearm) where they pass each other.
-//! - Bit 2 is set where A5 is negative. (Some editions of the manual print the reverse. T tells: its bit 4 is the sign of A5,
-//!   and points that controllers taught have S 6 with T 26, 27 or 50, and S 2 with T 2, 10 or 35.)
+//! - Bit 2 is set where A5 is negative. (Some editions of the manual print the reverse. T shows which is right: its bit 4
+//!   is the sign of A5, and points that controllers taught have S 6 with T 26, 27 or 50, and S 2 with T 2, 10 or 35.)
 //! - Bit 4 is set where the point was taught by a robot with the absolute-accuracy option.
 //!
-//! These are the three sides of the arm's singularities that [`Configuration`] names, up to the direction in which a chain
-//! counts. So one posture that every such arm can take says what each bit means for it.
+//! These are the three sides of the arm's singularities that [`Configuration`] names, except for the direction in which a
+//! chain counts. So one posture that every such arm can take shows what each bit means for it.
 
 use crate::kinematics::{Arm, Configuration, Side};
 
-/// S.
+/// The value of S.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Status(u8);
 
 impl Status {
-    /// Of a number that has no other bits than those there are.
+    /// The status of a number; `None` where it has undefined bits.
     pub(super) fn of(number: i64) -> Option<Self> {
         u8::try_from(number).ok().filter(|s| *s < 32).map(Self)
     }
@@ -32,7 +32,7 @@ impl Status {
     }
 }
 
-/// What the bits of S mean for an arm: its configuration at S 2, the usual home with a bent wrist.
+/// The meaning of the bits of S for an arm: its configuration at S 2, the usual home with a bent wrist.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Postures {
     home: Configuration,
@@ -40,12 +40,12 @@ pub struct Postures {
 
 /// Joint angles as the controller shows them: upper arm upright, forearm level, wrist bent down. S is 2.
 const HOME_DEG: [f64; 6] = [0.0, -90.0, 90.0, 0.0, 45.0, 0.0];
-/// An axis nearer to where its bit changes than this may be on either side, rad: the offset of axes 3 and 4 is worth 2°
-/// on large arms and 8° on small ones.
+/// An axis closer than this to the angle where its bit changes may be on either side, rad: the offset of axes 3 and 4
+/// amounts to 2° on large arms and 8° on small ones.
 const UNSURE_RAD: f64 = 0.2;
 
 impl Postures {
-    /// Of arms whose robot files are in standard DH with the signs of `pipelines/robots/kr210-r2700-extra.toml`.
+    /// Postures of arms whose robot files are in standard DH with the signs of `pipelines/robots/kr210-r2700-extra.toml`.
     pub const STANDARD_DH: Self = Self {
         home: Configuration {
             shoulder: Side::Minus,
@@ -54,7 +54,7 @@ impl Postures {
         },
     };
 
-    /// Of an arm; `None` for one without six axes.
+    /// Postures of an arm; `None` for one without six axes.
     pub fn of_arm(arm: &Arm) -> Option<Self> {
         if arm.joints().len() != HOME_DEG.len() {
             return None;
@@ -64,9 +64,9 @@ impl Postures {
         Some(Self { home })
     }
 
-    /// Of the arm that a table was made for, which is known by joint angles (rad) of its nodes and their configuration.
+    /// Postures of the arm that a table was made for, from the joint angles (rad) of its nodes and their configuration.
     ///
-    /// `None` where the two do not go together as [`Self::STANDARD_DH`] has it: then no S can be compared.
+    /// `None` where the two do not agree with [`Self::STANDARD_DH`]: then no S can be compared.
     pub fn of_table<'j>(
         configuration: Option<&str>,
         joints: impl IntoIterator<Item = &'j [f64]>,
@@ -111,7 +111,7 @@ mod tests {
         toml::from_str::<RobotFile>(text).unwrap().arm().unwrap()
     }
 
-    /// S by its definition, from where the arm is: joint angles as the controller shows them, degrees.
+    /// S by its definition, from the pose of the arm: joint angles as the controller shows them, degrees.
     fn by_definition(arm: &Arm, degrees: [f64; 6]) -> Status {
         let joints = degrees.map(f64::to_radians);
         let flange = *arm.flange(&joints).isometry();

@@ -6,7 +6,7 @@ use super::*;
 use crate::compensation::{Corrected, Exception, Reason, Refused, Target};
 use crate::geometry::Position;
 
-/// As a controller writes them: a header line, folds, CR LF, a latin-1 byte, strings with signs of their own.
+/// A list as a controller writes it: a header line, folds, CR LF, a latin-1 byte, strings with special characters.
 const LIST: &[u8] = b"&ACCESS RVP\r\n&REL 12\r\nDEFDAT  LEFT_WING PUBLIC\r\n\
 ;FOLD EXTERNAL DECLARATIONS;%{PE}%MKUKATPBASIS,%CEXT,%VCOMMON,%P\r\nEXT  BAS (BAS_COMMAND  :IN,REAL  :IN )\r\n;ENDFOLD\r\n\
 DECL INT COUNT=3\r\nDECL CHAR NOTE[9]=\"a={X 1;\"\r\n\
@@ -93,7 +93,7 @@ fn positions_are_found_and_everything_else_is_counted() {
         "{notes}"
     );
     assert!(
-        notes.contains("left as they are: 1 E6AXIS, 1 FDAT, 1 LOAD, 1 PDAT"),
+        notes.contains("unchanged: 1 E6AXIS, 1 FDAT, 1 LOAD, 1 PDAT"),
         "{notes}"
     );
 }
@@ -184,46 +184,31 @@ fn a_refused_target_is_a_comment_that_nothing_breaks_out_of() {
     assert!(problem(headless.as_bytes()).contains("corrected already: \"; refused by posegrid"));
 }
 
-/// What KRL forbids, and what is told of it.
+/// Statements that KRL forbids, and the message for each.
 const FORBIDDEN: [(&str, &str); 32] = [
     // A decimal comma: the reader of a controller ends there as well.
     (
         "DECL E6POS P={X 1575,7,Y 2,Z 3}",
-        "line 2: \"7\" stands between the commas",
+        "line 2: \"7\" is between the commas",
     ),
     (
         "DECL E6POS P={X 1575 7,Y 2,Z 3}",
-        "\"X 1575 7\" stands between the commas",
+        "\"X 1575 7\" is between the commas",
     ),
     (
         "DECL E6POS P={X 1 Y 2,Z 3}",
-        "\"X 1 Y 2\" stands between the commas",
+        "\"X 1 Y 2\" is between the commas",
     ),
-    (
-        "DECL E6POS P={X 1,,Y 2,Z 3}",
-        "\"\" stands between the commas",
-    ),
-    (
-        "DECL E6POS P={X 1,Y 2,Z 3,}",
-        "\"\" stands between the commas",
-    ),
-    (
-        "DECL E6POS P={,X 1,Y 2,Z 3}",
-        "\"\" stands between the commas",
-    ),
-    ("DECL E6POS P={}", "\"\" stands between the commas"),
-    (
-        "DECL E6POS P={X1,Y 2,Z 3}",
-        "\"X1\" stands between the commas",
-    ),
+    ("DECL E6POS P={X 1,,Y 2,Z 3}", "\"\" is between the commas"),
+    ("DECL E6POS P={X 1,Y 2,Z 3,}", "\"\" is between the commas"),
+    ("DECL E6POS P={,X 1,Y 2,Z 3}", "\"\" is between the commas"),
+    ("DECL E6POS P={}", "\"\" is between the commas"),
+    ("DECL E6POS P={X1,Y 2,Z 3}", "\"X1\" is between the commas"),
     (
         "DECL E6POS P={X=1,Y 2,Z 3}",
-        "\"X=1\" stands between the commas",
+        "\"X=1\" is between the commas",
     ),
-    (
-        "DECL E6POS P={X: 1,Y 2,Z 3}",
-        "\"1\" stands between the commas",
-    ),
+    ("DECL E6POS P={X: 1,Y 2,Z 3}", "\"1\" is between the commas"),
     (
         "DECL E6POS P={X1 1,X 1,Y 2,Z 3}",
         "component X1: a value of type E6POS has none",
@@ -256,10 +241,10 @@ const FORBIDDEN: [(&str, &str); 32] = [
         "DECL E6POS P={X 1,Y 2,Z 3} 4",
         "the braces of the value do not close",
     ),
-    ("DECL LOAD L={CM {X 0,X 1}}", "component X stands twice"),
+    ("DECL LOAD L={CM {X 0,X 1}}", "component X is given twice"),
     (
         "DECL LOAD L={M 1 CM {X 0}}",
-        "\"M 1 CM {X 0}\" stands between the commas",
+        "\"M 1 CM {X 0}\" is between the commas",
     ),
     (
         "DECL E6POS P {X 1,Y 2,Z 3}",
@@ -306,11 +291,11 @@ fn what_is_wrong_is_reported_by_its_line() {
             "DECL E6POS P={X 1,Y 2,Z 1e999}",
             "component Z holds \"1e999\"",
         ),
+        ("DECL E6POS P={X 1,Y 2,Z }", "\"Z\" is between the commas"),
         (
-            "DECL E6POS P={X 1,Y 2,Z }",
-            "\"Z\" stands between the commas",
+            "DECL E6POS P={X 1,Y 2,Z 3,X 4}",
+            "component X is given twice",
         ),
-        ("DECL E6POS P={X 1,Y 2,Z 3,X 4}", "component X stands twice"),
         (
             "DECL E6POS P={X 1,Y 2,Z 3,A 4}",
             "an orientation is three angles",
@@ -336,10 +321,10 @@ fn what_is_wrong_is_reported_by_its_line() {
             "P[1]={X 1,Y 2,Z 3}",
             "P[1] has X, Y and Z, but neither this list",
         ),
-        ("a b c d={X 1}", "what stands before = is no name"),
+        ("a b c d={X 1}", "the text before = is no name"),
         (
             "P[1]={POS: X 1,Y 2,Z 3}\np[ 01 ]={POS: X 1,Y 2,Z 3}",
-            "line 3: target \"P[1]\" stands in line 2 already",
+            "line 3: target \"P[1]\" is in line 2 already",
         ),
         (
             "DECL FDAT F1={TOOL_NO 1,BASE_NO 2}\nDECL FDAT F2={TOOL_NO 1,BASE_NO 3}",
@@ -370,8 +355,8 @@ fn what_is_wrong_is_reported_by_its_line() {
     let whole = |text: &str| problem(text.as_bytes());
     assert!(whole("DEFDAT L\nDECL POS P={X 1,Y 2,Z 3}\n").contains("line 2: no line ENDDAT"));
     assert!(whole("DEFDAT L\nDEFDAT M\nENDDAT").contains("line 2: a second DEFDAT"));
-    assert!(whole("DEFDAT\nENDDAT").contains("line 1: DEFDAT has a name"));
-    assert!(whole("DEFDAT L P Q\nENDDAT").contains("line 1: DEFDAT has a name"));
+    assert!(whole("DEFDAT\nENDDAT").contains("line 1: DEFDAT is followed by a name"));
+    assert!(whole("DEFDAT L P Q\nENDDAT").contains("line 1: DEFDAT is followed by a name"));
     let outside = "a statement outside of the list";
     let place = "DECL POS P={X 1,Y 2,Z 3}";
     assert!(whole(&format!("{place}\nDEFDAT L\nENDDAT")).contains(&format!("line 1: {outside}")));
@@ -451,7 +436,7 @@ fn piece() -> impl Strategy<Value = Vec<u8>> {
     ]
 }
 
-/// A text without the lines of ours, refused targets brought back.
+/// A text without the lines of posegrid, with refused targets restored.
 fn without_ours(text: &[u8]) -> Vec<Vec<u8>> {
     let mut lines = Vec::new();
     let mut was_refused = false;
@@ -525,7 +510,7 @@ proptest! {
         }
         text.extend(b"ENDDAT");
         text.extend(end);
-        // Names that stand twice are refused by all forms alike, above.
+        // Names that occur twice are refused by all forms alike, above.
         let (rows, own) = read(text.clone()).unwrap();
         let targets: Vec<Target> = rows.into_iter().map(|(_, row)| row.target().unwrap()).collect();
         let is_refused = |place: usize| refuse >> (place % 16) & 1 == 1;

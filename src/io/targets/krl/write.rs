@@ -12,7 +12,7 @@ use crate::io::table::Word as _;
 impl DataList {
     /// The list with the command of each target, and a comment in place of each that has none.
     ///
-    /// `outcomes` are those of the targets in their order; `table_id` says by which table.
+    /// `outcomes` are those of the targets in their order; `table_id` names the table.
     pub fn write(&self, outcomes: &[Result<Corrected, Refused>], table_id: &str) -> Vec<u8> {
         let mut written = Written {
             text: &self.text,
@@ -46,7 +46,7 @@ impl DataList {
     }
 }
 
-/// A text on its way.
+/// A text being written.
 struct Written<'t> {
     text: &'t [u8],
     bytes: Vec<u8>,
@@ -66,9 +66,9 @@ impl Written<'_> {
         self.bytes.extend(self.end);
     }
 
-    /// The line that says so to whoever strips comments.
+    /// The line that still marks the list where comments are removed.
     fn mark(&mut self, table_id: &str) {
-        // A text has one letter at least and no quotation mark in it.
+        // A text has at least one letter and no quotation mark.
         let table = plain(table_id).into_iter();
         let table: Vec<u8> = table
             .map(|byte| if byte == b'"' { b'?' } else { byte })
@@ -125,7 +125,7 @@ fn head(outcomes: &[Result<Corrected, Refused>], table_id: &str) -> String {
     )
 }
 
-/// Words that cannot leave their comment: printable ASCII only.
+/// Text that cannot end its comment: printable ASCII only.
 fn plain(words: &str) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(words.len());
     for letter in words.chars() {
