@@ -242,10 +242,13 @@ fn limits_and_singularities_are_refused_for_targets_in_joint_angles() {
     let mut turned = at_joints(JOINTS);
     turned.configuration = Some("shoulder+ elbow+ wrist+".to_owned());
     let refused = one(&identified, turned).expect_err("the joint angles are in another");
-    assert!(matches!(
-        refused,
-        Reason::Arm(InverseError::ConfigurationChanged { .. })
-    ));
+    assert!(
+        matches!(
+            refused,
+            Reason::Arm(InverseError::ConfigurationChanged { .. })
+        ),
+        "{refused:?}"
+    );
 }
 
 #[test]

@@ -376,7 +376,7 @@ mod tests {
             .same("kind", "dwell")
             .same("reason", "moved");
         assert!(
-            refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join, fit")
+            refusal(wrong).contains("\"Join\" is none of the words allowed: ingest, join")
         );
     }
 }
