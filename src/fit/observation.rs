@@ -1,8 +1,8 @@
 //! Readings of paired stations → observations: what was measured, and how well.
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
-//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus what the scatter of the readings leaves in their
-//! mean: `scatter²/n`. What a fit makes of each kind of reading stands in [`measured`] and [`rows`].
+//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
+//! `scatter²/n`. What a fit makes of each kind of reading stands in [`measured`] and [`rows`].
 
 pub mod measured;
 pub mod rows;
@@ -32,7 +32,7 @@ pub struct TrackerUncertainty {
     pub transverse_um: f64,
     /// Transverse: part that grows with the range, µm/m.
     pub transverse_um_per_m: f64,
-    /// What a limit is divided by for a standard uncertainty: 2 for k = 2, √3 for a rectangular limit.
+    /// Divisor from a limit to a standard uncertainty: 2 for k = 2, √3 for a rectangular limit.
     pub divisor: f64,
     /// Standard uncertainty of a 6-DoF target's orientation, rad; needed where orientations are fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,7 +59,7 @@ impl TrackerUncertainty {
 /// What a fit needs of one reading of a paired station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Which of the fit's sessions, from 0.
+    /// Index of the session in the fit, from 0.
     pub session: usize,
     /// Which of the session's sources measured.
     pub source: SourceId,
@@ -67,19 +67,19 @@ pub struct Observation {
     pub target: TargetId,
     /// The station's number in its session.
     pub station: usize,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// The number of the station that names its pose: visits of one pose have the same.
     pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
     /// What was measured, in the source's frame, and how well.
     pub measured: Measured,
-    /// What the station fell short of its command, where the log has commanded poses.
+    /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
 }
 
 impl Observation {
-    /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance there
-    /// (mm²).
+    /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance
+    /// there (mm²).
     pub fn planned(axes: Vec<f64>, position: Point3<f64>, instrument: Matrix3<f64>) -> Self {
         Self {
             session: 0,
@@ -121,7 +121,7 @@ pub struct Source {
     pub uncertainty: TrackerUncertainty,
 }
 
-/// What is known of the measurement besides the readings.
+/// The uncertainties of the measurement that the readings do not show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
     /// The instruments of each session, in the order of [`SourceId`].
@@ -182,7 +182,7 @@ pub fn observations(
     stations.iter().flat_map(of).collect()
 }
 
-/// Gives observations what their stations' commands say: what they fell short of, and which pose they visit.
+/// Adds the settling errors and the poses visited, found from the commands, to observations.
 pub fn add_commands(observations: &mut [Observation], stations: &[Station], commanded: &Commanded) {
     let of_stations = commanded.settling_errors.iter().zip(&commanded.visits);
     let by_number: BTreeMap<usize, (Option<&SettlingError>, usize)> = stations

@@ -1,4 +1,4 @@
-//! What recordings bring: one test for each trouble, on synthetic sessions with known truth.
+//! Faults of recordings: one test each, on synthetic sessions with known truth.
 
 use super::scene::{Scene, check_conservation, join_recorded, paired, ur10};
 use super::*;
@@ -305,7 +305,7 @@ fn bad_input_is_an_error_that_says_what() {
 
 #[test]
 fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
-    // A serpentine grid repeats itself row by row and layer by layer: only the whole of it tells the shift.
+    // A serpentine grid repeats itself row by row and layer by layer: only the whole grid determines the shift.
     let arm = ur10();
     let mut scene = grid([6, 5, 4]);
     scene.offset_s = -77.7;
@@ -432,7 +432,7 @@ fn a_ringing_target_is_left_to_settle() {
             .saturating_sub(1);
         let age_s = at_s - starts_s[here];
         if here > 0 && age_s < 1.0 {
-            // 0.2 mm at 12 Hz, dying with 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
+            // 0.2 mm at 12 Hz, with a decay time of 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
             position[2] += 0.2 * (-age_s / 0.06).exp() * (75.0 * age_s).cos();
         }
     }
