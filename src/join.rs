@@ -94,14 +94,14 @@ pub struct Station {
     pub joint_samples: usize,
     /// The command in force during the dwell; absent without commands or where none fits.
     pub command: Option<Command>,
-    /// What the instruments read, in the order of sources and targets; none of a dwell that is not paired.
+    /// The readings of the instruments, in the order of sources and targets; empty for a dwell that is not paired.
     pub readings: Vec<Reading>,
     /// The verdict.
     pub pairing: Pairing,
 }
 
 impl Station {
-    /// What the instruments read of a paired dwell; nothing of any other.
+    /// The readings of a paired dwell; empty for any other.
     pub fn measured(&self) -> &[Reading] {
         match self.pairing {
             Pairing::Paired => &self.readings,

@@ -15,26 +15,26 @@ use crate::kinematics::Arm;
 /// The base frame that errors are stated in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ErrorBase {
-    /// That of base + target: of use to a program whose base is set to it.
+    /// The base of the base + target fit, for programs whose base is set to it.
     Fitted,
-    /// Surveyed: where the program's base stands.
+    /// The surveyed base, which is the program's base.
     Surveyed(SurveyedBase),
 }
 
 /// A base that was measured by other means.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurveyedBase {
-    /// Where the base stands in the tracker's frame, mm.
+    /// Pose of the base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
-    /// Standard deviation of its origin, mm, where it is stated.
+    /// Standard deviation of its origin, mm; absent where it is not stated.
     pub sd_mm: Option<f64>,
-    /// Standard deviation of its rotation, rad, where it is stated.
+    /// Standard deviation of its rotation, rad; absent where it is not stated.
     pub sd_rad: Option<f64>,
 }
 
 impl SurveyedBase {
-    /// Expanded uncertainty (k = 2) that the survey leaves at a point so far from the base's origin, mm: `2 √(sd² + (sd_rad ·
-    /// distance)²)`. What is not stated counts as none.
+    /// Expanded uncertainty (k = 2) of the survey at a point at `distance_mm` from the base's origin, mm: `2 √(sd² + (sd_rad ·
+    /// distance)²)`. A standard deviation that is not stated counts as zero.
     pub fn expanded_uncertainty_mm(&self, distance_mm: f64) -> f64 {
         let turned_mm = self.sd_rad.unwrap_or_default() * distance_mm;
         2.0 * self.sd_mm.unwrap_or_default().hypot(turned_mm)

@@ -383,7 +383,7 @@ impl FullModel {
     /// Noise covariance of one measured position, in addition to the model's own covariance, at full weight, tracker frame,
     /// mm².
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        // The noise is asked of sessions that took no part too: it lies in the frame of the first session's source.
+        // The noise is also needed for sessions that took no part: it is in the frame of the first session's source.
         let channel = Channel {
             session: 0,
             ..observation.channel()
@@ -430,7 +430,7 @@ impl FullModel {
         self.scale_sd
     }
 
-    /// Covariance of a point by the scale of some day, in the source's frame, mm².
+    /// Covariance of a point due to the unknown scale of another session, in the source's frame, mm².
     pub fn any_scale_covariance(
         &self,
         session: usize,

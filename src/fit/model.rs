@@ -66,7 +66,7 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         Ok(self.predict(&At::Joints(*query))?.flange)
     }
 
-    /// What a prediction in the frame of a session's source may be wrong by for a command that is given some day; in that
+    /// The uncertainty of a prediction in the frame of a session's source, for a command used in another session; in that
     /// frame.
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread;
 

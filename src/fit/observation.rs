@@ -1,8 +1,8 @@
-//! Readings of paired stations → observations: what was measured, and how well.
+//! Readings of paired stations → observations: the measured values with their covariances.
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
 //! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
-//! `scatter²/n`. What a fit makes of each kind of reading stands in [`measured`] and [`rows`].
+//! `scatter²/n`. The use of each kind of reading in a fit is in [`measured`] and [`rows`].
 
 pub mod measured;
 pub mod rows;
@@ -56,14 +56,14 @@ impl TrackerUncertainty {
     }
 }
 
-/// What a fit needs of one reading of a paired station.
+/// The data of one reading of a paired station that a fit needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// Which of the session's sources measured.
+    /// The session's source that measured.
     pub source: SourceId,
-    /// Which of the session's targets it saw.
+    /// The session's target that was measured.
     pub target: TargetId,
     /// The station's number in its session.
     pub station: usize,
@@ -71,7 +71,7 @@ pub struct Observation {
     pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
-    /// What was measured, in the source's frame, and how well.
+    /// The measured values with their uncertainty, in the source's frame.
     pub measured: Measured,
     /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
@@ -106,18 +106,18 @@ impl Observation {
         }
     }
 
-    /// The measured position, where one was measured.
+    /// The measured position; `None` where none was measured.
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         self.measured.point()
     }
 }
 
-/// An instrument, as far as a fit asks.
+/// The properties of an instrument that a fit needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Source {
-    /// What is taken of its readings: a pose's orientation only from a source of poses.
+    /// The kind of reading used: the orientation of a pose only from a source of poses.
     pub reads: ReadingKind,
-    /// How well it measures.
+    /// Its uncertainty.
     pub uncertainty: TrackerUncertainty,
 }
 
@@ -131,7 +131,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Of a session that one instrument measured.
+    /// The uncertainties of a session with one instrument.
     pub fn of_one(source: Source, repeatability_mm: f64) -> Self {
         Self {
             sources: vec![source],
@@ -139,7 +139,7 @@ impl Noise {
         }
     }
 
-    /// One of the instruments.
+    /// The instrument `source`.
     ///
     /// # Panics
     /// When there is no such source.
@@ -147,15 +147,15 @@ impl Noise {
         &self.sources[source.0]
     }
 
-    /// Whether orientations are taken into the fit where they were read.
+    /// Whether orientations are fitted where they were read.
     pub fn takes_orientations(&self) -> bool {
         let mut sources = self.sources.iter();
         sources.any(|source| source.reads == ReadingKind::Pose)
     }
 }
 
-/// The readings of one session's paired stations as observations, in station order; those of sources that `noise` does not know
-/// are left out.
+/// The readings of one session's paired stations as observations, in station order; readings of sources that `noise` does not
+/// list are left out.
 pub fn observations(
     session: usize,
     stations: &[Station],

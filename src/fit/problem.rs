@@ -42,7 +42,7 @@ pub struct Problem<'a> {
 #[derive(Debug)]
 struct Measuring {
     chain: Chain,
-    /// Where each free parameter of the chain stands in the vector of unknowns.
+    /// Index of each free parameter of the chain in the vector of unknowns.
     columns: Vec<Option<usize>>,
     /// The observations as columns.
     stations: Stations,

@@ -228,7 +228,7 @@ impl Shared {
     }
 }
 
-/// Distances that are left once one source's measured positions are aligned with predicted ones; `None` where they are too few.
+/// Residual distances after aligning one source's measured positions with predicted ones, mm; `None` where they are too few.
 fn aligned_distances(stations: &[&Shared], weights: &[f64]) -> Option<Vec<f64>> {
     let measured: Vec<Point3<f64>> = stations.iter().map(|s| s.measured).collect();
     let predicted: Vec<Point3<f64>> = stations.iter().map(|s| s.predicted).collect();

@@ -162,9 +162,9 @@ pub struct SavedPlacement {
 pub struct SavedSession {
     /// The session's name.
     pub session: String,
-    /// Where the base stands in the frame of each source.
+    /// Pose of the base in the frame of each source.
     pub tracker_from_base: SavedPlacements,
-    /// Where each target sits at the flange.
+    /// Pose of each target on the flange.
     pub flange_from_target: SavedPlacements,
 }
 
@@ -172,9 +172,9 @@ pub struct SavedSession {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SavedPlacements {
-    /// Of a session with one source, or one target.
+    /// The placement of a session with one source, or one target.
     One(SavedPlacement),
-    /// Of each, in their order.
+    /// The placements of each source or target, in their order.
     Several(Vec<SavedPlacement>),
 }
 
@@ -539,7 +539,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_comes_back_as_it_was() {
+    fn an_arm_read_back_equals_the_arm_saved() {
         let arm = ur10();
         let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
         let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");

@@ -169,7 +169,7 @@ impl SessionScale {
             format!(
                 "session {}: positions are measured {:.0} ± {sd_ppm:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
                  standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
-                 lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot tell these apart, a known \
+                 lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot distinguish these, a known \
                  distance measured with the same tracker can",
                 self.session,
                 ppm.abs(),
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn priors_that_were_in_a_posterior_are_taken_out() {
+    fn priors_in_a_posterior_are_removed() {
         let lengths = [350.0, 1150.0, 41.0, 1200.0];
         let stations = evidence(&lengths, &[0.1, -0.2, 0.3, 0.4]);
         let precisions = DVector::from_vec(vec![1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 4e8]);

@@ -21,7 +21,7 @@ const PASSES: usize = 3;
 /// Offsets below this (mm and rad) do not change the frames.
 const SETTLED: f64 = 1e-9;
 
-/// The frames of each session with the nominal arm: bases and targets fitted, geometry held. A session has the sources and
+/// The frames of each session with the nominal arm: bases and targets fitted, geometry fixed. A session has the sources and
 /// targets that its observations name.
 pub fn frames(
     arm: &Arm,

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_command_a_dwell_is_of_the_pose_that_it_stood_at() {
+    fn a_dwell_without_a_command_is_of_the_pose_of_its_joint_angles() {
         let home = command(1000.0, 0.0);
         let found = places(&[
             // Before the first command: it was at the pose of the second dwell, with a servo error of 0.1 mrad.
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn slices_do_not_part_what_is_alike() {
+    fn slices_do_not_separate_dwells_of_one_pose() {
         // −0.001 and 0.004 mm lie in two slices of 0.01 mm; 0.011 is alike to the second alone, and the first counts.
         let joints = [0.0; 2];
         let found = places(&[

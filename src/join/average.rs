@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn orientations_average_on_the_sphere_whatever_their_sign() {
+    fn orientations_of_either_sign_average_on_the_sphere() {
         let about_z = |angle: f64, sign: f64| {
             [
                 0.0,

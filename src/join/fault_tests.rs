@@ -5,7 +5,7 @@ use super::*;
 use crate::ingest::{JointSamples, Recording};
 
 #[test]
-fn equal_dwells_pair_whatever_the_offset_and_drift() {
+fn equal_dwells_pair_at_any_offset_and_drift() {
     // Hours, years, either sign, and the largest drift an oscillator has.
     for (offset_s, drift) in [
         (0.0, 0.0),
@@ -99,7 +99,7 @@ fn zeros_are_missing_and_a_wrong_reflector_is_refused() {
 }
 
 #[test]
-fn readings_taken_only_at_rest_pair_without_any_edge() {
+fn readings_taken_only_while_stationary_pair_without_any_edge() {
     let scene = Scene::random(60, 5);
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
@@ -189,7 +189,7 @@ fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
 }
 
 #[test]
-fn a_periodic_session_is_ambiguous_and_nothing_is_guessed() {
+fn a_periodic_session_is_ambiguous() {
     // The same three poses over and over, and a tracker that saw only the middle: any multiple of three fits.
     let mut scene = Scene::random(60, 10);
     for k in 0..60 {
@@ -249,7 +249,7 @@ fn commands_are_found_whenever_they_are_stamped() {
 }
 
 #[test]
-fn bad_input_is_an_error_that_says_what() {
+fn bad_input_is_an_error_that_names_it() {
     let arm = ur10();
     let scene = Scene::random(20, 14);
     let good = scene.record(&arm);
@@ -412,7 +412,7 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
 }
 
 #[test]
-fn a_ringing_target_is_left_to_settle() {
+fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
     let scene = Scene {
         tracker_hz: 100.0,
         noise_mm: 0.005,
@@ -446,7 +446,7 @@ fn a_ringing_target_is_left_to_settle() {
 }
 
 #[test]
-fn a_target_that_moves_while_the_arm_rests_is_reported() {
+fn a_target_that_moves_while_the_arm_is_stationary_is_reported() {
     let scene = Scene {
         dwell_s: vec![2.0; 40],
         ..Scene::random(40, 26)

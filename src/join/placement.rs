@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn with_one_orientation_the_distances_are_right_all_the_same() {
+    fn with_one_orientation_the_distances_are_still_right() {
         let truth = Placement {
             tracker_from_base: isometry_from_rpy([100.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
             target_mm: Vector3::new(0.0, 0.0, 90.0),

@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn measurements_are_reported_from_what_is_missing_between_them() {
+    fn measurements_are_found_between_missing_readings() {
         let missing = [0, 1, 5, 6, 7, 9];
         let position = |row: usize| {
             let x = if missing.contains(&row) { 0.0 } else { 1.0 };

@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn where_the_threshold_shows_too_late_the_samples_are_replayed_with_it() {
+    fn samples_are_replayed_when_the_threshold_is_found_too_late() {
         // 4000 stretches of 20 samples with noise of a thousandth, 1 apart; then 9000 with noise of three fifths, 100 000
         // apart. The first ones alone would have another threshold, and they are too many to be kept for every threshold.
         let value = |k: i64| {

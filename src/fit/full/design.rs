@@ -206,7 +206,7 @@ impl PoseView<'_> {
         }
     }
 
-    /// The session's scale. It does not apply to a command, which is used under another scale.
+    /// The session's scale. It does not apply to a command, which is used in another session with another scale.
     fn scale(&self, column: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
         let away = Twist {
             linear: self.end - self.middle,

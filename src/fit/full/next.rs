@@ -37,18 +37,18 @@ type Columns = Vec<Column>;
 pub struct Mounting {
     /// The measured session, by its index in the model.
     pub session: usize,
-    /// The base in the frame of each source of that session.
+    /// The base relative to each source of that session.
     pub sources: Vec<Placed>,
-    /// Each target of that session at the flange.
+    /// The mounting of each target of that session.
     pub targets: Vec<Mounted>,
 }
 
-/// Where the base of a new session stands in a source's frame, against that of the one before.
+/// Base of a new session in a source's frame, relative to the session before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Placed {
-    /// Neither was moved.
+    /// Neither base nor source was moved.
     Same,
-    /// One of them was; the base stands here, roughly.
+    /// One of them was moved; this is the approximate pose of the base, mm.
     Moved(Transform<Tracker, Base>),
 }
 
@@ -413,7 +413,7 @@ impl FullModel {
 }
 
 impl Mounting {
-    /// What is expected of targets that were not there before: that they sit where they are meant to.
+    /// The prior of targets that were not there before: their intended places.
     fn prior(&self) -> Prior {
         let expected = |target: &Mounted| match target {
             Mounted::Other {

@@ -130,7 +130,7 @@ impl NoiseEvidence {
     }
 }
 
-/// How a twist of the target moves the rows of a reading.
+/// The change of a reading's rows by a twist of the target.
 pub fn column(twist: &Twist, kind: ReadingKind) -> DVector<f64> {
     let mut rows = DVector::zeros(kind.rows());
     moved(kind, twist, 1.0, rows.as_mut_slice());

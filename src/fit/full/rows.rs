@@ -13,7 +13,7 @@ use crate::kinematics::Twist;
 
 /// One observation's rows and residual at the current offsets.
 pub struct Row {
-    /// What kind of reading they are of.
+    /// The kind of the reading.
     pub kind: ReadingKind,
     /// Unwhitened rows.
     pub rows: DMatrix<f64>,

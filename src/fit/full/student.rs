@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn clean_residuals_are_normal_whatever_their_scale() {
+    fn clean_residuals_are_normal_at_any_scale() {
         for scale in [1.0, 0.25] {
             let distances: Vec<_> = normal_distances(500)
                 .into_iter()

@@ -10,29 +10,29 @@ use crate::kinematics::{Motion, Parameter};
 /// One unknown of the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unknown {
-    /// What it belongs to.
+    /// The owner of the parameter: the arm, a source or a target.
     pub owner: Owner,
     /// The parameter.
     pub parameter: Parameter,
 }
 
-/// What an unknown belongs to.
+/// The owner of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
-    /// The arm, whatever the session.
+    /// The arm, in all sessions.
     Arm,
-    /// A session's source: where the base stands in its frame.
+    /// A session's source: the pose of the base in its frame.
     Source {
-        /// Which of the fit's sessions, from 0.
+        /// Index of the session in the fit, from 0.
         session: usize,
-        /// Which of its sources.
+        /// The session's source.
         source: SourceId,
     },
-    /// A session's target: where it sits at the flange.
+    /// A session's target: its pose on the flange.
     Target {
-        /// Which of the fit's sessions, from 0.
+        /// Index of the session in the fit, from 0.
         session: usize,
-        /// Which of its targets.
+        /// The session's target.
         target: TargetId,
     },
 }
@@ -88,7 +88,7 @@ pub struct KnownTarget {
 pub struct Prior {
     /// Standard deviations of the geometry's lengths, mm, and of its angles, rad.
     pub geometry: Option<(f64, f64)>,
-    /// Of the place of each target of every session, in their order; nothing is expected of targets behind the last.
+    /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
 }
 

@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn of_stretches_forgotten_the_lengths_are_known() {
+    fn the_lengths_of_dropped_stretches_are_kept() {
         let (samples, ranges) = scene();
         let (all, mut near) = (
             levels(&ranges, &samples, false),

@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mean_is_exact_behind_a_million_other_values() {
+    fn a_mean_is_exact_after_a_million_other_values() {
         let mut sums = Sums::default();
         sums.push((0..1_000_000).map(|k| [(f64::from(k) * 0.37).sin(); 2]));
         let values = [0.1, 0.2, 0.3, 0.1, 0.1];
