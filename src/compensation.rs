@@ -15,7 +15,7 @@
 //! of drilled holes may be off by ten. The effect of the turn on the tool point is in ê.
 //!
 //! Nothing is extrapolated: a target that the nodes do not surround or whose joint angles were not measured is refused. A
-//! target near the rim of a table has a command that its correction takes a little beyond: the error there is that at the rim.
+//! target near the rim of a table may have a command a little beyond the rim: the error at the rim is used for it.
 
 mod fixed_point;
 pub mod identified;
@@ -166,7 +166,8 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     })
 }
 
-/// The command from a model that predicts at tool poses. A command on the way is asked for at the place that `near` gives for it.
+/// The command from a model that predicts at tool poses. An iterated command is evaluated at the place that `near` returns for
+/// it.
 fn by_pose(
     model: &dyn PoseModel,
     target: &Target,

@@ -84,7 +84,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
     median_in_place(&mut values.to_vec())
 }
 
-/// The median of `values`, which are reordered; `None` of an empty set.
+/// The median of `values`, which are reordered; `None` for an empty set.
 pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
     if values.is_empty() {
         return None;

@@ -1,4 +1,4 @@
-//! Fit: joined stations → an identified arm, with its covariance and with what is not identifiable.
+//! Fit: joined stations → an identified arm, with its covariance and its parameters that are not identifiable.
 //!
 //! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps
 //! ([`crate::method::identification`]):
@@ -8,10 +8,10 @@
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
 //!
-//! What every model of errors can be asked is one trait ([`model`]), and which models there are stands in one list ([`registry`]).
+//! Every error model implements one trait ([`model`]), and all models are in one list ([`registry`]).
 //!
-//! Beyond geometry: the full error model ([`full`]), whether pooled sessions are of one arm ([`same_arm`]), which stations are
-//! visits of one pose ([`visits`]), and whether the instrument's length unit agrees with the arm's lengths ([`scale`]).
+//! Beyond geometry: the full error model ([`full`]), the check that pooled sessions are of one arm ([`same_arm`]), visits of
+//! one pose ([`visits`]), and the test of the instrument's length unit against the arm's lengths ([`scale`]).
 
 pub mod commanded;
 pub mod error_frame;
@@ -79,15 +79,16 @@ pub struct FitSettings {
     pub prior_length_mm: f64,
     /// Standard deviation that the weak prior gives to angle offsets, mrad; zero for no prior.
     pub prior_angle_mrad: f64,
-    /// Standard deviation of the arm's lengths about their nominal values, mm, as it is made: a scale of the instrument is named where
-    /// lengths as good as this do not explain it. The fit's own prior is wider, so that worse lengths are found.
+    /// Manufacturing tolerance of the arm's lengths, a standard deviation, mm: a scale of the instrument is named where
+    /// lengths within it do not explain the scale. The fit's own prior is wider, so that worse lengths are found.
     pub length_tolerance_mm: f64,
     /// Whether orientations are fitted where the log has them.
     pub orientations: bool,
-    /// Where the target sits at the flange, where it is known; with one tool orientation nothing else tells.
+    /// Known position of the measured target on the flange; absent when unknown. With one tool orientation nothing else
+    /// determines it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<KnownTarget>,
-    /// How the work space is cut for held-out figures.
+    /// The blocks of the work space for held-out figures.
     pub blocks: Blocks,
 }
 
@@ -107,7 +108,7 @@ impl Default for FitSettings {
 }
 
 impl FitSettings {
-    /// What the settings expect of geometry and target before any measurement.
+    /// The prior of geometry and measured target that the settings state.
     pub fn prior(&self) -> Prior {
         let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
         Prior {
@@ -117,10 +118,10 @@ impl FitSettings {
     }
 }
 
-/// Why a fit has no result.
+/// The reason why a fit has no result.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum FitError {
-    /// Fewer stations than unknowns ask for.
+    /// Fewer stations than the unknowns need.
     #[error(
         "{stations} measured stations in session {session}, but base and target alone need at least {needed}: \
          measure more poses, or look at the rejects for what was left out"
@@ -128,9 +129,9 @@ pub enum FitError {
     TooFewStations {
         /// The session's place in the fit.
         session: usize,
-        /// Stations it has.
+        /// Number of its stations.
         stations: usize,
-        /// Stations it would need.
+        /// Number of stations needed.
         needed: usize,
     },
     /// A target that no observation names, though one behind it is named.
@@ -174,7 +175,7 @@ pub enum FitError {
 /// An identified arm.
 #[derive(Debug, Clone)]
 pub struct Calibration {
-    /// Which parameters were free.
+    /// The parameters that were free.
     pub freedom: Freedom,
     /// The unknowns in the order of the offsets and the covariance.
     pub unknowns: Vec<Unknown>,
@@ -192,16 +193,16 @@ pub struct Calibration {
     pub nominal_structure: Structure,
     /// The structure at the solution, robust weights not applied.
     pub structure: Structure,
-    /// Poses the fit is of.
+    /// Number of observations in the fit.
     pub poses: usize,
-    /// Root mean square of measured minus predicted, per axis, mm.
+    /// Root mean square of measured minus predicted position, per axis, mm.
     pub misfit_mm: f64,
-    /// How the solution was reached.
+    /// The solution of the least squares problem.
     pub solution: Solution,
 }
 
 impl Calibration {
-    /// The standard error of unknown `place`.
+    /// The standard error of the unknown at `place`, mm or rad.
     pub fn standard_error(&self, place: usize) -> f64 {
         self.covariance[(place, place)].max(0.0).sqrt()
     }
@@ -212,7 +213,7 @@ impl Calibration {
     }
 }
 
-/// Identifies what `freedom` allows on the observations of `sessions` sessions.
+/// Identifies the parameters that `freedom` allows from the observations of `sessions` sessions.
 ///
 /// ```
 /// # use std::path::Path;
@@ -245,7 +246,7 @@ pub fn identify(
     Ok(identify_from(arm, observations, &starts, freedom, settings))
 }
 
-/// The same from starting frames that are known already, one for each session.
+/// [`identify`] from given starting frames, one for each session.
 pub fn identify_from(
     arm: &Arm,
     observations: &[Observation],
@@ -285,7 +286,7 @@ pub fn identify_from(
     }
 }
 
-/// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse, `rank` directions deep.
+/// `(s⁻² JᵀWJ + P)⁻¹` on scaled columns; without a prior its pseudo-inverse of rank `rank`.
 fn covariance(problem: &Problem<'_>, solution: &Solution, rank: usize) -> DMatrix<f64> {
     let factor = solution.variance_factor;
     let matrix =

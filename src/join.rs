@@ -1,13 +1,15 @@
-//! Join: two logs with a clock each → stations, each a dwell of the arm with what the tracker saw of it.
+//! Join: two logs with a clock each → stations, each a dwell of the arm with the tracker's measurement of it.
 //!
-//! Input is what the logs show ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`]. The method is in
+//! Input is the content of the logs ([`JoinInput`]) and the nominal [`Arm`]; output is [`Joined`]. The method is in
 //! [`crate::method::join`].
 //!
-//! 1. [`readings`], [`observe`], [`stationary`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its positions.
+//! 1. [`readings`], [`observe`], [`stationary`], [`dwell`]: dwells of the arm on its joints, dwells of the target on its
+//!    positions.
 //! 2. [`pattern`]: the clock relations under which the two patterns of moves agree.
-//! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
+//! 3. [`decide`]: the relation under which the nominal arm ([`placement`]) agrees with the measured positions of the target.
 //! 4. [`clock`]: offset and drift on the matched edges.
-//! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`disposition`]: one for each reading.
+//! 5. [`settle`]: the settling time of the target. [`pair`], [`average`]: a verdict for each dwell, means after settling;
+//!    [`disposition`]: one for each reading.
 //! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
 
 pub mod average;
@@ -51,22 +53,22 @@ pub use reading::{
 };
 pub use settings::JoinSettings;
 
-/// The session's stations, its clocks, and everything that did not become part of a station.
+/// The session's stations, its clocks, and all readings that did not become part of a station.
 #[derive(Debug, Clone)]
 pub struct Joined {
     /// Every dwell of the controller, in time order.
     pub stations: Vec<Station>,
-    /// How the clocks relate.
+    /// The relation of the clocks.
     pub clock: ClockEstimate,
     /// Tracker dwells and readings left out, with reasons.
     pub rejects: Vec<JoinReject>,
     /// Readings by verdict; the sum is the number of readings.
     pub counts: ReadingCounts,
-    /// What was given or found from the logs.
+    /// The thresholds that were given or found from the logs.
     pub found: Found,
 }
 
-/// Thresholds as they were used: the settings' where given, otherwise found from the logs.
+/// The thresholds used: those of the settings, otherwise those found from the logs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
     /// Joint motion within the stationary window, rad.
@@ -88,18 +90,18 @@ pub struct Station {
     pub end: Stamp<Controller>,
     /// Mean joint angles, rad.
     pub joints: Vec<f64>,
-    /// Joint samples the mean is of.
+    /// Number of joint samples in the mean.
     pub joint_samples: usize,
-    /// The command in force during the dwell.
+    /// The command in force during the dwell; absent without commands or where none fits.
     pub command: Option<Command>,
-    /// What the instruments read, in the order of sources and targets; none of a dwell that is not paired.
+    /// The readings of the instruments, in the order of sources and targets; empty for a dwell that is not paired.
     pub readings: Vec<Reading>,
     /// The verdict.
     pub pairing: Pairing,
 }
 
 impl Station {
-    /// What the instruments read of a paired dwell; nothing of any other.
+    /// The readings of a paired dwell; empty for any other.
     pub fn measured(&self) -> &[Reading] {
         match self.pairing {
             Pairing::Paired => &self.readings,
@@ -117,98 +119,98 @@ impl Station {
     }
 }
 
-/// A commanded pose of the controller's own tool point, in the frame the controller states commands in.
+/// A commanded pose of the controller's own tool point, in the frame of commands.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Command {
-    /// mm.
+    /// The position, mm.
     pub position: Point3<f64>,
-    /// Where the message has one.
+    /// The orientation; absent where the message has none.
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
-/// What became of a dwell of the arm.
+/// The verdict on a dwell of the arm.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pairing {
     /// It has readings of its own.
     Paired,
-    /// No usable readings: why.
+    /// It has no usable readings, for this reason.
     Unmeasured(Unmeasured),
     /// More than one tracker dwell could belong to it, and geometry did not decide.
     Ambiguous,
 }
 
-/// Why a dwell has no measurement.
+/// The reason why a dwell has no measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unmeasured {
     /// No reading at all falls into it.
     NoReadings,
     /// Readings fall into it, but too few are left after settling and outlier rejection.
     TooFewReadings,
-    /// The target moved while the arm stood stretch.
+    /// The target moved while the arm was stationary.
     TargetMoved,
     /// The dwell lies outside the tracker's log.
     OutsideTrackerLog,
-    /// Its reading is far from where the arm can have been: a wrong reflector or a lost beam.
+    /// Its readings are far from every place that the arm can have had: a wrong reflector or a lost beam.
     WrongTarget,
 }
 
-/// The clocks and how they were found.
+/// The clocks and the method by which they were found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockEstimate {
-    /// The relation.
+    /// The relation of the clocks.
     pub model: ClockModel,
     /// Standard error of the offset at t₀, ns.
     pub offset_se_ns: f64,
     /// Standard error of the drift.
     pub drift_se: f64,
-    /// Dwell edges that the refinement matched.
+    /// Number of dwell edges that the refinement matched.
     pub matched_edges: usize,
     /// Root mean square of the edges' residuals, ns.
     pub edge_rms_ns: f64,
-    /// How it was found, in words: which shifts were tried and what decided.
+    /// The way it was found, as text: the shifts tried and the evidence that decided.
     pub method: String,
 }
 
 /// Readings by verdict.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ReadingCounts {
-    /// Part of a station's mean.
+    /// Readings that are part of a station's mean.
     pub kept: u64,
-    /// Before the settling time was over.
+    /// Readings before the end of the settling time.
     pub settling: u64,
-    /// An outlier of its dwell.
+    /// Outliers of their dwell.
     pub outlier: u64,
-    /// Taken while the arm moved.
+    /// Readings taken while the arm moved.
     pub moving: u64,
-    /// Stationary, but no station took them.
+    /// Stationary readings that belong to no station.
     pub unpaired: u64,
-    /// No measurement at all: the zeros some instruments write.
+    /// Readings without a measurement: the zeros that some instruments write.
     pub missing: u64,
 }
 
-/// A tracker dwell or a run of readings that no station took.
+/// A tracker dwell or a run of readings that belongs to no station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JoinReject {
     /// First reading.
     pub start: Stamp<Tracker>,
     /// Last reading.
     pub end: Stamp<Tracker>,
-    /// How many readings.
+    /// Number of readings.
     pub readings: u64,
-    /// Why, in words.
+    /// The reason, as text.
     pub reason: String,
 }
 
-/// What the logs of a session show, in the logs' own clocks.
+/// The content of a session's logs, in the logs' own clocks.
 #[derive(Debug)]
 pub struct JoinInput {
-    /// Where the joints are stationary, by [`JoinSettings::arm_rule`], over controller time.
+    /// Stationary stretches of the joints, by [`JoinSettings::arm_rule`], over controller time.
     pub joints: Stationary,
-    /// The commanded poses, in order of controller time; none where they were not logged.
+    /// The commanded poses, in order of controller time; empty where they were not logged.
     pub commands: Box<dyn Poses<Controller>>,
-    /// The target's readings, in order of tracker time.
+    /// The readings of the measured target, in order of tracker time.
     pub readings: Box<dyn Poses<Tracker>>,
-    /// Temperatures over tracker time; none where they were not logged.
+    /// Temperatures over tracker time; empty where they were not logged.
     pub temperatures: TemperatureSamples,
 }
 
@@ -277,12 +279,12 @@ pub fn join(input: &JoinInput, arm: &Arm, settings: &JoinSettings) -> Result<Joi
     })
 }
 
-/// An arm worse than the gate supposes still gets this many of its own median distances.
+/// The geometry gate is at least this many median distances, for arms worse than it assumes.
 const GATE_REACH: f64 = 10.0;
-/// Target dwells closer than this many stationary thresholds are one place.
+/// Target dwells closer together than this many stationary thresholds are at one place.
 const SAME_REACH: f64 = 2.0;
 
-/// Refines the clock on the supporting pairs: published, and in seconds since the first stamps.
+/// Refines the clock on the supporting pairs: the published estimate, and the relation in seconds since the first stamps.
 fn estimate_clock(
     seen: &Observation,
     decision: &Decision,
@@ -322,7 +324,7 @@ fn method(decision: &Decision, by_edges: bool) -> String {
     )
 }
 
-/// Before pairing: moving, or stationary with no station yet.
+/// The dispositions before pairing: moving, or stationary without a station.
 fn first_dispositions(readings: &Readings<'_>, seen: &Observation) -> Dispositions {
     let mut dispositions = Dispositions::new(readings.count());
     for dwell in &seen.target {

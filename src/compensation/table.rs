@@ -55,8 +55,8 @@ pub struct CompensationTable {
     nodes: Vec<Result<Known, Refusal>>,
 }
 
-/// A command of a target inside the box may lie beyond the rim by this share of the pitch. The error changes over a whole pitch by
-/// no more than a cell can follow, so over this share of it by next to nothing.
+/// The command of a target inside the box may be beyond the rim by this share of the pitch. Over a whole pitch the error
+/// changes by no more than a cell can follow, so its change over this share is negligible.
 const BEYOND_RIM: f64 = 0.1;
 
 /// Nodes that do not make a table with a lattice.
@@ -234,8 +234,8 @@ impl CompensationTable {
         })
     }
 
-    /// The place nearest to a command (mm) in the box, where that is beyond the rim by no more than a correction may be; else the
-    /// command itself.
+    /// The point of the box nearest to a command (mm), if the command is beyond the rim by no more than is allowed; otherwise
+    /// the command itself.
     pub(super) fn at_rim(&self, command: &Point3<f64>) -> Point3<f64> {
         let place =
             *(self.command_from_base.inverse() * Position::<Command>::claim(*command)).point();
@@ -274,7 +274,7 @@ impl CompensationTable {
         }
     }
 
-    /// By how much a place in the base frame is beyond the box along each axis, mm; 0 inside.
+    /// Distance of a point in the base frame from the box along each axis, mm; 0 inside.
     fn beyond(&self, place: &Point3<f64>) -> Vector3<f64> {
         let Lattice {
             origin,

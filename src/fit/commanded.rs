@@ -1,13 +1,13 @@
-//! Commands in the base frame, and what the arm fell short of them: commanded minus reported joint angles.
+//! Commands in the base frame, and the settling errors: commanded minus reported joint angles.
 //!
-//! The angles a controller reports while stationary differ from the nominal inverse kinematics of its command by 0.1–2 mrad, and
-//! the arm may stand nearer the command ([`crate::method::error_model`]). Steps:
-//! 1. the constant turn between commanded and nominal orientation is the tool's as the controller rounds it, no error
-//!    of the arm: its median per axis is taken out;
+//! The angles a controller reports while stationary differ from the nominal inverse kinematics of its command by 0.1–2 mrad,
+//! and the arm may be nearer to the command ([`crate::method::error_model`]). Steps:
+//! 1. the constant turn between commanded and nominal orientation comes from the controller's rounded tool and is no error
+//!    of the arm: its median per axis is removed;
 //! 2. one regularised step of inverse kinematics from the reported angles, bounded at singularities, gives the
 //!    settling error;
-//! 3. where orientations scatter far beyond any arm's, the commanded orientation is not what was sent: it counts by that
-//!    scatter, so that the settling error is mostly one of position, and means something in its own session alone.
+//! 3. where orientations scatter far beyond any arm's, the commanded orientation is not the one that was sent: it is weighted
+//!    by that scatter, so the settling error is mostly one of position and is comparable within its own session only.
 
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -16,48 +16,48 @@ use crate::figures::median;
 use crate::join::Station;
 use crate::kinematics::Arm;
 
-/// How the controller states its commands.
+/// The frames in which the controller states its commands.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandFrames {
-    /// The frame commands are stated in, in the base frame.
+    /// The frame of commands, in the base frame, mm.
     pub base_from_command: Isometry3<f64>,
-    /// The controller's own tool at the flange; `None` where it is the measured target, whose place the fit finds.
+    /// The controller's own tool in the flange frame, mm; `None` where it is the measured target, which the fit finds.
     pub flange_from_tool: Option<Isometry3<f64>>,
 }
 
 /// A commanded tool pose in the base frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CommandedPose {
-    /// mm.
+    /// The position, mm.
     pub position: Point3<f64>,
-    /// Where the log has it.
+    /// The orientation; absent where the log has none.
     pub orientation: Option<UnitQuaternion<f64>>,
 }
 
-/// What a session's commands say.
+/// The commands of one session and their settling errors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Commanded {
-    /// The commanded pose of each station, where the log has one.
+    /// The commanded pose of each station; `None` where the log has none.
     pub poses: Vec<Option<CommandedPose>>,
-    /// What each station fell short of; `None` where no orientation is commanded.
+    /// The settling error of each station; `None` where no orientation is commanded.
     pub settling_errors: Vec<Option<SettlingError>>,
-    /// Whether commanded orientations are those that were sent.
+    /// Whether the commanded orientations are those that were sent.
     pub trust: Trust,
-    /// For each station the place of the one that its pose is named by: visits of one pose have one.
+    /// For each station, the index of the station that names its pose: visits of one pose have the same.
     pub visits: Vec<usize>,
 }
 
 /// Commanded minus reported axis variables of one station, rad.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SettlingError {
-    /// Of the command as it was sent: means the same in every session.
+    /// Settling error of the command as sent: comparable between sessions.
     Sent(Vec<f64>),
-    /// Of a command whose orientation is not what was sent: says something in its own session alone.
+    /// Settling error of a command whose orientation was not sent as logged: comparable within its own session only.
     OfPosition(Vec<f64>),
 }
 
 impl SettlingError {
-    /// Commanded minus reported axis variables, rad, where both are the same motion.
+    /// Commanded minus reported axis variables, rad, of a command as sent; otherwise `None`.
     pub fn sent(&self) -> Option<&[f64]> {
         match self {
             Self::Sent(axes) => Some(axes),
@@ -69,25 +69,25 @@ impl SettlingError {
 /// Whether commanded orientations agree with the arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trust {
-    /// They do: their median turn from the nominal arm, the constant taken out, is this, rad.
+    /// They agree: the median turn from the nominal arm, the constant turn removed, rad.
     Agrees(f64),
-    /// They scatter by this, rad: they are not what was sent.
+    /// They scatter by this median turn, rad: they are not those that were sent.
     Scatters(f64),
     /// The log has no commanded orientations, or the tool is not known.
     NoOrientations,
 }
 
 impl Trust {
-    /// Whether commanded orientations are those that were sent.
+    /// Whether the commanded orientations are those that were sent.
     pub const fn agrees(self) -> bool {
         matches!(self, Self::Agrees(_))
     }
 }
 
-/// Commanded and nominal orientations further apart than this are not of one motion, rad. Servo errors of a stationary joint are a
+/// Commanded and nominal orientations further apart than this do not agree, rad. Servo errors of a stationary joint are a
 /// tenth of a milliradian to a third.
 const TRUSTED_RAD: f64 = 0.5e-3;
-/// What the regularised step weighs: position, orientation, and how large a settling error is expected to be.
+/// Standard deviations of the regularised step: of position, of orientation, and of the settling error expected.
 const POSITION_MM: f64 = 0.01;
 const ORIENTATION_RAD: f64 = 30e-6;
 const SETTLING_ERROR_RAD: f64 = 250e-6;
@@ -146,7 +146,7 @@ pub fn commanded(stations: &[Station], arm: &Arm, frames: &CommandFrames) -> Com
     }
 }
 
-/// Commands whose orientations say nothing of what the arm fell short of.
+/// Commands without orientations, which have no settling errors.
 fn without_orientations(stations: &[Station], poses: Vec<Option<CommandedPose>>) -> Commanded {
     let trust = Trust::NoOrientations;
     Commanded {
@@ -157,7 +157,7 @@ fn without_orientations(stations: &[Station], poses: Vec<Option<CommandedPose>>)
     }
 }
 
-/// Stations as dwells whose visits of one pose are to be found. Orientations that were not sent as they are stated differ between
+/// Stations as dwells for the search of visits of one pose. Orientations that were not sent as logged differ between
 /// visits of one pose, so they take no part.
 pub fn dwells<'s>(
     stations: &'s [Station],
@@ -187,7 +187,7 @@ fn pose(station: &Station, frames: &CommandFrames) -> Option<CommandedPose> {
     })
 }
 
-/// Commanded orientation seen from the nominal one, as a rotation vector along the flange's axes.
+/// Commanded relative to nominal orientation, as a rotation vector along the flange's axes, rad.
 fn turn(
     station: &Station,
     pose: &CommandedPose,
@@ -213,7 +213,7 @@ fn constant_turn(turns: &[Option<Vector3<f64>>]) -> Option<Vector3<f64>> {
     Some(Vector3::new(along(0)?, along(1)?, along(2)?))
 }
 
-/// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles; the turn Δr is known to `turn_rad`.
+/// `(Jᵀ S J + I/σ²)⁻¹ Jᵀ S [Δp; Δr]` about the reported angles; the turn Δr has the standard deviation `turn_rad`.
 fn settling_error(
     station: &Station,
     pose: &CommandedPose,

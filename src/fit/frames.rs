@@ -5,14 +5,14 @@ use crate::join::Several;
 
 pub use crate::join::{SourceId, TargetId};
 
-/// One source of a session seeing one target: both ends of a measurement chain.
+/// One source and one target of a session: the two ends of a measurement chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Channel {
-    /// Which of the fit's sessions, from 0.
+    /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// Which of its sources.
+    /// The session's source.
     pub source: SourceId,
-    /// Which of its targets.
+    /// The session's target.
     pub target: TargetId,
 }
 
@@ -23,21 +23,21 @@ pub struct Frames {
     targets: Vec<Transform<Flange, Target>>,
 }
 
-/// The two frames of one channel, and which source and target they are of.
+/// The two frames of one channel, with its source and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FramePair {
     /// The source whose frame it is.
     pub source: SourceId,
     /// The target whose place it is.
     pub target: TargetId,
-    /// Where the base stands in the source's frame.
+    /// Pose of the base in the source's frame, mm.
     pub tracker_from_base: Transform<Tracker, Base>,
-    /// Where the target sits at the flange; turned only where orientations are measured.
+    /// Pose of the target on the flange, mm; rotated only where orientations are measured.
     pub flange_from_target: Transform<Flange, Target>,
 }
 
 impl FramePair {
-    /// Of a session with one source and one target.
+    /// The frames of a session with one source and one target.
     pub const fn only(
         tracker_from_base: Transform<Tracker, Base>,
         flange_from_target: Transform<Flange, Target>,
@@ -71,17 +71,17 @@ impl Frames {
         whole.then_some(Self { sources, targets })
     }
 
-    /// Where the base stands in the frame of each source.
+    /// Poses of the base in the frame of each source, mm.
     pub fn sources(&self) -> &[Transform<Tracker, Base>] {
         &self.sources
     }
 
-    /// Where each target sits at the flange; turned only where orientations are measured.
+    /// Poses of each target on the flange, mm; rotated only where orientations are measured.
     pub fn targets(&self) -> &[Transform<Flange, Target>] {
         &self.targets
     }
 
-    /// Where the base stands in the frame of a source.
+    /// Pose of the base in the frame of `source`, mm.
     ///
     /// # Panics
     /// When the session has no such source.
@@ -89,7 +89,7 @@ impl Frames {
         &self.sources[source.0]
     }
 
-    /// Where a target sits at the flange.
+    /// Pose of `target` on the flange, mm.
     ///
     /// # Panics
     /// When the session has no such target.
@@ -97,7 +97,7 @@ impl Frames {
         &self.targets[target.0]
     }
 
-    /// The frames between which `source` sees `target`.
+    /// The frames of the channel from `source` to `target`.
     ///
     /// # Panics
     /// When the session has no such source or target.
@@ -110,7 +110,7 @@ impl Frames {
         }
     }
 
-    /// The one source's and the one target's frames, for work that is for one tool point seen by one instrument; refused where the
+    /// The frames of the only source and the only target, for steps that need one instrument and one target; an error where the
     /// session has several.
     pub fn one(&self) -> Result<FramePair, Several> {
         match (&self.sources[..], &self.targets[..]) {
@@ -135,16 +135,16 @@ impl Frames {
     }
 }
 
-/// Something for each channel of several sessions: session by session, source by source, target by target.
+/// A value for each channel of several sessions: session by session, source by source, target by target.
 #[derive(Debug, Clone)]
 pub struct PerChannel<T> {
     each: Vec<T>,
-    /// Where each session's first channel stands, and how many targets the session has.
+    /// Index of each session's first channel, and the session's number of targets.
     sessions: Vec<(usize, usize)>,
 }
 
 impl<T> PerChannel<T> {
-    /// What `of` makes of each channel of the sessions with these frames.
+    /// The values that `of` returns for each channel of the sessions with these frames.
     pub(super) fn new(frames: &[Frames], of: impl FnMut(Channel) -> T) -> Self {
         let channels = frames.iter().enumerate();
         let channels = channels.flat_map(|(session, frames)| frames.channels(session));
@@ -160,7 +160,7 @@ impl<T> PerChannel<T> {
         }
     }
 
-    /// What there is for a channel.
+    /// The value of a channel.
     ///
     /// # Panics
     /// When there is no such session, source or target.
@@ -169,7 +169,7 @@ impl<T> PerChannel<T> {
         &self.each[first + channel.source.0 * targets + channel.target.0]
     }
 
-    /// All, in the order of channels.
+    /// All values, in the order of channels.
     pub(super) fn each(&self) -> &[T] {
         &self.each
     }

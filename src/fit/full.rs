@@ -66,7 +66,7 @@ pub struct FullModel {
     frames: Vec<Frames>,
     /// Variance per axis of a session's own drift, mm².
     drift_variance: f64,
-    /// The same of warming up, which all sessions repeat.
+    /// Variance per axis of the warm-up drift that all sessions repeat, mm².
     warm_up_variance: f64,
     /// The middle of each session's stations, in the base frame, mm.
     middles: Vec<Point3<f64>>,
@@ -79,17 +79,17 @@ pub struct FullModel {
     posterior: Posterior,
     span: f64,
     ready: Ready,
-    /// What is left beside the model.
+    /// The noise beyond the model.
     pub repeatability: Repeatability,
     /// Weight of each observation.
     pub weights: Vec<f64>,
     /// Leave-one-out residuals of the observations it was trained on.
     pub left_out: Vec<LeftOut>,
-    /// What the optional parts brought.
+    /// The evidence of the optional parts.
     pub parts: Vec<PartEvidence>,
 }
 
-/// What predictions read and follows from the rest of the model.
+/// Values for predictions that are computed once from the model.
 #[derive(Debug)]
 struct Ready {
     /// The measurement chain of each channel.
@@ -113,23 +113,23 @@ impl Ready {
     }
 }
 
-/// What the model says of a pose: the point in the tracker's frame of the query's session, and its rows.
+/// The prediction at a pose: the point in the tracker frame of the query's session, and its rows.
 #[derive(Debug, Clone)]
 pub struct Predicted {
     /// The predicted point, mm.
     pub position: Point3<f64>,
-    /// From the flange's axes to the tracker's.
+    /// The rotation from the flange's axes to the tracker's.
     pub flange: UnitQuaternion<f64>,
-    /// How it moves with every column.
+    /// The motion of the point per unit of every column.
     pub rows: DMatrix<f64>,
-    /// Covariance by not knowing where the joints come to stand against their command, mm².
+    /// Covariance due to unknown settling errors, mm²; zero where they are known.
     pub approach: Matrix3<f64>,
 }
 
 impl FullModel {
     /// Trains the model on `observations` from the frames and the offsets of a geometric fit.
     ///
-    /// `None` where a factorisation fails, which rounding alone can cause.
+    /// `None` where a factorisation fails, which only rounding can cause.
     pub fn train(
         arm: &Arm,
         observations: &[Observation],
@@ -197,7 +197,7 @@ impl FullModel {
         })
     }
 
-    /// Predicts a point at a pose.
+    /// The prediction of a point at a pose, with its rows.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
         let rows = self
@@ -215,8 +215,8 @@ impl FullModel {
         }
     }
 
-    /// From the flange's axes to the tracker's as the full error model has it: with what curves, gravity and the other parts turn it
-    /// by, which [`Predicted::flange`] leaves out.
+    /// The rotation from the flange's axes to the tracker's by the full error model, including the turns from curves, gravity
+    /// and the other parts, which [`Predicted::flange`] leaves out.
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
         let rows = self.pose(query, &view);
@@ -230,13 +230,13 @@ impl FullModel {
         UnitQuaternion::from_scaled_axis(turn) * view.end.rotation * self.target_from_flange(query)
     }
 
-    /// The predicted point alone, in the tracker's frame, mm: many times as fast.
+    /// The predicted point alone, in the tracker frame, mm; much faster than [`Self::predict`].
     pub fn position(&self, query: &Query<'_>) -> Point3<f64> {
         let view = self.viewed(query);
         self.attained(query, &self.pose(query, &view)).0
     }
 
-    /// The predicted point of a pose, and its covariance by not knowing where joints stand against their command.
+    /// The predicted point of a pose (mm), and its covariance due to unknown settling errors (mm²).
     fn attained(&self, query: &Query<'_>, pose: &PoseView<'_>) -> (Point3<f64>, Matrix3<f64>) {
         let moved = pose.moved(&self.layout, &self.mean, &self.ready.curves);
         let (shift, approach) = self.stands(query, pose.joints);
@@ -250,7 +250,7 @@ impl FullModel {
         queries.par_iter().with_min_len(AT_ONCE).map(at).collect()
     }
 
-    /// The point at the offsets that rows are taken at, and how it moves.
+    /// The point at the offsets where rows are evaluated, and its motion.
     fn viewed(&self, query: &Query<'_>) -> ChainView {
         let lever = self.target_from_flange(query) * query.lever;
         let mut view = self
@@ -267,7 +267,7 @@ impl FullModel {
         view
     }
 
-    /// How the flange's axes lie in the target's.
+    /// The rotation from the flange's axes to the target's.
     fn target_from_flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let flange_from_target = self.frames[query.session].flange_from_target(query.target);
         flange_from_target.isometry().rotation.inverse()
@@ -290,7 +290,7 @@ impl FullModel {
                 Known::Reported | Known::Commanded => None,
             },
             session: query.own.then_some(query.session),
-            // A longer session than any seen stays where the longest ended.
+            // Beyond the longest session of the training, the drift keeps its last value.
             time: query
                 .station
                 .map(|station| (station as f64 / self.span).min(1.0)),
@@ -298,7 +298,7 @@ impl FullModel {
         }
     }
 
-    /// Where joints come to stand against the angles of a query, where the settling error is not known.
+    /// The distribution of true minus given joint angles of a query; `None` where the settling error is known.
     fn against(&self, query: &Query<'_>) -> Option<&Against> {
         let approach = self.approach.as_ref()?;
         match query.known {
@@ -308,7 +308,7 @@ impl FullModel {
         }
     }
 
-    /// Mean and covariance of how the point is moved by where joints come to stand, where the settling error is not known.
+    /// Mean (mm) and covariance (mm²) of the point's motion by unknown settling errors; zero where they are known.
     fn stands(&self, query: &Query<'_>, joints: &[Twist]) -> (Vector3<f64>, Matrix3<f64>) {
         let zero = (Vector3::zeros(), Matrix3::zeros());
         let Some(against) = self.against(query) else {
@@ -348,7 +348,7 @@ impl FullModel {
         &self.offsets + self.mean.rows(0, self.offsets.len())
     }
 
-    /// Posterior mean of a block's columns; `None` where the model has no such part.
+    /// Posterior mean of a block's columns; `None` where the model has no such block.
     pub fn coefficients(&self, block: Block) -> Option<DVector<f64>> {
         self.layout
             .columns(block)
@@ -370,19 +370,20 @@ impl FullModel {
         self.problem.starts()
     }
 
-    /// The frames of each session as the posterior has them.
+    /// The frames of each session at the posterior mean.
     pub fn fitted_frames(&self) -> Vec<Frames> {
         self.problem.frames(&self.offsets())
     }
 
-    /// The frames of each session that rows are taken at; [`Query::own`] decides whether the posterior moves them.
+    /// The frames of each session where rows are evaluated; [`Query::own`] decides whether the posterior moves them.
     pub fn frames(&self) -> &[Frames] {
         &self.frames
     }
 
-    /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
+    /// Noise covariance of one measured position, in addition to the model's own covariance, at full weight, tracker frame,
+    /// mm².
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        // The noise is asked of sessions that took no part too: it lies in the frame of the first session's source.
+        // The noise is also needed for sessions that took no part: it is in the frame of the first session's source.
         let channel = Channel {
             session: 0,
             ..observation.channel()
@@ -392,8 +393,8 @@ impl FullModel {
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }
 
-    /// Covariance of what no other visit repeats: where the arm stands on one visit besides what the model leaves open,
-    /// mm², tracker frame. Structure too fine for the model counts as this too: only visits to the same pose tell them apart.
+    /// Covariance of the arm's repeatability at one visit, in addition to the model's own covariance, tracker frame, mm².
+    /// It includes structure too fine for the model: only repeated visits of a pose distinguish the two.
     pub fn visit_covariance(&self, query: &Query<'_>) -> Matrix3<f64> {
         let joints = self.viewed(query).joints;
         let sizes = &self.repeatability;
@@ -407,7 +408,7 @@ impl FullModel {
         scale * self.tails.inflation()
     }
 
-    /// Standard deviations of what no other visit repeats: of the arm as a whole per axis, mm, and of each joint, rad.
+    /// Standard deviations of the repeatability: of the arm as a whole per axis, mm, and of each joint, rad.
     pub fn visit_deviations(&self) -> (f64, Vec<f64>) {
         let inflation = self.tails.inflation();
         let sizes = &self.repeatability;
@@ -418,18 +419,18 @@ impl FullModel {
         )
     }
 
-    /// Variance per axis of where the base stands at a time that is not known, mm²: for commands given some day.
+    /// Variance per axis of the base's drift at an unknown time, mm²: for commands used in another session.
     pub const fn any_time_variance(&self) -> f64 {
         self.drift_variance + self.warm_up_variance
     }
 
-    /// Standard deviation of a session's own scale, as a share of the distance from the middle of its stations: for commands given
-    /// some day, and for sessions the model never saw.
+    /// Standard deviation of a session's own scale, as a share of the distance from the middle of its stations: for commands
+    /// used in another session, and for unseen sessions.
     pub const fn scale_sd(&self) -> f64 {
         self.scale_sd
     }
 
-    /// Covariance of a point by the scale of some day, in the source's frame, mm².
+    /// Covariance of a point due to the unknown scale of another session, in the source's frame, mm².
     pub fn any_scale_covariance(
         &self,
         session: usize,
@@ -441,25 +442,25 @@ impl FullModel {
         away * away.transpose()
     }
 
-    /// The scale of a session as the model has it, with its standard deviation, as shares; `None` where it has no such part.
+    /// The scale of a session by the model and its standard deviation, as shares; `None` where the model has no scales.
     pub fn session_scale(&self, session: usize) -> Option<(f64, f64)> {
         let column = self.layout.columns(Block::Scale(session))?.start;
         let variance = self.covariance_of(&[column])[(0, 0)];
         Some((self.mean[column], variance.sqrt()))
     }
 
-    /// What the stations say of lengths and scales; `None` where the model has no scales, or was not trained here.
+    /// The stations' evidence on lengths and scales; `None` where the model has no scales, or was read from a file.
     pub const fn scale_evidence(&self) -> Option<&ScaleEvidence> {
         self.scale_evidence.as_ref()
     }
 
-    /// Variance per axis of what a session's own drift adds, mm²: for sessions the model never saw.
+    /// Variance per axis of a session's own drift, mm²: for unseen sessions.
     pub const fn drift_variance(&self) -> f64 {
         self.drift_variance
     }
 }
 
-/// Where joints stand against their command, where the model has the parts that say it.
+/// The distributions of true minus known joint angles; `None` where the model does not have the parts for it.
 fn approach(
     observations: &[Observation],
     layout: &Layout,

@@ -1,14 +1,14 @@
-//! Why a model has no prediction, and why a node of a grid has no value.
+//! The reasons why a model has no prediction, and why a node of a grid has no value.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
 
-/// Why a node or a cell has no value.
+/// The reason why a node or a cell has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Refusal {
     /// The arm does not reach it, or only beyond a joint limit.
     OutOfReach,
-    /// It lies at a singularity or across one.
+    /// The pose is at a singularity or across one.
     Singularity,
     /// The arm would reach it in another configuration only.
     OtherConfiguration,
@@ -18,16 +18,16 @@ pub enum Refusal {
     Branches,
 }
 
-/// Why a model has no prediction.
+/// The reason why a model has no prediction.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Gap {
-    /// A tool pose alone, asked of a model of the arm.
+    /// A tool pose alone, for a model of the arm.
     #[error("states no joint angles, and an arm's error depends on them")]
     NoJoints,
-    /// Joint angles alone, asked of a table of tool poses.
+    /// Joint angles alone, for a table of tool poses.
     #[error("states joint angles alone, and a compensation table has positions only")]
     NoPosition,
-    /// A tool turned further from a table's orientation than the table serves.
+    /// A tool turned further from a table's orientation than the table is valid for.
     #[error(
         "is turned {angle_deg:.3}° from the table's tool orientation, which is valid up to {limit_deg:.3}°"
     )]
@@ -48,12 +48,12 @@ pub enum Gap {
     Node {
         /// The node's number in the table.
         node: usize,
-        /// Where the node is, in the frame of commands, mm.
+        /// The node's position in the frame of commands, mm.
         at: Point3<f64>,
-        /// Why it has no value.
+        /// The reason why it has no value.
         why: Refusal,
     },
-    /// A cell whose nodes are reached in ways too different to interpolate between.
+    /// A cell whose nodes are on different branches of the joint angles, so that interpolation is not possible.
     #[error(
         "lies in a cell with no values between its nodes: {}",
         words(Refusal::Branches)
@@ -62,7 +62,7 @@ pub enum Gap {
 }
 
 impl Refusal {
-    /// The word for tables.
+    /// The name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             Self::OutOfReach => "out_of_reach",
@@ -75,7 +75,7 @@ impl Refusal {
 }
 
 impl Gap {
-    /// Why a node has no value where the model that fills it has none.
+    /// The reason for a node without a value, when the model that fills it has this gap.
     pub const fn refusal(&self) -> Refusal {
         match self {
             Self::Node { why, .. } => *why,
@@ -109,6 +109,6 @@ const fn words(refusal: Refusal) -> &'static str {
         Refusal::Singularity => "the arm is at a singularity there",
         Refusal::OtherConfiguration => "the arm reaches it in another configuration only",
         Refusal::Unmeasured => "no station was measured at it",
-        Refusal::Branches => "the arm stands there on different branches of its joint angles",
+        Refusal::Branches => "the arm reaches its nodes on different branches of the joint angles",
     }
 }

@@ -1,19 +1,19 @@
-//! Which stations judge and which train: whole blocks of the work space, never single points of a dense set.
+//! Held-out stations: whole blocks of the work space, never single points of a dense set.
 //!
 //! The work space is cut into blocks; a block's fold is the parity of its indices, so that the eight folds interleave
-//! and every station is held out exactly once: neighbours of a held-out point leak it ([`crate::method::accuracy`]).
+//! and every station is held out exactly once: neighbours of a held-out point would reveal it ([`crate::method::accuracy`]).
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-/// How the work space is cut for held-out figures.
+/// The blocks of the work space for held-out figures.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Blocks {
     /// Size of a block along x, y, z of the base frame, mm. Absent: a quarter of the stations' extent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size_mm: Option<[f64; 3]>,
-    /// A corner of a block. Absent: the least coordinates of the stations.
+    /// A corner of a block, mm. Absent: the least coordinates of the stations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin_mm: Option<[f64; 3]>,
 }
@@ -47,7 +47,7 @@ impl Blocks {
     }
 }
 
-/// The least and the largest coordinates of `positions`; zeros of an empty set.
+/// The least and the largest coordinates of `positions`, mm; zeros for an empty set.
 pub fn extent(positions: &[Point3<f64>]) -> ([f64; 3], [f64; 3]) {
     let bound = |axis: usize, pick: fn(f64, f64) -> f64| {
         positions

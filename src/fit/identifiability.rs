@@ -1,4 +1,4 @@
-//! Whether a parameter is identifiable, and what it is confounded with: every limit of that stands here.
+//! Whether a parameter is identifiable, and what it is confounded with; all limits for this are here.
 //!
 //! The method is in [`crate::method::identification`].
 
@@ -11,32 +11,32 @@ const SHARE_OF_PRIOR: f64 = 0.5;
 /// Two parameters are confounded when they correlate by more than this.
 const CONFOUNDED: f64 = 0.9;
 
-/// How far the poses determine a parameter, and if not, why.
+/// Whether the poses determine a parameter, and if not, why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Identifiability {
     /// The poses determine it.
     Identifiable,
     /// No pose moves with it.
     MovesNothing,
-    /// It is the same motion as others, whatever the noise.
+    /// It has the same effect as other parameters at any noise.
     StructurallyDependent,
-    /// The poses say hardly more of it than its prior.
+    /// The poses determine it hardly better than its prior.
     Weak,
 }
 
-/// Whether a standard error says more than the prior's; without a prior it does.
+/// Whether a standard error is small enough compared with the prior's; always true without a prior.
 pub fn is_identifiable(standard_error: f64, prior_sd: Option<f64>) -> bool {
     prior_sd.is_none_or(|sd| standard_error < SHARE_OF_PRIOR * sd)
 }
 
-/// The parameters that parameter `place` is confounded with by their covariance.
+/// The parameters with which the parameter at `place` is confounded by their covariance.
 pub fn confounded(covariance: &DMatrix<f64>, place: usize) -> Vec<usize> {
     others(covariance, place)
         .filter(|&other| correlation(covariance, place, other).abs() > CONFOUNDED)
         .collect()
 }
 
-/// The parameter that correlates most with parameter `place`, and their correlation; `None` where none does.
+/// The parameter that correlates most with the one at `place`, and their correlation; `None` where none does.
 pub fn most_correlated(covariance: &DMatrix<f64>, place: usize) -> Option<(usize, f64)> {
     others(covariance, place)
         .map(|other| (other, correlation(covariance, place, other)))
@@ -83,7 +83,7 @@ impl Calibration {
             }
     }
 
-    /// What unknown `place` is confounded with: structural partners, else those it correlates with.
+    /// The unknowns with which the one at `place` is confounded: its structural partners, otherwise those it correlates with.
     pub fn confounded_with(&self, place: usize) -> Vec<usize> {
         if self.identifiable(place) {
             return Vec::new();

@@ -1,24 +1,24 @@
-//! Losses on a station's whitened residual: how much a station that fits badly may still say.
+//! Losses on a station's whitened residual: the weight of stations that fit badly.
 
 use serde::{Deserialize, Serialize};
 
 use crate::figures::median;
 
-/// How a station's weight falls with its whitened residual norm over the robust scale.
+/// The decrease of a station's weight with its whitened residual norm over the robust scale.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case", tag = "kind")]
 pub enum Loss {
-    /// Every station counts the same.
+    /// Every station has the same weight.
     #[default]
     Squares,
     /// Huber's: full weight up to `tuning`, then falling as 1/s.
     Huber {
-        /// In units of the robust scale.
+        /// The tuning constant, in units of the robust scale.
         tuning: f64,
     },
     /// Cauchy's: `1/(1 + (s/tuning)²)`.
     Cauchy {
-        /// In units of the robust scale.
+        /// The tuning constant, in units of the robust scale.
         tuning: f64,
     },
 }
@@ -35,8 +35,8 @@ impl Loss {
 
     /// The weights of all stations from their whitened residual norms, scaled by their median.
     ///
-    /// The median of the norms over that of a unit Gaussian's is the scale, so that a model whose misfit is far above
-    /// the noise is not taken for a session of outliers.
+    /// The scale is the median of the norms over the median norm of a unit Gaussian, so that a model whose misfit is far above
+    /// the noise does not make all stations outliers.
     pub fn weights(self, norms: &[f64]) -> Vec<f64> {
         // Median of the norm of a unit Gaussian in three dimensions.
         const MEDIAN_CHI_3: f64 = 1.538_172_254;

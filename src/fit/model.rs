@@ -1,8 +1,8 @@
-//! The seam for error models: what every model of an arm's errors can be asked.
+//! The common interface of all error models.
 //!
-//! A [`PoseModel`] is asked [`At`] joint angles, with what is known of them, or at a commanded tool pose. It answers with a
-//! [`Prediction`] or says why it has none ([`Gap`]): a model of the arm needs joint angles, a compensation table knows tool
-//! poses of one orientation, and only those inside its box. Which models there are stands in [`super::registry`].
+//! A [`PoseModel`] is evaluated [`At`] joint angles, with their origin ([`Known`]), or at a commanded tool pose. It returns a
+//! [`Prediction`] or the reason why it has none ([`Gap`]): a model of the arm needs joint angles, a compensation table needs
+//! tool poses of its own orientation inside its box. [`super::registry`] lists the models.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -37,7 +37,7 @@ use crate::kinematics::Arm;
 /// # let (freedom, settings) = (Freedom::Geometry, FitSettings::default());
 /// # let model = identify(&configuration.arm, &seen, 1, freedom, &settings)?;
 ///
-/// // Where the geometry has the reflector at the first station, in the tracker's frame, and how far that may be off.
+/// // The reflector at the first station by the identified geometry, in the tracker frame, and its covariance.
 /// let prediction = model.predict(&At::Joints(Query::of(&seen[0])))?;
 /// let left = seen[0].point().expect("the tracker reads points").position - prediction.position;
 /// let covariance = model.spread(0, seen[0].source, &prediction).covariance();
@@ -45,10 +45,10 @@ use crate::kinematics::Arm;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait PoseModel: Any + Debug + Send + Sync {
-    /// The frames of each session that it was identified on, in their order; none of a model that knows no tracker.
+    /// The frames of each session that it was identified on, in their order; empty for a model without a tracker frame.
     fn frames(&self) -> &[Frames];
 
-    /// Where the point is attained, with what the model leaves open of it.
+    /// The attained position of the point, with its uncertainty by the model.
     fn predict(&self, at: &At<'_>) -> Result<Prediction, Gap>;
 
     /// [`Prediction::position`] alone, where that is faster.
@@ -61,20 +61,21 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         many.par_iter().map(|at| self.position(at)).collect()
     }
 
-    /// From the flange's axes to the tracker's, with everything that turns it.
+    /// The rotation from the flange's axes to the tracker's, including all parts that turn it.
     fn flange(&self, query: &Query<'_>) -> Result<UnitQuaternion<f64>, Gap> {
         Ok(self.predict(&At::Joints(*query))?.flange)
     }
 
-    /// What a prediction in the frame of a session's source may be wrong by for a command that is given some day; in that frame.
+    /// The uncertainty of a prediction in the frame of a session's source, for a command used in another session; in that
+    /// frame.
     fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread;
 
-    /// Covariance of predictions by the model's unknowns: three rows of [`Open::rows`] for each, mm².
+    /// Covariance of predictions due to the model's unknowns: three rows of [`Open::rows`] for each, mm².
     fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
         vec![Matrix3::zeros(); rows.nrows() / 3]
     }
 
-    /// Covariance of one measured position besides what the model leaves open, mm², tracker frame.
+    /// Noise covariance of one measured position, in addition to the model's own covariance, tracker frame, mm².
     fn noise(&self, observation: &Observation) -> Matrix3<f64> {
         let point = observation.point();
         point.map_or_else(Matrix3::zeros, |point| {
@@ -82,64 +83,64 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         })
     }
 
-    /// Variance per axis of what the base moves by in a session that the model never saw, mm²; 0 of a model that knows no drift.
+    /// Variance per axis of the base's drift in an unseen session, mm²; 0 for a model without drift.
     fn drift_variance(&self) -> f64 {
         0.0
     }
 
-    /// Standard deviation of a session's own scale, a share; 0 of a model that knows no scales.
+    /// Standard deviation of a session's own scale, a share; 0 for a model without scales.
     fn scale_sd(&self) -> f64 {
         0.0
     }
 
-    /// Parts that it always has, by their names in tables.
+    /// Names in tables of the parts that the model always has.
     fn parts(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Parts that it keeps or drops by their evidence.
+    /// The parts that the model keeps or drops by their evidence.
     fn optional_parts(&self) -> &[PartEvidence] {
         &[]
     }
 
-    /// How many numbers it identified.
+    /// Number of identified parameters.
     fn parameter_count(&self) -> usize {
         0
     }
 
-    /// What each station of the training counted for, in their order; none of a model that was read.
+    /// Weight of each station of the training, in their order; empty for a model that was read from a file.
     fn weights(&self) -> &[f64] {
         &[]
     }
 
-    /// The model as JSON, which its line of the registry reads back ([`super::registry::About::load`]); `names` are the sessions'. It
-    /// says its version, arm and sessions as [`super::saved::SavedHead`] has them.
-    /// `None` of a model that is stored otherwise: a table is its own file, and a model that was read is where it was read from.
+    /// The model as JSON, which its registry entry reads back ([`super::registry::About::load`]); `names` are the sessions'. It
+    /// has version, arm and sessions in the form of [`super::saved::SavedHead`].
+    /// `None` for a model that is stored elsewhere: a table is its own file, and a model that was read already has a file.
     fn saved(&self, arm: &Arm, names: &[&str]) -> Option<Result<String, serde_json::Error>>;
 }
 
-/// Where a model is asked.
+/// The place where a model is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub enum At<'q> {
-    /// At joint angles; the answer is in the tracker's frame of the query's session.
+    /// At joint angles; the prediction is in the tracker frame of the query's session.
     Joints(Query<'q>),
-    /// At a commanded tool pose; the answer is in its frame, that of commands.
+    /// At a commanded tool pose; the prediction is in the frame of commands.
     Tool {
         /// The position, mm.
         position: Point3<f64>,
-        /// The orientation, where it is stated.
+        /// The orientation; absent where it is not stated.
         orientation: Option<UnitQuaternion<f64>>,
     },
 }
 
-/// Joint angles to predict at, with what is known of them.
+/// Joint angles to predict at, with their origin.
 #[derive(Debug, Clone, Copy)]
 pub struct Query<'q> {
     /// Axis variables, rad.
     pub axes: &'q [f64],
-    /// What the axis variables are.
+    /// The origin of the axis variables: reported or commanded.
     pub known: Known<'q>,
-    /// From the target to the predicted point, along the flange's axes, mm.
+    /// The vector from the measured target to the predicted point, along the flange's axes, mm.
     pub lever: Vector3<f64>,
     /// The session whose frames are used.
     pub session: usize,
@@ -147,68 +148,68 @@ pub struct Query<'q> {
     pub source: SourceId,
     /// The target that the point is predicted by.
     pub target: TargetId,
-    /// Whether the session's own parts apply (base as fitted, drift, scale, changes); otherwise the base is the nominal one and
+    /// Whether the session's own parts apply (fitted base, drift, scale, changes); otherwise the base is the nominal fit's and
     /// predictions are those for any session.
     pub own: bool,
-    /// The station's number, for drift, warm-up and the session's scale; `None` for a command that is given some day.
+    /// The station's number, for drift, warm-up and the session's scale; `None` for a command used in another session.
     pub station: Option<usize>,
 }
 
-/// What the axis variables of a query are.
+/// The origin of the axis variables of a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Known<'q> {
-    /// Reported angles, the command not known.
+    /// Reported angles, with an unknown command.
     Reported,
-    /// Reported angles, with what they fell short of the command.
+    /// Reported angles with their settling error.
     Both(&'q SettlingError),
-    /// Commanded angles: all an off-line programmer has.
+    /// Commanded angles, the only ones in off-line programming.
     Commanded,
 }
 
-/// The joint angles that a model is held against stations at.
+/// The joint angles at which a model is compared with stations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Angles {
-    /// As the controller reported them.
+    /// The angles that the controller reported.
     Reported,
-    /// Between reported and commanded, as the model finds.
+    /// Between reported and commanded angles, by the model's command–feedback weight.
     Weighted,
-    /// As commanded: all an off-line programmer has.
+    /// The commanded angles, the only ones in off-line programming.
     Commanded,
 }
 
-/// What a model says of one point.
+/// A model's prediction of one point.
 #[derive(Debug, Clone)]
 pub struct Prediction {
-    /// Where it is attained, mm.
+    /// The attained position, mm.
     pub position: Point3<f64>,
-    /// From the flange's axes to the tracker's, so far as frames are found from it; of a tool pose its own orientation.
+    /// The rotation from the flange's axes to the tracker's, by the frames and the chain; for a tool pose, its own orientation.
     pub flange: UnitQuaternion<f64>,
-    /// Attained minus commanded position, mm, where a tool pose was asked for.
+    /// Attained minus commanded position, mm; `None` unless the prediction is at a tool pose.
     pub error: Option<Vector3<f64>>,
-    /// What the model leaves open; `None` of a model without a covariance.
+    /// The prediction's uncertainty by the model; `None` for a model without a covariance.
     pub open: Option<Open>,
 }
 
-/// What a model leaves open of a point.
+/// The uncertainty of a point by the model.
 #[derive(Debug, Clone)]
 pub struct Open {
-    /// How the point moves with each of the model's unknowns, which all its points share: three rows.
+    /// The point's motion per unit of each of the model's unknowns, which all its points share: three rows.
     pub rows: DMatrix<f64>,
-    /// Covariance of what the point has alone, mm².
+    /// Covariance that the point does not share with other points, mm².
     pub alone: Matrix3<f64>,
 }
 
-/// What a prediction may be wrong by.
+/// The uncertainty of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Spread {
-    /// As much along each axis: a variance, mm².
+    /// Equal along each axis: a variance, mm².
     Isotropic(f64),
     /// A covariance, mm².
     Of(Matrix3<f64>),
 }
 
 impl<'q> At<'q> {
-    /// The joint angles, which a model of the arm needs.
+    /// The joint angles, which a model of the arm needs; an error at a tool pose.
     pub const fn joints(&self) -> Result<&Query<'q>, Gap> {
         match self {
             Self::Joints(query) => Ok(query),
@@ -218,7 +219,7 @@ impl<'q> At<'q> {
 }
 
 impl<'q> Known<'q> {
-    /// All that is known of a station.
+    /// The query of a station, with all that is known of it.
     pub fn of(observation: &'q Observation) -> Self {
         let settling_error = observation.settling_error.as_ref();
         settling_error.map_or(Self::Reported, Self::Both)
@@ -266,7 +267,7 @@ impl Spread {
         }
     }
 
-    /// The covariance in a frame whose axes are turned by `to_from` against the prediction's: `R C Rᵀ`.
+    /// The covariance in a frame whose axes are rotated by `to_from` from the prediction's: `R C Rᵀ`, mm².
     pub fn seen_from(&self, to_from: &UnitQuaternion<f64>) -> Matrix3<f64> {
         match self {
             Self::Isotropic(_) => self.covariance(),

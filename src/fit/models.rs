@@ -1,4 +1,4 @@
-//! Models that are held side by side, trained on the same observations.
+//! Models to be compared, trained on the same observations.
 
 use nalgebra::UnitVector3;
 
@@ -9,14 +9,14 @@ use super::registry::{Made, Model};
 use super::{Calibration, FitError, FitSettings, Freedom, identify_from, start};
 use crate::kinematics::Arm;
 
-/// What a training is set to.
+/// The settings of a training.
 #[derive(Debug, Clone, Copy)]
 pub struct TrainingSettings<'s> {
-    /// The geometric fit.
+    /// Settings of the geometric fit.
     pub fit: &'s FitSettings,
-    /// The full error model.
+    /// Settings of the full error model.
     pub full: &'s FullSettings,
-    /// Against gravity, in the base frame; `None` where the mounting is not known.
+    /// Direction of up in the base frame; `None` where the mounting is not known.
     pub up: Option<UnitVector3<f64>>,
 }
 
@@ -29,11 +29,11 @@ pub struct Models {
     pub geometric: Calibration,
     /// The full error model, unless it is switched off or could not be factored.
     pub full: Option<FullModel>,
-    /// Those made on top of these, where they were asked for.
+    /// Models built from the above, where they were asked for.
     pub on_top: Vec<(Model, Box<dyn PoseModel>)>,
 }
 
-/// What a model that is made on top of others is made from.
+/// The inputs of a model that is built from others.
 #[derive(Debug, Clone, Copy)]
 pub struct Training<'t> {
     /// The nominal arm.
@@ -104,7 +104,7 @@ pub fn train_all(
 }
 
 impl Models {
-    /// A model by its place in the registry; `None` where this training has none.
+    /// The model of a registry entry; `None` where this training does not have it.
     pub fn get(&self, model: Model) -> Option<&dyn PoseModel> {
         match model.about().made {
             Made::Elsewhere => None,
@@ -116,7 +116,7 @@ impl Models {
         }
     }
 
-    /// The best model for grids and compensation: the whole one, or without it the geometry.
+    /// The best model for grids and compensation: the full error model, or without it the geometry.
     pub fn best(&self) -> (Model, &dyn PoseModel) {
         let mut serving = Model::serving().filter_map(|model| Some((model, self.get(model)?)));
         serving

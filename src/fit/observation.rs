@@ -1,8 +1,8 @@
-//! Readings of paired stations → observations: what was measured, and how well.
+//! Readings of paired stations → observations: the measured values with their covariances.
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
-//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus what the scatter of the readings leaves in their
-//! mean: `scatter²/n`. What a fit makes of each kind of reading stands in [`measured`] and [`rows`].
+//! [`crate::method::uncertainty`]), plus the arm's repeatability, plus the variance of the readings' mean:
+//! `scatter²/n`. The use of each kind of reading in a fit is in [`measured`] and [`rows`].
 
 pub mod measured;
 pub mod rows;
@@ -32,7 +32,7 @@ pub struct TrackerUncertainty {
     pub transverse_um: f64,
     /// Transverse: part that grows with the range, µm/m.
     pub transverse_um_per_m: f64,
-    /// What a limit is divided by for a standard uncertainty: 2 for k = 2, √3 for a rectangular limit.
+    /// Divisor from a limit to a standard uncertainty: 2 for k = 2, √3 for a rectangular limit.
     pub divisor: f64,
     /// Standard uncertainty of a 6-DoF target's orientation, rad; needed where orientations are fitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -56,30 +56,30 @@ impl TrackerUncertainty {
     }
 }
 
-/// What a fit needs of one reading of a paired station.
+/// The data of one reading of a paired station that a fit needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Which of the fit's sessions, from 0.
+    /// Index of the session in the fit, from 0.
     pub session: usize,
-    /// Which of the session's sources measured.
+    /// The session's source that measured.
     pub source: SourceId,
-    /// Which of the session's targets it saw.
+    /// The session's target that was measured.
     pub target: TargetId,
     /// The station's number in its session.
     pub station: usize,
-    /// The number of the station that its pose is named by: visits of one pose have one.
+    /// The number of the station that names its pose: visits of one pose have the same.
     pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
-    /// What was measured, in the source's frame, and how well.
+    /// The measured values with their uncertainty, in the source's frame.
     pub measured: Measured,
-    /// What the station fell short of its command, where the log has commanded poses.
+    /// The station's settling error; absent without commanded poses.
     pub settling_error: Option<SettlingError>,
 }
 
 impl Observation {
-    /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance there
-    /// (mm²).
+    /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance
+    /// there (mm²).
     pub fn planned(axes: Vec<f64>, position: Point3<f64>, instrument: Matrix3<f64>) -> Self {
         Self {
             session: 0,
@@ -106,22 +106,22 @@ impl Observation {
         }
     }
 
-    /// The measured position, where one was measured.
+    /// The measured position; `None` where none was measured.
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         self.measured.point()
     }
 }
 
-/// An instrument, as far as a fit asks.
+/// The properties of an instrument that a fit needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Source {
-    /// What is taken of its readings: a pose's orientation only from a source of poses.
+    /// The kind of reading used: the orientation of a pose only from a source of poses.
     pub reads: ReadingKind,
-    /// How well it measures.
+    /// Its uncertainty.
     pub uncertainty: TrackerUncertainty,
 }
 
-/// What is known of the measurement besides the readings.
+/// The uncertainties of the measurement that the readings do not show.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
     /// The instruments of each session, in the order of [`SourceId`].
@@ -131,7 +131,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Of a session that one instrument measured.
+    /// The uncertainties of a session with one instrument.
     pub fn of_one(source: Source, repeatability_mm: f64) -> Self {
         Self {
             sources: vec![source],
@@ -139,7 +139,7 @@ impl Noise {
         }
     }
 
-    /// One of the instruments.
+    /// The instrument `source`.
     ///
     /// # Panics
     /// When there is no such source.
@@ -147,15 +147,15 @@ impl Noise {
         &self.sources[source.0]
     }
 
-    /// Whether orientations are taken into the fit where they were read.
+    /// Whether orientations are fitted where they were read.
     pub fn takes_orientations(&self) -> bool {
         let mut sources = self.sources.iter();
         sources.any(|source| source.reads == ReadingKind::Pose)
     }
 }
 
-/// The readings of one session's paired stations as observations, in station order; those of sources that `noise` does not know
-/// are left out.
+/// The readings of one session's paired stations as observations, in station order; readings of sources that `noise` does not
+/// list are left out.
 pub fn observations(
     session: usize,
     stations: &[Station],
@@ -182,7 +182,7 @@ pub fn observations(
     stations.iter().flat_map(of).collect()
 }
 
-/// Gives observations what their stations' commands say: what they fell short of, and which pose they visit.
+/// Adds the settling errors and the poses visited, found from the commands, to observations.
 pub fn add_commands(observations: &mut [Observation], stations: &[Station], commanded: &Commanded) {
     let of_stations = commanded.settling_errors.iter().zip(&commanded.visits);
     let by_number: BTreeMap<usize, (Option<&SettlingError>, usize)> = stations

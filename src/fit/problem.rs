@@ -1,9 +1,9 @@
 //! The identification problem: residuals of all observations and their identification Jacobian.
 //!
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` ([`crate::method::kinematics`]). Geometry is
-//! shared by all sessions of an arm; each session has its own base in the frame of each of its sources and its own place of each
-//! of its targets, and they are always part of the fit. An observation is predicted by the chain of its channel: from its source to
-//! its target.
+//! shared by all sessions of an arm; each session has its own base in the frame of each of its sources and its own place of
+//! each of its targets, and they are always part of the fit. An observation is predicted by the chain of its channel: from its
+//! source to its target.
 
 mod unknowns;
 
@@ -33,7 +33,7 @@ pub struct Problem<'a> {
     starts: Vec<Frames>,
     /// Place of the channel and first station of each block; fixed, so that sums do not depend on the number of threads.
     blocks: Vec<(usize, usize)>,
-    /// Offsets that the prior expects, and its precision: `Σ precision (x − expected)²` is added to the cost.
+    /// Prior means of the offsets, and their precision: `Σ precision (x − expected)²` is added to the cost.
     expected: DVector<f64>,
     precision: DVector<f64>,
 }
@@ -42,7 +42,7 @@ pub struct Problem<'a> {
 #[derive(Debug)]
 struct Measuring {
     chain: Chain,
-    /// Where each free parameter of the chain stands in the vector of unknowns.
+    /// Index of each free parameter of the chain in the vector of unknowns.
     columns: Vec<Option<usize>>,
     /// The observations as columns.
     stations: Stations,
@@ -72,7 +72,7 @@ impl<'a> Problem<'a> {
         Self::with_target_turn(observations, arm, starts, freedom, prior, turned)
     }
 
-    /// The same, the target's orientation free or not whatever the observations are: for predictions without any.
+    /// [`Self::new`] with the target's orientation free or fixed as stated, for predictions without observations.
     pub(super) fn with_target_turn(
         observations: &'a [Observation],
         arm: &Chain,
@@ -125,12 +125,12 @@ impl<'a> Problem<'a> {
         &self.unknowns
     }
 
-    /// The frames the offsets start from, session by session.
+    /// The frames that the offsets start from, session by session.
     pub fn starts(&self) -> &[Frames] {
         &self.starts
     }
 
-    /// Offsets that the prior expects.
+    /// Prior means of the offsets.
     pub(super) const fn prior_mean(&self) -> &DVector<f64> {
         &self.expected
     }
@@ -156,7 +156,7 @@ impl<'a> Problem<'a> {
         self.precision.dot(&away.component_mul(&away))
     }
 
-    /// Rows of residuals in all.
+    /// Number of all rows of residuals.
     pub(super) fn row_count(&self) -> usize {
         self.observations
             .iter()
@@ -230,7 +230,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Gives the whitened rows at `offsets` to `take`, block by block in a fixed order, no station weighted down.
+    /// Passes the whitened rows at `offsets` to `take`, block by block in a fixed order, without robust weights.
     pub(super) fn each_block(&self, offsets: &DVector<f64>, mut take: impl FnMut(&BlockRows)) {
         let chains = self.with_columns(offsets);
         let weights = vec![1.0; self.observations.len()];
@@ -257,14 +257,14 @@ impl<'a> Problem<'a> {
         self.channels.each().iter().map(at).collect()
     }
 
-    /// The frames of each session once `offsets` are taken into them.
+    /// The frames of each session with `offsets` applied.
     pub fn frames(&self, offsets: &DVector<f64>) -> Vec<Frames> {
         (0..self.starts.len())
             .map(|session| self.session_frames(session, offsets))
             .collect()
     }
 
-    /// The geometry's offsets in the order of the arm's own chain; zeros where geometry was held.
+    /// The geometry's offsets in the order of the arm's own chain; zeros where geometry was fixed.
     pub fn geometry(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let is_link = |parameter: &Parameter| matches!(parameter, Parameter::Link { .. });
         let Some(any) = self.channels.each().first() else {

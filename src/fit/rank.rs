@@ -1,6 +1,6 @@
-//! What the poses determine: structural rank, the directions that are identifiable at the solution, observability.
+//! Determination of the parameters by the poses: structural rank, identifiable directions at the solution, observability.
 //!
-//! The method is in [`crate::method::identification`]. Zero columns come out first; the structural rank is found on the
+//! The method is in [`crate::method::identification`]. Zero columns are removed first; the structural rank is found on the
 //! column-scaled Jacobian of the nominal arm, whose geometry is exact, so that its zero singular values are zeros to
 //! rounding. At the solution a parameter is *identifiable* when its standard error is below half its prior's.
 
@@ -17,7 +17,7 @@ use triangle::Triangle;
 const STRUCTURAL_ZERO: f64 = 1e-10;
 /// A parameter takes part in a null direction when its share of the null space exceeds this.
 const TAKES_PART: f64 = 1e-2;
-/// Two parameters of a null space belong together when their entries in it correlate at least this much.
+/// Two parameters of a null space are partners when their entries in it correlate at least this much.
 const BELONGS: f64 = 0.1;
 
 /// The structure of the column-scaled Jacobian.
@@ -25,11 +25,11 @@ const BELONGS: f64 = 0.1;
 pub struct Structure {
     /// Singular values in falling order, of the columns that are not zero.
     pub singular_values: Vec<f64>,
-    /// How many of them are not structural zeros.
+    /// Number of singular values that are not structural zeros.
     pub rank: usize,
     /// Unknowns whose column is zero: no pose moves with them.
     pub zero_columns: Vec<usize>,
-    /// For each unknown, the others that it is confounded with whatever the noise of the poses; empty where it is identifiable.
+    /// For each unknown, the others with which it is confounded at any noise; empty where it is identifiable.
     pub indistinguishable: Vec<Vec<usize>>,
 }
 

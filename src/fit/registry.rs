@@ -1,9 +1,9 @@
-//! The registry: every model there is, a line each, and what the rest of the program has to know of it.
+//! The registry: the list of all models, a line each, with the properties that the program needs of them.
 //!
-//! A model's own file says all of it in one [`About`]: its word in tables, its name for people, at which joint angles it is held
-//! against stations, what it serves for, how it is made and how it is read back. Everything else (evaluation, residuals,
-//! similarity, figures, pages, `compensate`) asks here. To add one: its file, its line below, and its word in the allowed
-//! values of the schemas' columns of models.
+//! A model's own file states all properties in one [`About`]: its name in tables, its display name, the joint angles at which
+//! it is compared with stations, its use, and how it is made and read back. All other code (evaluation, residuals,
+//! similarity, figures, pages, `compensate`) looks here. A new model needs its file, its line below, and its name in the
+//! allowed values of the schemas' columns of models.
 
 mod base_target;
 mod full;
@@ -16,20 +16,20 @@ use super::models::{Models, Training};
 use super::saved::{SavedError, SavedHead};
 pub use geometric::IdentifiedGeometry;
 
-/// Makes [`Model`] of a line for each: the variant, and the file that says what it is.
+/// Makes [`Model`] from one line per model: the variant, and the file with its properties.
 macro_rules! registry {
     ($($(#[$doc:meta])* $model:ident: $file:ident,)+) => {
-        /// The models that are held side by side.
+        /// The models that are compared.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum Model {
             $($(#[$doc])* $model,)+
         }
 
         impl Model {
-            /// All of them, in the order in which people are shown them.
+            /// All models, in the order of display.
             pub const ALL: &[Self] = &[$(Self::$model),+];
 
-            /// What the program has to know of it.
+            /// The model's properties.
             pub const fn about(self) -> &'static About {
                 match self {
                     $(Self::$model => &$file::ABOUT,)+
@@ -40,7 +40,7 @@ macro_rules! registry {
 }
 
 registry! {
-    /// The command as it is, where command and target are one point and the base is surveyed or said to be fitted.
+    /// The raw command, where command and measured target are one point and the base is surveyed or stated to be fitted.
     RawCommand: raw_command,
     /// The nominal arm, base and target fitted.
     BaseTarget: base_target,
@@ -52,53 +52,53 @@ registry! {
     Table: table,
 }
 
-/// What the program has to know of a model.
+/// The properties of a model.
 #[derive(Debug)]
 pub struct About {
-    /// Its word in tables.
+    /// The model's name in tables.
     pub word: &'static str,
-    /// Its name on pages and in summaries.
+    /// The model's name on pages and in summaries.
     pub name: &'static str,
-    /// The place of its colour and marks among those of charts.
+    /// Index of its colour and marks among those of charts.
     pub look: usize,
     /// The errors that it corrects.
     pub corrects: Corrects,
-    /// The joint angles that it is held against stations at: for similarity the first, for a verdict the last that there is; none
-    /// of a model that has no prediction at joint angles.
+    /// The joint angles at which it is compared with stations: similarity uses the first, a verdict the last available; empty
+    /// for a model without predictions at joint angles.
     pub angles: &'static [Angles],
-    /// Whether grids, `compensate` and verdicts go by it where no later model of the registry serves.
+    /// Whether grids, `compensate` and verdicts use it when no later model of the registry is available.
     pub serves: bool,
-    /// How it comes from stations.
+    /// The way it is made from stations.
     pub made: Made,
-    /// Reads what [`PoseModel::saved`] wrote; `None` of a model that is not saved as text.
+    /// Reads the text of [`PoseModel::saved`]; `None` for a model that is not saved as text.
     pub load: Option<Load>,
 }
 
-/// What a model does about the errors of an arm.
+/// The part of an arm's errors that a model corrects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Corrects {
-    /// Nothing: its residuals are errors against commands.
+    /// Nothing: its residuals are attained minus commanded positions.
     Nothing,
-    /// Where base and target stand: its residuals are the errors of the arm.
+    /// The places of base and measured target: its residuals are the errors of the arm.
     Frames,
-    /// Errors, by prediction: its residuals are what it would leave.
+    /// Errors, by prediction: its residuals are the errors that would remain.
     Predicted,
-    /// Commands that were sent: its residuals are what is left.
+    /// Commands that were sent: its residuals are the errors that remained.
     Commands,
 }
 
-/// How a model comes from stations.
+/// The way a model is made from stations.
 #[derive(Debug, Clone, Copy)]
 pub enum Made {
-    /// It does not: the log has it, or the grid stage chooses it.
+    /// Not from stations: the log has it, or the grid stage chooses it.
     Elsewhere,
-    /// With every training: others build on it.
+    /// In every training; other models are built on it.
     Always(fn(&Models) -> Option<&dyn PoseModel>),
-    /// From the stations and the models that every training makes, where figures are asked of it.
+    /// From the stations and the models of every training, where figures of it are asked for.
     OnTop(fn(&Training<'_>) -> Option<Box<dyn PoseModel>>),
 }
 
-/// Reads a saved model; its misfit per axis (mm) stands beside the text, where it has one.
+/// Reads a saved model from its text and its misfit per axis (mm), which is stored separately where it has one.
 pub type Load = fn(&str, Option<f64>) -> Result<Loaded, SavedError>;
 
 /// A model that was read back.
@@ -110,19 +110,19 @@ pub struct Loaded {
 }
 
 impl Model {
-    /// The model of a table's word.
+    /// The model with this name in tables; `None` for another text.
     pub fn of_word(word: &str) -> Option<Self> {
         let mut all = Self::ALL.iter().copied();
         all.find(|model| model.about().word == word)
     }
 
-    /// Those that grids, `compensate` and verdicts go by, the best first.
+    /// The models that grids, `compensate` and verdicts use, the best first.
     pub fn serving() -> impl Iterator<Item = Self> {
         let all = Self::ALL.iter().rev().copied();
         all.filter(|model| model.about().serves)
     }
 
-    /// Those that verdicts go by, at the angles that say most of a program first: commanded ones, all that it has.
+    /// The models that verdicts use with their angles, the most relevant for a program first: commanded angles, all it has.
     pub fn judging() -> impl Iterator<Item = (Self, Angles)> {
         Self::serving().flat_map(|model| {
             let angles = model.about().angles.iter().rev();
@@ -130,7 +130,7 @@ impl Model {
         })
     }
 
-    /// Those that are held against stations, with the angles each is given.
+    /// The models that are compared with stations, with the angles each is given.
     pub fn compared() -> impl Iterator<Item = (Self, Angles)> {
         let of = |model: &Self| {
             let model = *model;
@@ -140,7 +140,7 @@ impl Model {
         Self::ALL.iter().flat_map(of)
     }
 
-    /// The name, with the angles where they make a difference.
+    /// The display name, with the angles where they make a difference.
     pub fn name_at(self, angles: Angles) -> String {
         let About {
             name,
@@ -154,7 +154,7 @@ impl Model {
         }
     }
 
-    /// Whether its residuals are against what was commanded.
+    /// Whether its residuals are attained minus commanded positions.
     pub const fn is_against_commands(self) -> bool {
         matches!(
             self.about().corrects,

@@ -1,19 +1,20 @@
 //! Whether sessions that were pooled, or that judge, are of one arm.
 //!
-//! Inputs: the full error model of a pool, the base + target fit and the observations of the same pool. Output: per session, what
-//! the shared arm leaves of its stations beside what the nominal arm leaves, and a verdict.
+//! Inputs: the full error model of a pool, the base + target fit and the observations of the same pool. Output: per session,
+//! the residual of the shared arm beside that of the nominal arm, and a verdict.
 //!
-//! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew with each source; the median distance left.
-//! 2. Nominal arm: base and target fitted; the median distance left.
-//! 3. What one arm may leave: the instrument's noise, and a change of every joint [`CHANGES`] times as large as expected
-//!    between sessions. The model's own noise is not asked: in a pool of two arms it has grown to hide them.
+//! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew with each source; the median
+//!    distance left.
+//! 2. Nominal arm: base and target fitted; the median residual.
+//! 3. Residual allowed for one arm: the instrument's noise, and a change of every joint [`CHANGES`] times as large as expected
+//!    between sessions. The model's own noise is not used: in a pool of two arms it has grown to hide them.
 //!
 //! Why a half: two arms of one make have the nominal arm in common and nothing else. Their errors `e`, `e'` are unrelated
-//! and of one size, the shared arm's are at best their mean, and it leaves `|e − e'|/2`, on average 1/√2 of what the nominal
-//! arm leaves, and more where the pool holds more sessions of the other arm. One arm leaves its changes: tenths of a
+//! and of one size, the shared arm's are at best their mean, and its residual is `|e − e'|/2`, on average 1/√2 of the nominal
+//! arm's, and more where the pool has more sessions of the other arm. One arm has its changes as residual: tenths of a
 //! milliradian at the very most, where its errors are milliradians. Half the variance of the former is [`LIMIT`] squared.
 //!
-//! A session that only judges is asked the same ([`unseen`]); it is named, as nothing was learnt from it.
+//! A session that only judges gets the same check ([`unseen`]); it is only named, because the model was not trained on it.
 
 use nalgebra::{Point3, Vector3};
 use thiserror::Error;
@@ -27,21 +28,21 @@ use crate::geometry::align;
 use crate::join::SourceId;
 use crate::kinematics::Arm;
 
-/// A shared arm that leaves more than this share of what the nominal arm leaves is not the session's arm.
+/// A shared arm whose residual is more than this share of the nominal arm's is not the session's arm.
 pub const LIMIT: f64 = 0.5;
 /// One arm changes between sessions by less than this many times the expected change, in every joint at once.
 pub const CHANGES: f64 = 2.0;
 
-/// How the arm that a pool shares fits one of its sessions; median distances, mm.
+/// The fit of a pool's shared arm to one of its sessions; median residuals, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SharedFit {
     /// The session's place in the pool, from 0.
     pub session: usize,
-    /// What the shared arm leaves.
+    /// Median residual of the shared arm, mm.
     pub shared_mm: f64,
-    /// What the nominal arm leaves.
+    /// Median residual of the nominal arm, mm.
     pub nominal_mm: f64,
-    /// What noise and changes of one arm may leave at the most.
+    /// Largest residual that noise and changes of one arm allow, mm.
     pub allowed_mm: f64,
 }
 
@@ -56,11 +57,11 @@ pub struct SharedFit {
 pub struct NotOneArm {
     /// The session that fits worst, by name.
     pub session: String,
-    /// What the shared arm leaves, mm.
+    /// Median residual of the shared arm, mm.
     pub shared_mm: f64,
-    /// What the nominal arm leaves, mm.
+    /// Median residual of the nominal arm, mm.
     pub nominal_mm: f64,
-    /// What one arm may leave by noise and changes, mm.
+    /// Largest residual that noise and changes of one arm allow, mm.
     pub allowed_mm: f64,
 }
 
@@ -70,7 +71,7 @@ impl SharedFit {
         self.shared_mm <= self.allowed_mm || self.ratio() <= LIMIT
     }
 
-    /// What the shared arm leaves over what the nominal arm leaves.
+    /// Residual of the shared arm over that of the nominal arm.
     pub fn ratio(&self) -> f64 {
         self.shared_mm / self.nominal_mm.max(f64::MIN_POSITIVE)
     }
@@ -100,7 +101,7 @@ pub fn check(
     }
 }
 
-/// How the shared arm fits every session of a pool; empty for a single session.
+/// The fit of the shared arm to every session of a pool; empty for a single session.
 pub fn fits(
     arm: &Arm,
     full: &FullModel,
@@ -144,9 +145,9 @@ pub fn fits(
         .collect()
 }
 
-/// How the arm identified from other sessions fits one that took no part, its base found anew: what it leaves and what the nominal
-/// arm leaves at the middle, mm. Nothing is known of the session's own changes: each joint's moves the target, which sits at
-/// `target_mm` along the flange's axes, by what its twist does. `None` without stations.
+/// The fit of the arm identified from other sessions to one that took no part, its base found anew: its median residual and
+/// the nominal arm's, mm. The session's own changes are not known: each joint's change moves the target, which is at
+/// `target_mm` along the flange's axes, by its twist. `None` without stations.
 pub fn unseen(
     arm: &Arm,
     observations: &[Observation],
@@ -172,23 +173,23 @@ pub fn unseen(
     })
 }
 
-/// Median distances that are left at the stations of a session, base refitted on all of them, mm.
+/// Median residuals at the stations of a session, base refitted on all of them, mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftBy {
-    /// By the identified arm.
+    /// Median residual of the identified arm, mm.
     pub identified: f64,
-    /// By the nominal arm.
+    /// Median residual of the nominal arm, mm.
     pub nominal: f64,
 }
 
 impl LeftBy {
-    /// Whether the identified arm leaves less than [`LIMIT`] of what the nominal one does.
+    /// Whether the identified arm's residual is below [`LIMIT`] of the nominal arm's.
     pub fn improves(&self) -> bool {
         self.identified <= LIMIT * self.nominal
     }
 }
 
-/// One station as the shared arm has it.
+/// One station as predicted by the shared arm.
 struct Shared {
     source: SourceId,
     measured: Point3<f64>,
@@ -206,7 +207,7 @@ impl Shared {
         for (block, columns) in full.layout().blocks() {
             match block {
                 Block::SessionCurve { session, .. } if session == o.session => {
-                    // The first column is the joint's constant: how the joint moves the target.
+                    // The first column is the joint's constant: the target's motion per radian of the joint.
                     changed += predicted.rows.column(columns.start).norm_squared();
                 }
                 Block::SessionCommandWeight(session) if session == o.session => {}
@@ -227,7 +228,7 @@ impl Shared {
     }
 }
 
-/// Distances that are left once one source's measured positions are aligned with predicted ones; `None` where they are too few.
+/// Residual distances after aligning one source's measured positions with predicted ones, mm; `None` where they are too few.
 fn aligned_distances(stations: &[&Shared], weights: &[f64]) -> Option<Vec<f64>> {
     let measured: Vec<Point3<f64>> = stations.iter().map(|s| s.measured).collect();
     let predicted: Vec<Point3<f64>> = stations.iter().map(|s| s.predicted).collect();

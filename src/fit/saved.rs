@@ -1,7 +1,7 @@
 //! Saved models: an identified arm as JSON, and back, so that a later program predicts with the same covariance.
 //!
-//! Numbers are written so that reading them gives them back to the last digit or the one before. What is read may come
-//! from anywhere: every length is held against the others before anything is built of it.
+//! Numbers are written so that reading them gives them back to the last digit or the one before. A text may come
+//! from anywhere: every length is compared with the others before it is used.
 
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
@@ -15,10 +15,10 @@ use crate::kinematics::{Arm, ArmError, Chain, Element, Joint, LinkQuantity, Moti
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
 pub const VERSION: u32 = 3;
 
-/// What is wrong with a saved model.
+/// A saved model that cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum SavedError {
-    /// Not JSON of this shape.
+    /// Not JSON of the expected shape.
     #[error("the saved model cannot be read: {0}; was it written by another program?")]
     Json(String),
     /// Written by a later program.
@@ -30,23 +30,23 @@ pub enum SavedError {
         found: u32,
     },
     /// Two parts that do not fit each other.
-    #[error("the saved model is damaged: {found} {what}, but the rest of it asks for {expected}")]
+    #[error("the saved model is damaged: {found} {what}, but the rest of it needs {expected}")]
     Length {
-        /// What there is too much or too little of.
+        /// The kind of entry whose number is wrong.
         what: &'static str,
-        /// How many the other parts ask for.
+        /// The number that the other parts need.
         expected: usize,
-        /// How many there are.
+        /// The number found.
         found: usize,
     },
-    /// A quaternion that turns nothing.
+    /// A quaternion that is not a rotation.
     #[error(
         "the saved model is damaged: {what} has a quaternion of norm {norm}; a rotation has norm 1"
     )]
     NotARotation {
-        /// Which placement.
+        /// The name of the placement.
         what: &'static str,
-        /// Its norm.
+        /// The quaternion's norm.
         norm: f64,
     },
     /// A name that this program does not know.
@@ -54,7 +54,7 @@ pub enum SavedError {
         "the saved model names {what} {name:?}, which this program does not know: use a matching version of posegrid"
     )]
     Unknown {
-        /// Of what.
+        /// The kind of thing named.
         what: &'static str,
         /// The name.
         name: String,
@@ -62,12 +62,12 @@ pub enum SavedError {
     /// A matrix that is no factor of a covariance.
     #[error("the saved model is damaged: the factor of its covariance {problem}")]
     Factor {
-        /// What is wrong with it.
+        /// The factor's fault.
         problem: &'static str,
     },
-    /// A geometry of which is not known how well it fits.
+    /// A geometry without a covariance and without a misfit.
     #[error(
-        "the saved model has no covariance of its own, and no misfit (misfit_mm) stands beside it"
+        "the saved model has no covariance of its own, and no misfit (misfit_mm) is stored beside it"
     )]
     NoMisfit,
     /// Several sources or targets where a step is for one of each.
@@ -82,17 +82,17 @@ pub enum SavedError {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedArm {
-    /// The model, for people.
+    /// The robot model's name for display.
     pub model: String,
     /// The joints from base to flange.
     pub joints: Vec<SavedJoint>,
-    /// Row i says how axis variable i follows from the reported joint angles.
+    /// Row i gives axis variable i as a linear combination of the reported joint angles.
     pub axes_from_joints: Vec<Vec<f64>>,
     /// The chain from base to flange, on axis variables.
     pub elements: Vec<SavedElement>,
 }
 
-/// What every saved model says first: what it is of.
+/// The first fields of every saved model: its arm and sessions.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct SavedHead {
     /// The nominal arm.
@@ -102,7 +102,7 @@ pub struct SavedHead {
 }
 
 impl SavedHead {
-    /// Reads what a JSON text is of, whichever model it is.
+    /// Reads arm and sessions from the JSON text of any model.
     pub fn read(text: &str) -> Result<Self, SavedError> {
         read(text)
     }
@@ -128,16 +128,16 @@ pub enum SavedElement {
     Fixed(SavedPlacement),
     /// A joint variable: the motion by `sign · q[joint]`, joints from 0.
     Joint {
-        /// Along or about which axis.
+        /// The motion's name.
         motion: String,
-        /// Which axis variable.
+        /// Index of the axis variable, from 0.
         joint: usize,
         /// +1 or −1.
         sign: f64,
     },
     /// A constant with a free parameter: the motion by `nominal + offset`.
     Free {
-        /// Along or about which axis.
+        /// The motion's name.
         motion: String,
         /// The nominal value, mm or rad.
         nominal: f64,
@@ -150,7 +150,7 @@ pub enum SavedElement {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedPlacement {
-    /// Where the placed frame's origin lies, mm.
+    /// Origin of the placed frame, mm.
     pub xyz_mm: [f64; 3],
     /// Its rotation as a unit quaternion.
     pub quaternion_xyzw: [f64; 4],
@@ -162,9 +162,9 @@ pub struct SavedPlacement {
 pub struct SavedSession {
     /// The session's name.
     pub session: String,
-    /// Where the base stands in the frame of each source.
+    /// Pose of the base in the frame of each source.
     pub tracker_from_base: SavedPlacements,
-    /// Where each target sits at the flange.
+    /// Pose of each target on the flange.
     pub flange_from_target: SavedPlacements,
 }
 
@@ -172,9 +172,9 @@ pub struct SavedSession {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SavedPlacements {
-    /// Of a session with one source, or one target.
+    /// The placement of a session with one source, or one target.
     One(SavedPlacement),
-    /// Of each, in their order.
+    /// The placements of each source or target, in their order.
     Several(Vec<SavedPlacement>),
 }
 
@@ -182,12 +182,12 @@ pub enum SavedPlacements {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedUnknown {
-    /// Place of its session among the saved ones; `None` for the arm's geometry.
+    /// Index of its session among the saved ones; `None` for the arm's geometry.
     pub session: Option<usize>,
     /// Place of the source or target that it is of among those of its session; the first where it is absent.
     #[serde(default, skip_serializing_if = "is_first")]
     pub of: usize,
-    /// Its name.
+    /// The parameter's name.
     pub parameter: String,
 }
 
@@ -200,13 +200,13 @@ const fn is_first(place: &usize) -> bool {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedCalibration {
-    /// Version of this text.
+    /// Version of the JSON format.
     pub version: u32,
     /// The nominal arm.
     pub arm: SavedArm,
-    /// Offsets of the arm's free parameters, in its order; zeros where geometry was held.
+    /// Offsets of the arm's free parameters, in its order; zeros where geometry was fixed.
     pub geometry: Vec<f64>,
-    /// The frames of each session, offsets taken in.
+    /// The frames of each session, with the offsets applied.
     pub sessions: Vec<SavedSession>,
     /// The unknowns, in the order of the covariance.
     pub unknowns: Vec<SavedUnknown>,
@@ -217,7 +217,7 @@ pub struct SavedCalibration {
 }
 
 impl SavedArm {
-    /// Of a nominal arm.
+    /// The saved form of a nominal arm.
     pub fn of(arm: &Arm) -> Self {
         let joint = |joint: &Joint| SavedJoint {
             name: joint.name.clone(),
@@ -267,7 +267,7 @@ impl SavedArm {
     }
 }
 
-/// How axis variables follow from reported joint angles: the joint map, or the identity.
+/// The matrix from reported joint angles to axis variables: the joint map, or the identity.
 pub fn axes_from_joints(arm: &Arm) -> DMatrix<f64> {
     let joints = arm.joints().len();
     let mut map = DMatrix::zeros(joints, joints);
@@ -337,7 +337,7 @@ impl SavedElement {
 }
 
 impl SavedPlacement {
-    /// Of an isometry in mm.
+    /// The saved form of an isometry in mm.
     pub fn of(placement: &Isometry3<f64>) -> Self {
         Self {
             xyz_mm: placement.translation.vector.into(),
@@ -345,7 +345,7 @@ impl SavedPlacement {
         }
     }
 
-    /// The isometry, mm; `what` is placed.
+    /// The isometry, mm; `what` names the placement in errors.
     pub fn isometry(&self, what: &'static str) -> Result<Isometry3<f64>, SavedError> {
         let [x, y, z, w] = self.quaternion_xyzw;
         let quaternion = Quaternion::new(w, x, y, z);
@@ -408,7 +408,7 @@ impl SavedPlacements {
 }
 
 impl SavedUnknown {
-    /// Of one unknown.
+    /// The saved form of one unknown.
     pub fn of(unknown: &Unknown) -> Self {
         Self {
             session: unknown.session(),
@@ -423,7 +423,7 @@ impl SavedUnknown {
 }
 
 impl SavedCalibration {
-    /// Of a calibration of `arm` on the sessions `names`.
+    /// The saved form of a calibration of `arm` on the sessions `names`.
     pub fn of(calibration: &Calibration, arm: &Arm, names: &[&str]) -> Self {
         let covariance = &calibration.covariance;
         let row = |i: usize| (0..=i).map(|j| covariance[(i, j)]).collect();
@@ -486,7 +486,7 @@ pub(super) fn read<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, SavedE
     serde_json::from_str(text).map_err(json)
 }
 
-/// Holds a length against what the other parts ask for.
+/// Compares a length with the one that the other parts need.
 pub(super) const fn same_length(
     what: &'static str,
     expected: usize,
@@ -510,7 +510,7 @@ fn motion_of(name: &str) -> Result<Motion, SavedError> {
     })
 }
 
-/// The parameter of a name, as its `Display` writes it.
+/// The parameter with this name, as its `Display` writes it.
 fn parameter_of(name: &str) -> Result<Parameter, SavedError> {
     const MOST_JOINTS: usize = 16;
     let frames = Motion::ALL
@@ -539,7 +539,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_comes_back_as_it_was() {
+    fn an_arm_read_back_equals_the_arm_saved() {
         let arm = ur10();
         let text = serde_json::to_string(&SavedArm::of(&arm)).expect("JSON");
         let saved: SavedArm = serde_json::from_str(&text).expect("the same shape");
@@ -566,7 +566,7 @@ mod tests {
                 *joint = usize::MAX;
             }
         });
-        assert!(beyond.contains("asks for 6"), "{beyond}");
+        assert!(beyond.contains("needs 6"), "{beyond}");
         let unknown = error(|arm| {
             if let SavedElement::Free { parameter, .. } = &mut arm.elements[0] {
                 "theta_99".clone_into(parameter);

@@ -1,14 +1,15 @@
-//! Whether an instrument's length unit agrees with the arm's lengths: the scale of each session, tested against nominal lengths.
+//! Whether an instrument's length unit agrees with the arm's lengths: the scale of each session, tested against nominal
+//! lengths.
 //!
-//! Measured positions that are all too long by one share look to the fit like links that are too long by it: with a weak prior on
-//! lengths nothing is left over, and every held-out station is predicted to the micrometre in the wrong unit. What tells is that an
-//! arm's links are not all wrong by one share, and by no more than they are made to. Steps:
-//! 1. what the stations say of lengths (`a`, `d`) and of each session's scale, priors taken out ([`ScaleEvidence`]);
-//! 2. lengths right within a stated standard deviation, or as far off as they are found beside the scale where that is more, scales
+//! Measured positions that are all too long by one share have the same effect as links that are too long by it: with a weak
+//! prior on lengths no residual remains, and every held-out station is predicted to the micrometre in the wrong unit. The
+//! evidence is that an arm's links are not all wrong by one share, nor by more than their tolerance. Steps:
+//! 1. the stations' evidence on lengths (`a`, `d`) and on each session's scale, without priors ([`ScaleEvidence`]);
+//! 2. lengths right within a stated standard deviation (or the length errors found beside the scale, if larger), scales
 //!    free: the scale of each session and its standard deviation;
-//! 3. a scale beyond [`SIGMAS`] of them is named. The least that could have been is published beside it.
+//! 3. a scale beyond [`SIGMAS`] of them is named. The least scale that would have been named is published beside it.
 //!
-//! Nominal lengths cannot tell a wrong scale from a warm arm, whose links are all longer by one share too
+//! Nominal lengths cannot distinguish a wrong scale from a warm arm, whose links are all longer by one share too
 //! ([`EXPANSION_PPM_PER_K`]); known distances can.
 
 use nalgebra::{DMatrix, DVector};
@@ -17,39 +18,40 @@ use super::full::FullModel;
 use super::problem::Problem;
 use crate::kinematics::{LinkQuantity, Parameter};
 
-/// A scale beyond so many of its standard deviations is named.
+/// A scale beyond this number of its standard deviations is named.
 pub const SIGMAS: f64 = 3.0;
-/// Thermal expansion of what arms are made of, from cast iron to aluminium, ppm for each kelvin.
+/// Thermal expansion of the materials of arms, from cast iron to aluminium, ppm per kelvin.
 pub const EXPANSION_PPM_PER_K: [f64; 2] = [11.0, 24.0];
-/// A scale that nothing but the lengths holds, as a standard deviation: 1 %.
+/// Standard deviation of a scale that only the lengths constrain: 1 %.
 const FREE: f64 = 1e-2;
 const PPM: f64 = 1e6;
 
-/// What stations say of an arm's lengths and of each session's scale, without a prior on either; everything else is integrated out.
+/// The stations' evidence on an arm's lengths and on each session's scale, without a prior on either; all else is integrated
+/// out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScaleEvidence {
-    /// Lengths, which stand before the scales.
+    /// Number of lengths, which come before the scales.
     lengths: usize,
     /// Information on length offsets, mm⁻², and scales, as shares.
     information: DMatrix<f64>,
-    /// The information times what the stations alone would have.
+    /// The information times the estimate from the stations alone.
     moment: DVector<f64>,
 }
 
-/// The scale of one session where lengths are right within a tolerance.
+/// The scale of one session if lengths are right within a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FreeScale {
-    /// How much too long the instrument measures, against the arm's lengths, ppm.
+    /// Scale of the instrument relative to the arm's lengths, ppm; positive when it measures too long.
     pub ppm: f64,
-    /// Its standard deviation, ppm: nearly all of it is that of the lengths. They are taken to be as far off as they were found, where
-    /// that is more than their tolerance.
+    /// The scale's standard deviation, ppm; nearly all of it comes from the lengths, whose found errors are used where they
+    /// exceed the tolerance.
     pub sd_ppm: f64,
-    /// Root mean square of what the lengths are off beside the scale, mm.
+    /// Root mean square of the length errors that remain beside the scale, mm.
     pub length_rms_mm: f64,
 }
 
 impl FreeScale {
-    /// Whether it is beyond what lengths within their tolerance explain.
+    /// Whether the scale is larger than lengths within their tolerance explain.
     pub fn is_named(&self) -> bool {
         self.ppm.abs() > self.detectable_ppm()
     }
@@ -59,26 +61,26 @@ impl FreeScale {
         SIGMAS * self.sd_ppm
     }
 
-    /// By how many kelvins an arm would have to be warmer than its nominal lengths are stated for, to look like this scale: least
-    /// and largest size, by what it is made of. Negative for an arm that is colder.
+    /// Temperature above that of the nominal lengths, K, at which an arm would have the same effect as this scale: least
+    /// and largest size, by material. Negative for a colder arm.
     pub fn kelvins(&self) -> [f64; 2] {
         kelvins(self.ppm)
     }
 }
 
-/// The scale of one session in a full error model that holds it to the instrument's prior.
+/// The scale of one session in a full error model, with the instrument's prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedScale {
-    /// How much longer it measures than the arm that all sessions share, ppm.
+    /// Scale relative to the arm that all sessions share, ppm; positive when the session measures longer.
     pub ppm: f64,
-    /// Its standard deviation, ppm.
+    /// The scale's standard deviation, ppm.
     pub sd_ppm: f64,
     /// Whether the evidence kept scales in the model; without them both are 0.
     pub kept: bool,
 }
 
 impl FittedScale {
-    /// Of a session by its place in the model; `None` where the model has no scales.
+    /// The scale of a session, by its index in the model; `None` where the model has no scales.
     pub fn of(full: &FullModel, session: usize) -> Option<Self> {
         let (scale, sd) = full.session_scale(session)?;
         Some(Self {
@@ -92,23 +94,23 @@ impl FittedScale {
     }
 }
 
-/// Whether a session's scale is wrong by more than chance.
+/// The verdict on whether a session's scale is wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ScaleVerdict {
-    /// It is, and named with how far.
+    /// The scale is wrong, and named with its size.
     Named,
-    /// Nothing shows that it is.
+    /// There is no evidence that it is wrong.
     NotNamed,
-    /// It could not be told.
+    /// It could not be determined.
     NotShown,
 }
 
-/// What is known of one session's scale.
+/// The results on one session's scale.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessionScale {
     /// The session's name.
     pub session: String,
-    /// Its measured stations.
+    /// Number of its measured stations.
     pub stations: usize,
     /// Standard deviation of its scale before any measurement, ppm.
     pub prior_sd_ppm: f64,
@@ -116,7 +118,8 @@ pub struct SessionScale {
     pub fitted: Option<FittedScale>,
     /// Standard deviation of the arm's lengths, mm.
     pub length_sd_mm: f64,
-    /// The scale that the arm's lengths alone hold; `None` without a full error model, or where rounding made it indefinite.
+    /// The scale constrained by the arm's lengths alone; `None` without a full error model, or where rounding made it
+    /// indefinite.
     pub free: Option<FreeScale>,
 }
 
@@ -130,14 +133,14 @@ impl SessionScale {
         }
     }
 
-    /// Why the verdict is what it is, where that is not plain.
+    /// The reason for the verdict; `None` where none is needed.
     pub fn reason(&self) -> Option<String> {
         let not_shown = || {
             let reason = if self.fitted.is_some() {
-                "what the stations say of lengths and scale could not be told from rounding"
+                "the evidence of the stations on lengths and scale could not be distinguished from rounding"
             } else {
-                "a full error model with scales is needed ([fit.full] enabled, session_scale_ppm above 0): geometry alone takes \
-                 gravity and joint curves for lengths"
+                "a full error model with scales is needed ([fit.full] enabled, session_scale_ppm above 0): geometry alone absorbs \
+                 gravity and joint curves in the lengths"
             };
             self.free.is_none().then(|| reason.to_owned())
         };
@@ -148,13 +151,13 @@ impl SessionScale {
         self.free.is_some_and(|free| free.is_named()) || self.beside_others().is_some()
     }
 
-    /// A scale against the other sessions of its pool that is beyond what sessions ordinarily have.
+    /// A scale relative to the other sessions of its pool that is larger than usual between sessions.
     fn beside_others(&self) -> Option<FittedScale> {
         self.fitted
             .filter(|fitted| fitted.ppm.abs() > SIGMAS * self.prior_sd_ppm)
     }
 
-    /// What is to be said of a scale that is named; `None` where none is.
+    /// The statement about a named scale; `None` where none is named.
     pub fn named(&self) -> Option<String> {
         let of = |ppm: f64, sd_ppm: f64, against: &str| {
             let [least, most] = kelvins(ppm).map(f64::abs);
@@ -166,7 +169,7 @@ impl SessionScale {
             format!(
                 "session {}: positions are measured {:.0} ± {sd_ppm:.0} ppm too {sense} against {against}, which is beyond {SIGMAS:.0} \
                  standard deviations: the tracker's scale is wrong by that, or the arm is {least:.0} to {most:.0} K {warmth} than its \
-                 lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot tell these apart, a known \
+                 lengths are stated for ({:.0} to {:.0} µm/m/K), or its lengths are; nominal lengths cannot distinguish these, a known \
                  distance measured with the same tracker can",
                 self.session,
                 ppm.abs(),
@@ -191,7 +194,7 @@ impl SessionScale {
     }
 }
 
-/// By how many kelvins an arm would have to be warmer to look like a scale, of aluminium and of cast iron.
+/// Temperature rise with the same effect as a scale, K, for aluminium and for cast iron.
 fn kelvins(ppm: f64) -> [f64; 2] {
     // Links that are longer than nominal are measured as a positive scale.
     let [iron, aluminium] = EXPANSION_PPM_PER_K;
@@ -199,8 +202,8 @@ fn kelvins(ppm: f64) -> [f64; 2] {
 }
 
 impl ScaleEvidence {
-    /// From the posterior of length offsets (mm, from nominal) and scales, in this order, with priors of mean zero and these
-    /// precisions; `None` where rounding made the covariance indefinite.
+    /// The evidence from the posterior of length offsets (mm, from nominal) and scales, in this order, with zero-mean priors of
+    /// these precisions; `None` where rounding made the covariance indefinite.
     pub fn of(
         lengths: usize,
         covariance: &DMatrix<f64>,
@@ -219,7 +222,7 @@ impl ScaleEvidence {
         })
     }
 
-    /// Each session's scale where every length is right within `length_sd_mm` (a standard deviation) and scales are free; `None`
+    /// Each session's scale if every length is right within `length_sd_mm` (a standard deviation) and scales are free; `None`
     /// where rounding made the information indefinite.
     pub fn free_scales(&self, length_sd_mm: f64) -> Option<Vec<FreeScale>> {
         let mut information = self.information.clone();
@@ -233,11 +236,15 @@ impl ScaleEvidence {
         }
         let covariance = inverse(&information)?;
         let mean = &covariance * &self.moment;
-        // Lengths that no station tells of stay where they were expected, and count for nothing.
-        let told = |place: usize| 1.0 - covariance[(place, place)] / length_sd_mm.powi(2);
-        let told: f64 = (0..self.lengths).map(told).sum();
+        // Lengths that no station determines keep their prior mean and have no weight.
+        let determined = |place: usize| 1.0 - covariance[(place, place)] / length_sd_mm.powi(2);
+        let determined: f64 = (0..self.lengths).map(determined).sum();
         let off: f64 = (0..self.lengths).map(|place| mean[place].powi(2)).sum();
-        let length_rms_mm = if told > 0.0 { (off / told).sqrt() } else { 0.0 };
+        let length_rms_mm = if determined > 0.0 {
+            (off / determined).sqrt()
+        } else {
+            0.0
+        };
         let wider = (length_rms_mm / length_sd_mm).max(1.0);
         let free = |place: usize| FreeScale {
             ppm: PPM * mean[place],
@@ -250,7 +257,7 @@ impl ScaleEvidence {
     }
 }
 
-/// Where the arm's lengths stand among a problem's unknowns.
+/// Indices of the arm's lengths among a problem's unknowns.
 pub(super) fn lengths(problem: &Problem<'_>) -> Vec<usize> {
     let is_length = |parameter: Parameter| {
         matches!(
@@ -268,7 +275,7 @@ pub(super) fn lengths(problem: &Problem<'_>) -> Vec<usize> {
         .collect()
 }
 
-/// The inverse of a positive definite matrix, its rows and columns scaled to a diagonal of ones meanwhile.
+/// The inverse of a positive definite matrix, computed with rows and columns scaled to a diagonal of ones.
 fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scales = matrix.diagonal().map(|d| d.sqrt().recip());
     let scale = |matrix: DMatrix<f64>| {
@@ -282,7 +289,7 @@ fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
 
-    /// Stations that know each length plus its share of the scale, and nothing else: `x_i + L_i s` to a micrometre.
+    /// Stations that determine only each length plus its share of the scale: `x_i + L_i s` to a micrometre.
     fn evidence(lengths_mm: &[f64], found_mm: &[f64]) -> ScaleEvidence {
         let n = lengths_mm.len();
         let rows = DMatrix::from_fn(n, n + 1, |i, j| {
@@ -311,10 +318,10 @@ mod tests {
         // 1000 ppm are 42 to 91 K.
         let [least, most] = free.kelvins();
         assert!((least - 41.7).abs() < 0.1 && (most - 90.9).abs() < 0.1);
-        // One link that is too long by its tolerance is none.
+        // One link that is too long by its tolerance is no scale.
         let free = evidence(&lengths, &[0.0, 0.3, 0.0, 0.0]).free_scales(0.3);
         assert!(!free.expect("positive definite")[0].is_named());
-        // Lengths that are off by ten times their tolerance say so, and say less of the scale.
+        // Lengths that are off by ten times their tolerance show in `length_rms_mm`, and the scale is less certain.
         let free = evidence(&lengths, &[3.0, 1.0, -3.0, 3.0]).free_scales(0.3);
         let free = free.expect("positive definite")[0];
         assert!((1.5..3.5).contains(&free.length_rms_mm), "{free:?}");
@@ -322,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn priors_that_were_in_a_posterior_are_taken_out() {
+    fn priors_in_a_posterior_are_removed() {
         let lengths = [350.0, 1150.0, 41.0, 1200.0];
         let stations = evidence(&lengths, &[0.1, -0.2, 0.3, 0.4]);
         let precisions = DVector::from_vec(vec![1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 1.0 / 9.0, 4e8]);

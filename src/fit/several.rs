@@ -24,7 +24,7 @@ fn ur10() -> Arm {
     file.arm().expect("a valid arm")
 }
 
-/// Where the base truly stands in the frames of both instruments, and where the three targets sit.
+/// True poses of the base in the frames of both instruments, and of the three targets on the flange.
 fn truth() -> Frames {
     let base = |xyz, rpy| Transform::<Tracker, Base>::claim(isometry_from_rpy(xyz, rpy));
     let target = |xyz, rpy| Transform::<Flange, Target>::claim(isometry_from_rpy(xyz, rpy));
@@ -40,7 +40,7 @@ fn truth() -> Frames {
     Frames::new(sources, targets).expect("some of each")
 }
 
-/// Errors of parameters that neither a base nor a target can take up: 0.4 mm and 0.5 mrad.
+/// Errors of parameters that neither a base nor a target can absorb: 0.4 mm and 0.5 mrad.
 fn errors(arm: &Arm) -> Vec<f64> {
     let error = |parameter: &Parameter| match parameter {
         Parameter::Link {
@@ -66,7 +66,7 @@ fn joints(place: usize) -> Vec<f64> {
     (0..6).map(angle).collect()
 }
 
-/// What the source sees of the target at joint angles, without noise.
+/// The target's pose in the source's frame at joint angles, without noise.
 fn seen(arm: &Arm, joints: &[f64], pair: &FramePair) -> Isometry3<f64> {
     let flange = arm.chain().forward(&arm.axes(joints), &errors(arm));
     pair.tracker_from_base.isometry() * flange * pair.flange_from_target.isometry()
@@ -144,7 +144,7 @@ fn identified(arm: &Arm) -> Calibration {
     identify(arm, &observed(arm), 1, Freedom::Geometry, &settings).expect("a fit")
 }
 
-/// How far two placements are apart, mm and rad.
+/// Distance of two placements, mm and rad.
 fn apart(a: &Isometry3<f64>, b: &Isometry3<f64>) -> (f64, f64) {
     let off = a.translation.vector - b.translation.vector;
     (off.norm(), a.rotation.angle_to(&b.rotation))
@@ -235,7 +235,7 @@ fn the_jacobian_is_the_numerical_one_for_each_source_and_target() {
     let mut at = DVector::zeros(problem.unknowns().len());
     let errors = DVector::from_vec(errors(&arm));
     at.rows_mut(0, errors.len()).copy_from(&errors);
-    // All blocks' rows below each other, each column where its unknown stands; the residual behind them.
+    // All blocks' rows below each other, each column at the place of its unknown; the residual after them.
     let rows = |at: &DVector<f64>| {
         let mut columns = vec![Vec::new(); at.len() + 1];
         problem.each_block(at, |block| {
@@ -303,7 +303,7 @@ fn the_full_error_model_knows_each_source_and_target_and_so_does_its_next_sessio
     assert_same_frames(&back.fitted_frames()[0], &model.fitted_frames()[0]);
     assert!((largest(&back) - largest(&model)).abs() < 1e-6);
 
-    // A new session: the second instrument was moved, the first target put on again.
+    // A new session: the second instrument was moved, the first target mounted again.
     let mounting = Mounting {
         session: 0,
         sources: vec![Placed::Same, Placed::Moved(truth().sources()[1])],
@@ -322,7 +322,7 @@ fn the_full_error_model_knows_each_source_and_target_and_so_does_its_next_sessio
             .sqrt()
     };
     let (same, again, moved) = (open(0, 1), open(0, 0), open(1, 1));
-    // √3 · 0.1 mm more for the target that was put on again; nothing known of the base that was moved.
+    // √3 · 0.1 mm more for the target that was mounted again; the moved base is unknown.
     let expected = (same * same + 3.0 * 0.1_f64.powi(2)).sqrt();
     assert!((again - expected).abs() < 0.05, "{again} for {expected}");
     assert!(moved > 100.0 * again, "{moved} mm");
@@ -366,7 +366,7 @@ fn what_is_for_one_source_and_one_target_refuses_several() {
     let one = FramePair::only(truth().sources()[0], truth().targets()[0]);
     assert_eq!(Frames::from(one).one(), Ok(one));
 
-    // A place stated for one target says nothing of three, and targets are numbered without gaps.
+    // A place stated for one target does not apply to three, and targets are numbered without gaps.
     let arm = ur10();
     let settings = FitSettings {
         target: Some(KnownTarget {

@@ -1,18 +1,18 @@
 //! Levenberg–Marquardt on the normal equations, columns scaled to unit norm, with a weak prior and a robust loss.
 //!
-//! The cost is `rᵀ W r / s² + Σ (x_i / sd_i)²`: the prior is weighed against the misfit the model really has, not
-//! against the instrument's noise, so that a model that cannot fit does not drown the prior. `s²` and the robust
-//! weights are renewed between rounds of Levenberg–Marquardt.
+//! The cost is `rᵀ W r / s² + Σ (x_i / sd_i)²`: the prior is weighted against the actual misfit of the model, not
+//! against the instrument's noise, so that a model that cannot fit does not override the prior. `s²` and the robust
+//! weights are recomputed between rounds of Levenberg–Marquardt.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::loss::Loss;
 use super::problem::{Normal, Problem};
 
-/// How a solution ended.
+/// The state in which the solver ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convergence {
-    /// The last step changed nothing that matters.
+    /// The last step was negligible.
     Converged,
     /// The limit of iterations was reached first.
     IterationLimit,
@@ -25,7 +25,7 @@ pub enum Convergence {
 pub struct Solution {
     /// Offsets in the order of the problem's unknowns.
     pub offsets: DVector<f64>,
-    /// How it ended.
+    /// The state in which the solver ended.
     pub convergence: Convergence,
     /// Levenberg–Marquardt steps in all rounds.
     pub iterations: usize,
@@ -41,15 +41,15 @@ pub struct Solution {
 
 const ROUNDS: usize = 12;
 const STEPS_PER_ROUND: usize = 30;
-/// A step below this many standard errors, of whatever combination of unknowns, changes nothing.
+/// A step below this many standard errors, of any combination of unknowns, is negligible.
 const STEP_TOLERANCE: f64 = 1e-6;
 /// A cost is a sum of thousands of squares: below this share of it a difference is rounding.
 const ROUNDING: f64 = 1e-12;
 const LEAST_DAMPING: f64 = 1e-12;
-/// A share of an unknown's column, squared, that the others leave to it: with more the normal equations have digits to spare.
+/// The squared share of an unknown's column that is independent of the others; above it the normal equations are accurate.
 const DETERMINED: f64 = 1e-9;
 
-/// Solves `problem` from its start; `rank` is the number of unknowns the poses can tell apart.
+/// Solves `problem` from its start; `rank` is the number of independent unknowns.
 pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     let offsets = DVector::zeros(problem.unknowns().len());
     let mut norms = problem.norms(&offsets);
@@ -58,7 +58,7 @@ pub fn solve(problem: &Problem<'_>, loss: Loss, rank: usize) -> Solution {
     let normal = problem.normal(&offsets, &weights);
     let mut point = Point { offsets, normal };
     let (mut iterations, mut convergence) = (0, Convergence::IterationLimit);
-    // Neither weights nor the variance factor change what a problem without both is solved by.
+    // Without robust weights and prior, a further round would give the same solution.
     let one_round = loss == Loss::Squares && problem.prior_precision().amax() == 0.0;
     for _ in 0..ROUNDS {
         let before = point.offsets.clone();
@@ -126,12 +126,12 @@ fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) ->
             let normal = problem.normal(&offsets, weights);
             let tried = Point { offsets, normal };
             let tried_cost = cost_at(&tried);
-            // What the step is in standard errors, along the direction in which it is largest (Newton's decrement).
+            // The step in standard errors, along the direction in which it is largest (Newton's decrement).
             let size = gradient.dot(&change).max(0.0).sqrt();
             if tried_cost <= cost * (1.0 + ROUNDING) {
                 (point, cost) = (tried, tried_cost);
                 damping = Some((here * 0.1).max(LEAST_DAMPING));
-                // Steps fall by a steady share or faster, so the next would be smaller than this one by as much again.
+                // Steps fall by a steady factor or faster, so the next step is smaller by that factor at least.
                 if size * (size / last_size).min(1.0) < STEP_TOLERANCE {
                     return ended(point, step, Convergence::Converged);
                 }
@@ -150,8 +150,8 @@ fn descend(problem: &Problem<'_>, start: Point, weights: &[f64], factor: f64) ->
     ended(point, STEPS_PER_ROUND, Convergence::IterationLimit)
 }
 
-/// Hardly any where every unknown is determined by poses or prior, for Newton's step is best there. Otherwise enough to
-/// keep what is not determined from following rounding errors.
+/// The first damping: very small where poses or prior determine every unknown, since Newton's step is best there; otherwise
+/// large enough to keep undetermined unknowns from following rounding errors.
 fn first_damping(matrix: &DMatrix<f64>, scales: &DVector<f64>) -> f64 {
     let scaled = scaled(matrix, scales);
     let pivots = scaled.cholesky().map(|factor| factor.l_dirty().diagonal());
@@ -184,7 +184,7 @@ pub(super) fn posterior_information(
     matrix
 }
 
-/// What an unknown alone would have as standard error: the inverse norm of its column. 1 for a zero column.
+/// The standard error that each unknown alone would have: the inverse norm of its column; 1 for a zero column.
 fn step_scales(normal: &Normal, problem: &Problem<'_>, factor: f64) -> DVector<f64> {
     let diagonal = normal.information.diagonal() / factor + problem.prior_precision();
     diagonal.map(|norm_squared| {
@@ -226,7 +226,7 @@ fn variance_factor(problem: &Problem<'_>, norms: &[f64], weights: &[f64], rank: 
 
 /// `misfit / (rows − rank)`.
 fn factor_of(misfit: f64, rows: f64, rank: usize) -> f64 {
-    // Exact synthetic data fits to rounding; a floor keeps the prior from being weighed against nothing.
+    // Exact synthetic data fits to rounding; a floor keeps the prior's weight finite.
     (misfit / (rows - rank as f64).max(1.0)).max(1e-12)
 }
 

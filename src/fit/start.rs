@@ -12,17 +12,17 @@ use crate::geometry::{Base, Tracker, Transform, align};
 use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, BatchChain};
 
-/// Nine numbers of base and target ask for three positions; one more leaves something to judge by.
+/// The least number of stations: nine numbers of base and target need three positions, and one more gives a residual.
 const LEAST_STATIONS: usize = 4;
-/// Positions that spread less than this across their longest direction lie on a line for the purpose.
+/// Positions that spread less than this across their longest direction count as a line, mm.
 const LEAST_SPREAD_MM: f64 = 1.0;
-/// Passes of base and target alone; the frames are taken in after each, so the small turns stay small.
+/// Passes of base and target alone; the frames are updated after each, so that the turns stay small.
 const PASSES: usize = 3;
-/// Offsets below this (mm and rad) leave the frames as they are.
+/// Offsets below this (mm and rad) do not change the frames.
 const SETTLED: f64 = 1e-9;
 
-/// The frames of each session with the nominal arm: bases and targets fitted, geometry held. A session has the sources and targets
-/// that its observations name.
+/// The frames of each session with the nominal arm: bases and targets fitted, geometry fixed. A session has the sources and
+/// targets that its observations name.
 pub fn frames(
     arm: &Arm,
     observations: &[Observation],
@@ -39,10 +39,10 @@ pub fn frames(
             Freedom::BaseAndTarget,
             &settings.prior(),
         );
-        // With one tool orientation base and target trade freely; the solver's damping takes the shortest step there.
+        // With one tool orientation base and target are confounded; the solver's damping takes the shortest step there.
         let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
         frames = problem.frames(&solution.offsets);
-        // Taken in, nothing is left to move.
+        // The frames contain the offsets: further passes would change nothing.
         if solution.offsets.amax() < SETTLED {
             break;
         }
@@ -128,7 +128,7 @@ fn base(
     Ok(Transform::claim(base))
 }
 
-/// The nominal flange at each observation.
+/// The nominal flange at each observation, in the base frame, mm.
 fn flanges(arm: &Arm, observations: &[&Observation]) -> Vec<Isometry3<f64>> {
     let chain = arm.chain();
     let axis = |axis: usize| observations.iter().map(|o| o.axes[axis]).collect();

@@ -11,13 +11,13 @@ use super::model::{At, Known, PoseModel, Query};
 #[derive(Debug, Clone, Copy)]
 pub struct ToolErrors<'m> {
     model: &'m dyn PoseModel,
-    /// The session's place in the model.
+    /// The session's index in the model.
     session: usize,
     error_frame: &'m ErrorFrame<'m>,
 }
 
 impl<'m> ToolErrors<'m> {
-    /// The errors that `model` sees in the `error_frame` of its session `session`.
+    /// The errors by `model` in the `error_frame` of its session `session`.
     pub const fn new(
         model: &'m dyn PoseModel,
         session: usize,
@@ -50,7 +50,7 @@ impl<'m> ToolErrors<'m> {
         many.par_iter().zip(tools).map(in_error_frame).collect()
     }
 
-    /// [`Self::error`] with its covariance for a command of some day, mm².
+    /// [`Self::error`] with its covariance for a command used in another session, mm².
     pub fn error_with_covariance(
         &self,
         joints: &[f64],
@@ -85,7 +85,7 @@ impl<'m> ToolErrors<'m> {
         })
     }
 
-    /// A point in the tracker's frame as an error in the error reference frame.
+    /// The error, in the error reference frame, of a point in the tracker frame, mm.
     fn in_error_frame(&self, joints: &[f64], tool: &Point3<f64>) -> Vector3<f64> {
         let base = self.error_frame.frames().tracker_from_base.isometry();
         base.inverse_transform_point(tool).coords

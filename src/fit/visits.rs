@@ -1,20 +1,20 @@
-//! Which dwells of the arm are visits of one pose.
+//! Dwells of the arm that are visits of one pose.
 //!
-//! Inputs: commands and reported joints of dwells. Output: for each dwell the one that stands for its pose. Whatever counts
-//! poses rather than dwells asks here: distribution-free bounds, blocks that are held out, ISO 9283.
+//! Inputs: commands and reported joints of dwells. Output: for each dwell the one that stands for its pose. All code that
+//! counts poses rather than dwells uses it: distribution-free bounds, held-out blocks, ISO 9283.
 //!
-//! Two dwells are visits of one pose when they had one command and stood alike:
-//! - commanded positions within 0.01 mm and orientations within 0.01°. A program that goes to a pose again states the same
-//!   numbers; controllers show and store commands to about these last digits, and no arm repeats as well, so whatever lies
-//!   between is one pose to whoever programmed it;
+//! Two dwells are visits of one pose when their commands and joint angles agree:
+//! - commanded positions within 0.01 mm and orientations within 0.01°. A program that revisits a pose states the same
+//!   numbers; controllers show and store commands to about these last digits, and no arm repeats as well, so commands this
+//!   near are one pose to the programmer;
 //! - every reported joint within 1°. One command can be reached in several configurations, or with a joint a turn further on,
 //!   which the standard would not count as one pose; a dwell's joints are within milliradians of its command's otherwise.
 //!
-//! A dwell without a command is a visit of the pose that it stood at: every reported joint within 0.1°. Servo errors of a stationary joint are
-//! a tenth of that, and no two poses of a program are as near.
+//! A dwell without a command is a visit of the pose of its joint angles: every reported joint within 0.1°. Servo errors of a
+//! stationary joint are a tenth of that, and no two poses of a program are so near.
 //!
-//! A pose is named by the dwell that was first there, of those with a command where there is one; a dwell belongs to the first
-//! pose that it is alike to.
+//! A pose is named by its first dwell, of those with a command where there is one; a dwell belongs to the first
+//! pose that it agrees with.
 
 use std::collections::BTreeMap;
 
@@ -27,19 +27,19 @@ const ONE_ORIENTATION_RAD: f64 = 0.01 / 180.0 * std::f64::consts::PI;
 /// Reported joints of one pose are within this, rad.
 const ONE_CONFIGURATION_RAD: f64 = std::f64::consts::PI / 180.0;
 
-/// Reported joints of one pose are within this where no command tells more, rad.
+/// Reported joints of one pose are within this without a command, rad.
 const ONE_STAND_RAD: f64 = 0.1 / 180.0 * std::f64::consts::PI;
 
 /// A dwell of the arm, measured or not.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dwell<'d> {
-    /// Its command, where it has one.
+    /// Its command; absent where it has none.
     pub command: Option<CommandedPose>,
     /// Reported joint angles, rad.
     pub joints: &'d [f64],
 }
 
-/// For each dwell the place of the dwell that its pose is named by.
+/// For each dwell, the index of the dwell that names its pose.
 pub fn poses(dwells: &[Dwell<'_>]) -> Vec<usize> {
     let mut poses: Vec<usize> = (0..dwells.len()).collect();
     let commanded = |place: &usize| dwells[*place].command.is_some();
@@ -58,7 +58,7 @@ pub fn poses(dwells: &[Dwell<'_>]) -> Vec<usize> {
     poses
 }
 
-/// The first dwells of poses, by slices of a coordinate: only one in the same or the next slice can be within reach.
+/// The first dwells of poses, by slices of a coordinate: only those in the same or a neighbouring slice can agree.
 struct Firsts {
     slice: f64,
     coordinate: fn(&Dwell<'_>) -> Option<f64>,
@@ -74,7 +74,7 @@ impl Firsts {
         }
     }
 
-    /// The first of those found so far that `is_alike` to the dwell at `place`; the dwell itself where none is.
+    /// The first of those found so far for which `is_alike` is true with the dwell at `place`; the dwell itself where none is.
     fn of(
         &mut self,
         dwells: &[Dwell<'_>],
@@ -111,7 +111,7 @@ impl Firsts {
     }
 }
 
-/// Whether two dwells had one command and stood alike.
+/// Whether commands and joint angles of two dwells agree.
 fn alike(a: &Dwell<'_>, b: &Dwell<'_>) -> bool {
     let (Some(first), Some(second)) = (&a.command, &b.command) else {
         return false;
@@ -176,24 +176,24 @@ mod tests {
     }
 
     #[test]
-    fn without_a_command_a_dwell_is_of_the_pose_that_it_stood_at() {
+    fn a_dwell_without_a_command_is_of_the_pose_of_its_joint_angles() {
         let home = command(1000.0, 0.0);
         let found = places(&[
-            // Before the first command: it stood where the second dwell was sent, a servo error of 0.1 mrad beside.
+            // Before the first command: it was at the pose of the second dwell, with a servo error of 0.1 mrad.
             (None, [0.5001, 1.0]),
             (Some(home), [0.5, 1.0]),
-            // 1 mrad is within 0.1° = 1.75 mrad, 3 mrad is not; the next is alike to that one.
+            // 1 mrad is within 0.1° = 1.75 mrad, 3 mrad is not; the next agrees with that one.
             (None, [0.501, 1.0]),
             (None, [0.503, 1.0]),
             (None, [0.503, 1.0005]),
-            // Another command near to where they stood is a pose of its own.
+            // Another command near to their joint angles is a pose of its own.
             (Some(command(1000.5, 0.0)), [0.5005, 1.0]),
         ]);
         assert_eq!(found, [1, 1, 1, 3, 3, 5]);
     }
 
     #[test]
-    fn slices_do_not_part_what_is_alike() {
+    fn slices_do_not_separate_dwells_of_one_pose() {
         // −0.001 and 0.004 mm lie in two slices of 0.01 mm; 0.011 is alike to the second alone, and the first counts.
         let joints = [0.0; 2];
         let found = places(&[

@@ -1,13 +1,13 @@
-//! A frame in the forms that people type into controllers.
+//! A frame in the forms in which it is entered into controllers.
 
 use nalgebra::Isometry3;
 
 use crate::units::MM_PER_M;
 
-/// A frame in one form: what it is called, and what is typed.
+/// A frame in one form: the form's name and the text to enter.
 pub type Typed = (&'static str, String);
 
-/// The frame at `isometry` (mm) in the forms of KUKA, UR and ABB, and as a matrix. Each line is what that controller takes.
+/// The frame at `isometry` (mm) in the forms of KUKA, UR and ABB, and as a matrix; each line is an input for that controller.
 pub fn forms(isometry: &Isometry3<f64>) -> [Typed; 4] {
     [
         ("KUKA, mm and degrees", kuka(isometry)),
@@ -66,7 +66,7 @@ fn deg(value: f64) -> String {
     number(value, 5)
 }
 
-/// A number with so many decimals, without a negative zero.
+/// A number with a given count of decimals, without a negative zero.
 fn number(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
     let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));

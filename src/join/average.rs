@@ -1,7 +1,7 @@
-//! The mean of a dwell: readings → position, orientation, scatter, and which readings are outliers.
+//! The mean of a dwell: readings → position, orientation, scatter, and the outliers among the readings.
 //!
-//! A reading is an outlier when on any axis it lies further from the median than `mad_factor` standard deviations, the
-//! standard deviation by 1.4826 times the median absolute deviation. Orientations: the barycentre on SO(3) of the
+//! A reading is an outlier when it is further from the median than `mad_factor` standard deviations on any axis, the
+//! standard deviation being 1.4826 times the median absolute deviation. Orientations: the barycentre on SO(3) of the
 //! readings kept, by Newton's steps in the tangent plane (the Karcher mean).
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -9,7 +9,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use super::clock::SIGMA_PER_MAD;
 use super::dwell::median;
 
-/// Readings that agree to better than this are never outliers, mm: instruments write whole micrometres.
+/// Readings that agree within this are never outliers, mm: instruments write whole micrometres.
 const RESOLUTION_MM: f64 = 2e-3;
 
 /// Whether each of `positions` (mm) belongs to the dwell: `true` kept, `false` an outlier.
@@ -29,7 +29,7 @@ pub fn kept(positions: &[[f64; 3]], mad_factor: f64, usual_mm: [f64; 3]) -> Vec<
     keep
 }
 
-/// Standard deviation by the median absolute deviation. Overwrites `values`.
+/// Standard deviation from the median absolute deviation. Overwrites `values`.
 pub(super) fn robust_sigma(values: &mut [f64]) -> f64 {
     let middle = median(values);
     for value in values.iter_mut() {
@@ -74,7 +74,7 @@ pub fn mean_orientation(quaternions: &[[f64; 4]]) -> Option<(UnitQuaternion<f64>
     Some((mean, (squares / (3.0 * (count - 1.0))).sqrt()))
 }
 
-/// A stated quaternion x y z w as a rotation.
+/// A stated quaternion x y z w as a rotation; `None` for one of zero length.
 pub fn unit(xyzw: &[f64; 4]) -> Option<UnitQuaternion<f64>> {
     UnitQuaternion::try_new(Quaternion::new(xyzw[3], xyzw[0], xyzw[1], xyzw[2]), 1e-6)
 }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn orientations_average_on_the_sphere_whatever_their_sign() {
+    fn orientations_of_either_sign_average_on_the_sphere() {
         let about_z = |angle: f64, sign: f64| {
             [
                 0.0,

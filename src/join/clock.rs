@@ -1,27 +1,27 @@
-//! The clocks: matched dwells → offset and drift from the edges that both logs saw, with their standard errors.
+//! The clocks: matched dwells → offset and drift from the edges seen in both logs, with their standard errors.
 //!
-//! A log sees an arrival late and a departure early, by its sampling and its threshold; what the two logs differ in is
-//! a third unknown beside offset and drift, `tracker − controller = offset + drift · t ± late` (+ on arrivals, − on
-//! departures). It cancels where the two are alike. Tukey's weights on the residuals, their scale from the median
-//! absolute deviation, iterated, leave wrong edges out.
-//! Where a tracker reads only while stationary there are no edges: then the middles of the dwells serve.
+//! A log shows an arrival late and a departure early, by its sampling and its threshold; the difference of the two logs is
+//! a third unknown in addition to offset and drift, `tracker − controller = offset + drift · t ± late` (+ on arrivals, − on
+//! departures). It cancels where the two are equal. Iterated Tukey's weights on the residuals, their scale from the median
+//! absolute deviation, leave wrong edges out.
+//! A tracker that reads only while stationary gives no edges: then the middles of the dwells are used.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::dwell::median;
 use super::pattern::{Dwells, Pair, Relation};
 
-/// With fewer edges than this the middles of dwells serve.
+/// With fewer edges than this the middles of dwells are used.
 const MIN_EDGES: usize = 8;
 const ROUNDS: usize = 20;
 /// Tukey's constant: 95 % efficient on Gaussian residuals.
 const TUKEY: f64 = 4.685;
-/// From a median absolute deviation to a standard deviation.
+/// Factor from a median absolute deviation to a standard deviation.
 pub const SIGMA_PER_MAD: f64 = 1.4826;
-/// Priors in weights of a mark: none on the offset; a drift of 100 ppm weighs like a millisecond; without sides, or with
-/// one only, `late` is nothing. Hardly felt by a session of minutes, they keep a few marks at one moment from failing.
-const WHISPERS: [f64; 3] = [0.0, 100.0, 1e-6];
-/// Time stamps are no better than this, s.
+/// Priors in weights of a mark: none on the offset; a drift of 100 ppm counts like a millisecond; without sides, or with
+/// one only, `late` is zero. A session of minutes is hardly affected; a few marks at one moment would fail without them.
+const PRIORS: [f64; 3] = [0.0, 100.0, 1e-6];
+/// Least scale of the residuals, s: time stamps are no better than this.
 const LEAST_SCALE_S: f64 = 1e-4;
 
 /// Offset and drift with their uncertainty, in seconds since the first stamps.
@@ -33,11 +33,11 @@ pub struct Refined {
     pub offset_se_s: f64,
     /// Standard error of the drift.
     pub drift_se: f64,
-    /// Edges (or middles) that carry weight.
+    /// Number of edges (or middles) with a weight.
     pub matched: usize,
     /// Root mean square of their residuals, s.
     pub rms_s: f64,
-    /// Whether edges or only middles were there.
+    /// Whether edges were used; otherwise middles.
     pub by_edges: bool,
 }
 
@@ -76,7 +76,7 @@ pub(super) fn refine(dwells: Dwells, pairs: &[Pair], sampling_s: [f64; 2]) -> Re
     line.summary(&marks, &weights, sampling_s, by_edges)
 }
 
-/// The edges that both logs saw.
+/// The edges seen in both logs.
 fn edges(dwells: Dwells, pairs: &[Pair]) -> Vec<Mark> {
     let mark = |arm: Option<f64>, target: Option<f64>, side: f64| {
         let at_s = arm?;
@@ -118,7 +118,7 @@ struct Line {
 
 impl Line {
     fn fit(marks: &[Mark], weights: &[f64], centre_s: f64) -> Self {
-        let mut normal = Matrix3::from_diagonal(&Vector3::from(WHISPERS));
+        let mut normal = Matrix3::from_diagonal(&Vector3::from(PRIORS));
         let mut right = Vector3::zeros();
         for (mark, &weight) in marks.iter().zip(weights) {
             let row = Self::row(mark, centre_s);
@@ -143,9 +143,9 @@ impl Line {
         mark.ahead_s - Self::row(mark, self.centre_s).dot(&self.unknowns)
     }
 
-    /// What the marks' residuals cannot show: samples of both logs in step shift every edge alike, by up to the
-    /// uncertainty of their intervals. That part of it which the residuals do not scatter by is added to the offset,
-    /// and to the drift as if the two ends of the session were off by it independently.
+    /// The estimate with its standard errors. If both logs are sampled in step, every edge is shifted alike, by up to the
+    /// uncertainty of their intervals, and no residual shows it. The part of it beyond the residuals' scatter is added to the
+    /// offset, and to the drift as if the two ends of the session were off by it independently.
     fn summary(
         &self,
         marks: &[Mark],
@@ -177,7 +177,7 @@ impl Line {
     }
 }
 
-/// First to last mark, s.
+/// Time from first to last mark, s.
 fn span_s(marks: &[Mark]) -> f64 {
     let at_s = marks.iter().map(|mark| mark.at_s);
     at_s.clone().fold(f64::NEG_INFINITY, f64::max) - at_s.fold(f64::INFINITY, f64::min)

@@ -1,9 +1,9 @@
-//! Commands: which commanded pose was in force during each dwell.
+//! Commands: the commanded pose in force during each dwell.
 //!
 //! Controllers stamp a command when they send it (before the move), when the arm arrives, or when they measure. So
 //! three rules are tried: the last command at or before a dwell's end, its middle, or its start. The right rule is the
-//! one whose commands lie where the nominal arm was (a placement of command frame and tool point is fitted to each).
-//! A dwell whose own command is missing inherits one from elsewhere: it is far from the arm and is left out.
+//! one whose commands agree with the nominal arm's poses (a placement of command frame and tool point is fitted to each).
+//! A dwell whose own command is missing gets another pose's command, which is far from the arm and is left out.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -13,25 +13,25 @@ use super::placement::{Placement, ReadingAtFlange};
 use crate::ingest::{Poses, PosesError};
 use crate::units::{Controller, Stamp};
 
-/// A rule has to place commands within this of the arm to be believed at all, mm.
+/// The largest median distance of a rule's commands from the arm with which the rule is accepted, mm.
 const BELIEVED_MM: f64 = 20.0;
 /// Beyond this many median residuals (and beyond [`BELIEVED_MM`]) a command belongs to another station.
 const REACH: f64 = 10.0;
-/// Nothing is commanded this far away, mm; such numbers would only overflow the fit.
+/// Largest coordinate of a command, mm; larger numbers would only overflow the fit.
 const FARTHEST_MM: f64 = 1e9;
 
-/// What is known of a dwell when its command is looked for.
+/// The data of a dwell with which its command is searched for.
 #[derive(Debug, Clone, Copy)]
 pub struct Occasion {
     /// First stationary moment.
     pub start: Stamp<Controller>,
     /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// The nominal flange, mm.
+    /// The nominal flange in the base frame, mm.
     pub flange: Isometry3<f64>,
 }
 
-/// A command as it was stated.
+/// A command as the controller stated it.
 #[derive(Debug, Clone, Copy)]
 struct Stated {
     position: Vector3<f64>,
@@ -48,7 +48,7 @@ pub(super) fn in_force(
         dwell.start.plus_ns(dwell.end.since_ns(dwell.start) / 2)
     })?;
     let by_start = last_before(commands, dwells, |dwell| dwell.start)?;
-    // Of like rules the first stays: a wrong one places commands a whole move away.
+    // Of equally good rules the first is kept: a wrong one places commands a whole move away.
     let mut best: Option<(f64, Placement, &Vec<Option<Stated>>)> = None;
     for rule in [&by_end, &by_middle, &by_start] {
         let placed = placed(dwells, rule);
@@ -88,7 +88,7 @@ fn last_before(
             .count_while(&|stamp| stamp <= moment)?
             .checked_sub(1);
         let stated = row.map(|row| Stated::read(commands, row)).transpose()?;
-        // A command that is no number commands nothing.
+        // A command with NaN or huge coordinates is ignored.
         Ok(stated.filter(|stated| stated.position.iter().all(|x| x.abs() < FARTHEST_MM)))
     };
     dwells.iter().map(last).collect()

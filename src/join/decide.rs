@@ -1,20 +1,20 @@
-//! The decision: candidate clock relations → the one under which the arm can have been where the target was seen.
+//! The decision: candidate clock relations → the one under which the arm agrees with the measured positions of the target.
 //!
-//! Each candidate pairs dwells by time; base and target are fitted to those pairs ([`Placement`]), and the pairs whose
-//! residual is within reach of the nominal arm's error support it. The reach is one for all candidates: six times the
+//! Each candidate pairs dwells by time; base and target are fitted to those pairs ([`Placement`]), and pairs whose
+//! residual is within the reach support it. The reach is the same for all candidates: six times the
 //! smallest median residual of any candidate with half of the pairs. The candidate with the most support wins; one
-//! that is as good in both support and residual makes the session ambiguous, and nothing is guessed.
+//! that is as good in both support and residual makes the session ambiguous, and the join reports an error.
 
 use super::JoinError;
 use super::dwell::median;
 use super::pattern::{Dwells, MIN_PAIRS, Pair, Relation, Ruler, SAME_S, overlaps, relations};
 use super::placement::{Placement, ReadingAtFlange};
 
-/// Pairs to which base and target are fitted, spread over the session: nine unknowns need no more.
+/// The most pairs to which base and target are fitted, spread over the session: nine unknowns need no more.
 const FIT_PAIRS: usize = 250;
 /// Reach of support, in median residuals.
 const REACH: f64 = 6.0;
-/// No nominal arm and no tracker agree better than this, mm: a reach below it would split hairs.
+/// Least reach, mm: no nominal arm agrees with a tracker better than this.
 const LEAST_REACH_MM: f64 = 0.5;
 /// A rival with this share of the winner's support and a residual no worse than this many times the winner's
 /// explains the session as well.
@@ -32,9 +32,9 @@ pub struct Decision {
     pub placement: Placement,
     /// Median distance of the supporting pairs from the nominal arm, mm.
     pub median_mm: f64,
-    /// How many relations were tried.
+    /// Number of relations tried.
     pub tried: usize,
-    /// Support of the runner-up.
+    /// Number of pairs that support the second best relation.
     pub rival_support: usize,
 }
 
@@ -46,14 +46,14 @@ struct Candidate {
     median_mm: f64,
 }
 
-/// Chooses the clock relation, or says why none can be chosen.
+/// The chosen clock relation, or the reason why none can be chosen.
 pub fn decide(dwells: Dwells, gate_mm: f64) -> Result<Decision, JoinError> {
     let coarse = ranked(candidates(dwells, &Ruler::at_flange(dwells)), gate_mm);
     let Some(first) = coarse.first() else {
         return Err(no_common_pattern(dwells, gate_mm, None));
     };
-    // Under a shift by one row of a grid the target comes out right all the same, and with it moves are distinguished to
-    // millimetres: the right shift may have drowned among the coarse candidates.
+    // Even under a shift by one row of a grid the target's position on the flange is found right, and with it moves are
+    // distinguished to millimetres: the right shift may be missing among the coarse candidates.
     let at_target = Ruler::at_target(
         dwells,
         first.candidate.placement.target_mm,
@@ -156,7 +156,7 @@ fn refuse_equal(winner: &Ranked, rival: &Ranked) -> Result<(), JoinError> {
     Ok(())
 }
 
-/// What the pair's dwells say of the placement.
+/// The flange and the measured position of a pair, for the fit of a placement.
 pub fn reading(dwells: Dwells, pair: Pair) -> ReadingAtFlange {
     ReadingAtFlange {
         flange: dwells.arm[pair.arm].flange,
@@ -194,7 +194,7 @@ impl Candidate {
     }
 }
 
-/// A candidate and how many of its pairs lie within the common reach.
+/// A candidate and the number of its pairs within the common reach.
 struct Ranked {
     support: usize,
     reach_mm: f64,

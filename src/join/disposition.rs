@@ -1,4 +1,4 @@
-//! Dispositions: what became of each reading → counts, and the runs of readings that no mean took.
+//! Dispositions: the class of each reading → counts, and the runs of readings that are in no mean.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -6,31 +6,31 @@ use std::ops::Range;
 use super::readings::Readings;
 use super::{JoinError, JoinReject, ReadingCounts};
 
-/// What became of one reading.
+/// The class of one reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disposition {
-    /// Part of a station's mean.
+    /// It is part of a station's mean.
     Kept,
-    /// Before the settling time was over.
+    /// It is before the end of the settling time.
     Settling,
-    /// An outlier of its dwell.
+    /// It is an outlier of its dwell.
     Outlier,
-    /// Taken while the target moved.
+    /// It was taken while the target moved.
     Moving,
-    /// Stationary, but no station took it.
+    /// It is stationary, but belongs to no station.
     Unpaired(Why),
-    /// No measurement: zeros, or not a number.
+    /// It is no measurement: zeros, or not a number.
     Missing,
 }
 
-/// Why no station took a stationary reading.
+/// The reason why a stationary reading belongs to no station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Why {
     /// The arm moved, or the controller's log does not reach there.
     NoArmDwell,
-    /// Too far from where the arm was.
+    /// It is too far from the arm.
     WrongTarget,
-    /// Two positions during one dwell.
+    /// The target was at two positions during one dwell.
     Ambiguous,
     /// Too few readings were left for a mean.
     TooFew,
@@ -48,10 +48,10 @@ impl Disposition {
                 "unpaired: the target was stationary, but the arm was not, or the controller's log does not reach there"
             }
             Self::Unpaired(Why::WrongTarget) => {
-                "unpaired: too far from where the arm was: another reflector or a lost beam"
+                "unpaired: too far from the arm's position: another reflector or a lost beam"
             }
             Self::Unpaired(Why::Ambiguous) => {
-                "unpaired: the target rested in more than one place during one dwell of the arm"
+                "unpaired: the target was stationary in more than one place during one dwell of the arm"
             }
             Self::Unpaired(Why::TooFew) => {
                 "unpaired: fewer than min_readings were left after settling and outliers"
@@ -60,16 +60,16 @@ impl Disposition {
     }
 }
 
-/// The disposition of each reading: runs of rows that share one.
+/// The disposition of each reading, stored as runs of rows with the same one.
 #[derive(Debug, Clone, Default)]
 pub struct Dispositions {
-    /// Each from its first row to the next one's.
+    /// Each run reaches from its first row to the next run's.
     runs: BTreeMap<usize, Disposition>,
     end: usize,
 }
 
 impl Dispositions {
-    /// All of so many readings moving.
+    /// All of `readings` readings as moving.
     pub fn new(readings: usize) -> Self {
         Self {
             runs: BTreeMap::from([(0, Disposition::Moving)]),
@@ -77,7 +77,7 @@ impl Dispositions {
         }
     }
 
-    /// Gives some rows a disposition, whatever they had.
+    /// Sets the disposition of some rows.
     pub fn set(&mut self, rows: Range<usize>, disposition: Disposition) {
         if rows.is_empty() {
             return;
@@ -93,7 +93,7 @@ impl Dispositions {
         }
     }
 
-    /// Gives single rows, in order, each a disposition of its own.
+    /// Sets the dispositions of single rows, given in order.
     pub(super) fn set_each(&mut self, each: impl IntoIterator<Item = (usize, Disposition)>) {
         let mut run = (0..0, Disposition::Moving);
         for (row, disposition) in each {
@@ -157,9 +157,9 @@ impl Dispositions {
 mod tests {
     use super::*;
 
-    /// Set at random places, as a disposition for each reading would be.
+    /// Runs set at random places equal an array with a disposition for each reading.
     #[test]
-    fn runs_are_what_a_fate_for_each_reading_would_be() {
+    fn runs_equal_an_array_with_a_disposition_for_each_reading() {
         const DISPOSITIONS: [Disposition; 4] = [
             Disposition::Kept,
             Disposition::Outlier,

@@ -1,7 +1,7 @@
 //! Dwells of the arm (on its joints) and of the target (on its positions), in seconds from each log's first stamp.
 //!
 //! An edge lies half way between the last moving and the first stationary sample. Where a log begins, ends or breaks off
-//! inside a dwell there is no edge: the true one is somewhere outside.
+//! inside a dwell there is no edge: the true one is outside.
 
 use nalgebra::{Isometry3, Vector3};
 
@@ -13,21 +13,21 @@ use crate::figures::median_in_place;
 use crate::kinematics::Arm;
 use crate::units::{Controller, NS_PER_S, Stamp, Tracker};
 
-/// When a dwell began and ended in its own clock.
+/// Start and end of a dwell in its own clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Span {
     /// First stationary sample, s.
     pub start_s: f64,
     /// Last stationary sample, s.
     pub end_s: f64,
-    /// When the motion before it ended, where that was seen, s.
+    /// End of the motion before it, s; `None` where it was not seen.
     pub arrived_s: Option<f64>,
-    /// When the motion after it began, where that was seen, s.
+    /// Start of the motion after it, s; `None` where it was not seen.
     pub left_s: Option<f64>,
 }
 
 impl Span {
-    /// Half way through, s.
+    /// Middle of the dwell, s.
     pub fn middle_s(&self) -> f64 {
         f64::midpoint(self.arrival_s(), self.departure_s())
     }
@@ -45,7 +45,7 @@ impl Span {
     fn of(stretch: &StationaryStretch, stationary: &Stationary) -> Self {
         let origin = stationary.span_ns.0;
         let seconds = |stamp_ns: i64| stamp_ns.saturating_sub(origin) as f64 / NS_PER_S;
-        // An edge is only as sharp as the samples around it: across a break it was not seen.
+        // The samples around an edge limit its resolution: across a break it was not seen.
         let edge = |before_ns: i64, after_ns: i64| {
             let apart = after_ns.saturating_sub(before_ns);
             (apart <= stationary.interval_ns.saturating_mul(2))
@@ -68,9 +68,9 @@ pub struct ArmDwell {
     pub start: Stamp<Controller>,
     /// Last stationary moment.
     pub end: Stamp<Controller>,
-    /// How many joint samples.
+    /// Number of joint samples.
     pub samples: usize,
-    /// In controller seconds.
+    /// Start and end in seconds since the controller's first stamp.
     pub span: Span,
     /// Mean joint angles, rad.
     pub joints: Vec<f64>,
@@ -83,11 +83,11 @@ pub struct ArmDwell {
 pub struct TargetDwell {
     /// Rows of the readings.
     pub stretch: Stretch,
-    /// When the first of them was taken.
+    /// Stamp of the first reading.
     pub start: Stamp<Tracker>,
-    /// When the last of them was taken.
+    /// Stamp of the last reading.
     pub end: Stamp<Tracker>,
-    /// In tracker seconds.
+    /// Start and end in seconds since the tracker's first stamp.
     pub span: Span,
     /// Median position per axis, mm.
     pub position: Vector3<f64>,
@@ -95,7 +95,7 @@ pub struct TargetDwell {
     pub scatter_mm: [f64; 3],
 }
 
-/// The arm's dwells: `stationary` of its joints' angles.
+/// The arm's dwells from the stationary stretches of its joint angles.
 pub(super) fn arm_dwells(stationary: &Stationary, arm: &Arm) -> Vec<ArmDwell> {
     let dwell = |stretch: &StationaryStretch| ArmDwell {
         start: Stamp::from_ns(stretch.start_ns),

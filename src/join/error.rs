@@ -1,20 +1,20 @@
-//! Why two logs cannot be joined: what, which, both numbers, and what to try.
+//! The errors of the join: what is wrong, where, both numbers, and what to try.
 
 use thiserror::Error;
 
 use crate::ingest::PosesError;
 
-/// Why two logs cannot be joined.
+/// The reason why two logs cannot be joined.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum JoinError {
-    /// A setting that makes no sense.
+    /// A setting outside its range.
     #[error("[join] {key} = {found}, but it has to be {wanted}")]
     Setting {
-        /// Its name in the pipeline file.
+        /// The setting's name in the pipeline file.
         key: &'static str,
-        /// What was found.
+        /// The value found.
         found: String,
-        /// What would do.
+        /// The allowed values.
         wanted: &'static str,
     },
     /// The joints that were logged are not the arm's.
@@ -22,17 +22,17 @@ pub enum JoinError {
         "the recording has {found} joint columns, but the arm {model:?} has {expected} joints: check [robot]"
     )]
     JointCount {
-        /// The arm.
+        /// The arm's model.
         model: String,
-        /// Columns found.
+        /// Number of columns found.
         found: usize,
-        /// Joints of the arm.
+        /// Number of the arm's joints.
         expected: usize,
     },
     /// Samples that are not in order of time.
     #[error("{samples}: the stamps decrease at row {row}; they have to be in order of time")]
     OutOfOrder {
-        /// Which samples.
+        /// The kind of samples.
         samples: &'static str,
         /// The first row whose stamp is before that of the row before it, from 0.
         row: usize,
@@ -62,17 +62,17 @@ pub enum JoinError {
         found: usize,
         /// Dwells needed.
         needed: usize,
-        /// Samples looked at.
+        /// Number of samples.
         samples: usize,
-        /// First to last sample, s.
+        /// Time from the first to the last sample, s.
         span_s: f64,
         /// The stationary threshold used.
         threshold: f64,
-        /// Its unit.
+        /// The threshold's unit.
         unit: &'static str,
         /// The stationary window, s.
         window_s: f64,
-        /// The setting that would change it.
+        /// The setting that changes it.
         key: &'static str,
     },
     /// No shift of the clocks explains the logs.
@@ -91,9 +91,9 @@ pub enum JoinError {
         pairs: usize,
         /// Pairs needed.
         needed: usize,
-        /// Median distance of all pairs at the best shift.
+        /// Median distance of all pairs at the best shift, mm; `None` where it could not be computed.
         median_mm: Option<f64>,
-        /// The geometry gate.
+        /// The geometry gate, mm.
         gate_mm: f64,
     },
     /// Two shifts explain the logs equally well.
@@ -105,15 +105,15 @@ pub enum JoinError {
     AmbiguousShift {
         /// First offset, tracker's first stamp against controller's first stamp, s.
         first_s: f64,
-        /// Its pairs.
+        /// Number of pairs at the first offset.
         first_pairs: usize,
-        /// Its median distance, mm.
+        /// Median distance at the first offset, mm.
         first_mm: f64,
         /// Second offset, s.
         second_s: f64,
-        /// Its pairs.
+        /// Number of pairs at the second offset.
         second_pairs: usize,
-        /// Its median distance, mm.
+        /// Median distance at the second offset, mm.
         second_mm: f64,
     },
 }

@@ -1,11 +1,11 @@
-//! What recordings bring: one test for each trouble, on synthetic sessions with known truth.
+//! Faults of recordings: one test each, on synthetic sessions with known truth.
 
 use super::scene::{Scene, check_conservation, join_recorded, paired, ur10};
 use super::*;
 use crate::ingest::{JointSamples, Recording};
 
 #[test]
-fn equal_dwells_pair_whatever_the_offset_and_drift() {
+fn equal_dwells_pair_at_any_offset_and_drift() {
     // Hours, years, either sign, and the largest drift an oscillator has.
     for (offset_s, drift) in [
         (0.0, 0.0),
@@ -99,7 +99,7 @@ fn zeros_are_missing_and_a_wrong_reflector_is_refused() {
 }
 
 #[test]
-fn readings_taken_only_at_rest_pair_without_any_edge() {
+fn readings_taken_only_while_stationary_pair_without_any_edge() {
     let scene = Scene::random(60, 5);
     let mut recording = scene.record(&ur10());
     let starts_s = scene.starts_s();
@@ -189,7 +189,7 @@ fn single_bad_readings_and_a_creeping_joint_do_no_harm() {
 }
 
 #[test]
-fn a_periodic_session_is_ambiguous_and_nothing_is_guessed() {
+fn a_periodic_session_is_ambiguous() {
     // The same three poses over and over, and a tracker that saw only the middle: any multiple of three fits.
     let mut scene = Scene::random(60, 10);
     for k in 0..60 {
@@ -249,7 +249,7 @@ fn commands_are_found_whenever_they_are_stamped() {
 }
 
 #[test]
-fn bad_input_is_an_error_that_says_what() {
+fn bad_input_is_an_error_that_names_it() {
     let arm = ur10();
     let scene = Scene::random(20, 14);
     let good = scene.record(&arm);
@@ -305,7 +305,7 @@ fn bad_input_is_an_error_that_says_what() {
 
 #[test]
 fn a_grid_that_lost_whole_layers_still_finds_its_shift() {
-    // A serpentine grid repeats itself row by row and layer by layer: only the whole of it tells the shift.
+    // A serpentine grid repeats itself row by row and layer by layer: only the whole grid determines the shift.
     let arm = ur10();
     let mut scene = grid([6, 5, 4]);
     scene.offset_s = -77.7;
@@ -412,7 +412,7 @@ fn joints_frozen_before_the_drives_are_on_and_dropped_messages_do_no_harm() {
 }
 
 #[test]
-fn a_ringing_target_is_left_to_settle() {
+fn readings_of_a_vibrating_target_are_left_out_until_it_settles() {
     let scene = Scene {
         tracker_hz: 100.0,
         noise_mm: 0.005,
@@ -432,7 +432,7 @@ fn a_ringing_target_is_left_to_settle() {
             .saturating_sub(1);
         let age_s = at_s - starts_s[here];
         if here > 0 && age_s < 1.0 {
-            // 0.2 mm at 12 Hz, dying with 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
+            // 0.2 mm at 12 Hz, with a decay time of 60 ms: down to the noise after 60 ms · ln(0.2/0.005) = 0.22 s.
             position[2] += 0.2 * (-age_s / 0.06).exp() * (75.0 * age_s).cos();
         }
     }
@@ -446,7 +446,7 @@ fn a_ringing_target_is_left_to_settle() {
 }
 
 #[test]
-fn a_target_that_moves_while_the_arm_rests_is_reported() {
+fn a_target_that_moves_while_the_arm_is_stationary_is_reported() {
     let scene = Scene {
         dwell_s: vec![2.0; 40],
         ..Scene::random(40, 26)

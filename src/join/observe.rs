@@ -1,4 +1,4 @@
-//! Observation: what the logs show → the dwells of either side, checked.
+//! Observation: the content of the logs → the dwells of both sides, checked.
 
 use super::dwell::{ArmDwell, TargetDwell, arm_dwells, target_dwells};
 use super::pattern::{Dwells, MIN_PAIRS};
@@ -9,16 +9,16 @@ use crate::ingest::TemperatureSamples;
 use crate::kinematics::Arm;
 use crate::units::{NS_PER_S, Stamp, Tracker};
 
-/// What the two logs show, each in its own clock.
+/// The dwells of the two logs, each in its own clock.
 #[derive(Debug, Clone)]
 pub struct Observation {
-    /// When the first reading that is a measurement was taken.
+    /// Stamp of the first reading that is a measurement.
     pub first_measured: Stamp<Tracker>,
     /// The usual sample intervals of the two logs, s.
     pub sampling_s: [f64; 2],
     /// Joint motion within the stationary window, rad.
     pub stationary_rad: f64,
-    /// Target motion within it, mm.
+    /// Target motion within the stationary window, mm.
     pub stationary_mm: f64,
     /// Dwells of the arm.
     pub arm: Vec<ArmDwell>,
@@ -26,7 +26,7 @@ pub struct Observation {
     pub target: Vec<TargetDwell>,
 }
 
-/// Finds the dwells of both logs, where it is known where the joints stationary.
+/// The dwells of both logs, from the joints' stationary stretches and the readings.
 pub(super) fn observe(
     readings: &Readings<'_>,
     arm_stationary: &Stationary,
@@ -59,7 +59,7 @@ pub(super) fn observe(
 }
 
 impl Observation {
-    /// The two logs' dwells side by side.
+    /// The dwells of both logs.
     pub fn dwells(&self) -> Dwells<'_> {
         Dwells {
             arm: &self.arm,
@@ -82,7 +82,7 @@ impl Observation {
     }
 }
 
-/// That dwells were found on the joints of this arm, and on numbers.
+/// Checks that the stretches are of this arm's joints and that their means are finite.
 pub fn check_joints(stationary: &Stationary, arm: &Arm) -> Result<(), JoinError> {
     if stationary.columns != arm.joints().len() {
         return Err(JoinError::JointCount {
@@ -102,7 +102,7 @@ pub fn check_joints(stationary: &Stationary, arm: &Arm) -> Result<(), JoinError>
     Ok(())
 }
 
-/// That their stamps do not decrease.
+/// Checks that the stamps do not decrease.
 pub(super) fn check_temperatures(temperatures: &TemperatureSamples) -> Result<(), JoinError> {
     let samples = "temperatures";
     let mut pairs = temperatures.stamps.windows(2);

@@ -2,8 +2,8 @@
 //!
 //! For each dwell of the arm:
 //! 1. the target's dwells that overlap it by more than half of the shorter one are its candidates;
-//! 2. candidates far from where the nominal arm can have been are another reflector;
-//! 3. candidates that agree are one group (a beam lost in between); those that do not leave the dwell ambiguous;
+//! 2. candidates far from every place that the nominal arm can have had are another reflector;
+//! 3. candidates that agree are one group (a beam lost in between); candidates that do not make the dwell ambiguous;
 //! 4. readings after settling, without outliers, make the mean.
 
 use std::ops::Range;
@@ -20,7 +20,7 @@ use super::{JoinError, JoinSettings, Pairing, Unmeasured};
 use crate::ingest::TemperatureSamples;
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
-/// Everything a verdict rests on.
+/// The inputs of a verdict.
 pub struct Evidence<'a> {
     /// The tracker's readings.
     pub readings: &'a Readings<'a>,
@@ -32,7 +32,7 @@ pub struct Evidence<'a> {
     pub clock: ClockModel,
     /// Base and target, rough.
     pub placement: Placement,
-    /// Further than this from the placement is another reflector, mm.
+    /// Distance from the placement beyond which a target is another reflector, mm.
     pub gate_mm: f64,
     /// Dwells closer together than this are one group, mm.
     pub same_mm: f64,
@@ -40,11 +40,11 @@ pub struct Evidence<'a> {
     pub usual_mm: [f64; 3],
     /// Readings younger than this after the arm's arrival are left out, s.
     pub settle_s: f64,
-    /// As the pipeline file states them.
+    /// The settings of the join.
     pub settings: &'a JoinSettings,
 }
 
-/// A dwell's moment in tracker time.
+/// A dwell's start and end in tracker time.
 #[derive(Debug, Clone, Copy)]
 struct Window {
     start: Stamp<Tracker>,
@@ -52,7 +52,7 @@ struct Window {
 }
 
 impl Evidence<'_> {
-    /// The verdict on one dwell of the arm, and the mean where there is one; writes the dispositions of its readings.
+    /// The verdict on one dwell of the arm, and its mean where there is one; sets the dispositions of its readings.
     pub fn verdict(
         &self,
         dwell: &ArmDwell,
@@ -95,7 +95,7 @@ impl Evidence<'_> {
         Ok((pairing, reading))
     }
 
-    /// From edge to edge: half a sample beyond the first and last stationary joint sample.
+    /// The dwell from edge to edge: half a sample beyond the first and last stationary joint sample.
     fn window(&self, dwell: &ArmDwell) -> Window {
         let moment = |seconds: f64| {
             let controller = self.clock.origin.plus_ns(round_ns(seconds * NS_PER_S));
@@ -137,14 +137,15 @@ impl Evidence<'_> {
         })
     }
 
-    /// Those rows of a target dwell that were seen within the window.
+    /// The rows of a target dwell within the window.
     fn part(&self, target: usize, seen: &Seen) -> Range<usize> {
         let stretch = self.target[target].stretch;
         let first = stretch.first.max(seen.rows.start);
         first..(stretch.last + 1).min(seen.rows.end).max(first)
     }
 
-    /// From the first to the last reading of one group: noise and single bad readings break a stationary stretch, not the dwell.
+    /// The rows from the first to the last reading of one group: noise and single bad readings break a stationary stretch, but
+    /// not the dwell.
     fn span_of(&self, near: &[usize], seen: &Seen) -> Range<usize> {
         let parts = near.iter().map(|&target| self.part(target, seen));
         parts

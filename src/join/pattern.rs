@@ -1,39 +1,40 @@
-//! The pattern of moves: dwells of arm and target → the few clock relations under which the two logs tell one story.
+//! The pattern of moves: dwells of arm and target → the few clock relations under which the two logs agree.
 //!
-//! No clock-free prior is needed. Over some dozen dwells in a row any drift is negligible, so one offset decides them:
+//! No prior on the clocks is needed. Over some dozen dwells in a row any drift is negligible, so one offset decides them:
 //! 1. blocks of target dwells are laid on every place of the arm's dwells (start on start, middle on middle, end on end);
 //! 2. a place is scored by how many dwells then overlap *and* how well the lengths of the moves agree: the distance
 //!    the target moved against the distance between nominal flanges, which needs neither base nor target;
 //! 3. the best places of each block grow outwards to the whole log, their offset and drift refitted as they grow;
-//! 4. the relations with the best scores over the whole log are handed on; geometry decides between them.
+//! 4. the relations with the best scores over the whole log are passed on; geometry decides between them.
 
 use nalgebra::{Point3, Vector3};
 
 use super::dwell::{ArmDwell, Span, TargetDwell, median};
 
-/// Dwells in a block: enough for its moves to be a signature, few enough for drift not to matter.
+/// Dwells in a block: enough for its moves to be unique, few enough for drift not to matter.
 const BLOCK_DWELLS: usize = 40;
 const BLOCKS: usize = 4;
-/// Places of a block that are grown, and relations that are handed on.
+/// The most places of a block that are grown, and the most relations that are passed on.
 const PLACES_PER_BLOCK: usize = 64;
 const RELATIONS: usize = 16;
 /// Relations closer than this in the middle of the session are the same, s.
 pub const SAME_S: f64 = 0.1;
-/// Moves are compared between neighbours, and between dwells further apart, where neighbours repeat (a grid's rows).
+/// Moves are compared between neighbours, and between dwells further apart for sessions where neighbouring moves repeat (a
+/// grid's rows).
 const LAGS: [usize; 2] = [1, 5];
-/// The least pairs that can tell a right shift from a wrong one: base and target alone are nine unknowns.
+/// The least number of pairs that distinguish a right shift from a wrong one: base and target alone are nine unknowns.
 pub const MIN_PAIRS: usize = 6;
-/// How well drift is known beforehand: oscillators are within 100 ppm.
+/// Prior standard deviation of the drift: oscillators are within 100 ppm.
 const DRIFT_PRIOR: f64 = 1e-4;
-/// How well one pair of dwells tells the offset, s.
+/// Standard deviation of the offset from one pair of dwells, s.
 const PAIR_S: f64 = 0.05;
 
-/// How seconds since the first stamp of either log relate: `tracker = controller + offset + drift · controller`.
+/// The relation of seconds since the first stamp of each log: `tracker = controller + offset + drift · controller`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Relation {
-    /// s.
+    /// The offset, s.
     pub offset_s: f64,
-    /// Dimensionless.
+    /// The drift, dimensionless.
     pub drift: f64,
 }
 
@@ -44,7 +45,7 @@ impl Relation {
             .mul_add(controller_s, controller_s + self.offset_s)
     }
 
-    /// What the tracker is ahead at controller seconds.
+    /// Time by which the tracker is ahead at controller seconds, s.
     pub(super) fn ahead_s(self, controller_s: f64) -> f64 {
         self.drift.mul_add(controller_s, self.offset_s)
     }
@@ -59,33 +60,33 @@ pub struct Pair {
     pub target: usize,
 }
 
-/// The two logs' dwells side by side.
+/// The dwells of both logs.
 #[derive(Debug, Clone, Copy)]
 pub struct Dwells<'a> {
-    /// Of the arm.
+    /// Dwells of the arm.
     pub arm: &'a [ArmDwell],
-    /// Of the target.
+    /// Dwells of the target.
     pub target: &'a [TargetDwell],
 }
 
 impl Dwells<'_> {
-    /// Half way through the controller's log, s.
+    /// Middle of the controller's log, s.
     pub(super) fn session_middle_s(&self) -> f64 {
         self.arm.last().map_or(0.0, |dwell| dwell.span.end_s / 2.0)
     }
 }
 
-/// How the lengths of moves are compared.
+/// The comparison of the lengths of moves.
 #[derive(Debug, Clone)]
 pub struct Ruler {
     /// One point of each dwell of the arm, in the base frame, mm.
     points: Vec<Vector3<f64>>,
-    /// Moves that differ by this do not agree at all, mm.
+    /// Moves whose lengths differ by this or more do not agree at all, mm.
     tolerance_mm: f64,
 }
 
 impl Ruler {
-    /// At the flange: the target may be some hundred mm from it, so half of a usual move is allowed for.
+    /// The comparison at the flange: the target may be some hundred mm from it, so the tolerance is half of a usual move.
     pub fn at_flange(dwells: Dwells) -> Self {
         Self {
             points: dwells
@@ -97,7 +98,8 @@ impl Ruler {
         }
     }
 
-    /// At the target, once it is roughly known in the flange frame: only the nominal arm's error (`median_mm`) is left.
+    /// The comparison at the target, once it is roughly known in the flange frame: only the nominal arm's error (`median_mm`)
+    /// remains.
     pub fn at_target(dwells: Dwells, target_mm: Vector3<f64>, median_mm: f64) -> Self {
         let point = |dwell: &ArmDwell| (dwell.flange * Point3::from(target_mm)).coords;
         let coarse_mm = 0.5 * usual_move_mm(dwells.target);
@@ -144,7 +146,7 @@ fn blocks(targets: usize) -> Vec<std::ops::Range<usize>> {
         .collect()
 }
 
-/// The offsets (s) that lay the block best on the arm's dwells, best first.
+/// The offsets (s) under which the block agrees best with the arm's dwells, best first.
 fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f64> {
     let part = Dwells {
         target: &dwells.target[block],
@@ -172,7 +174,7 @@ fn places(dwells: Dwells, block: std::ops::Range<usize>, ruler: &Ruler) -> Vec<f
     best_distinct(scored, PLACES_PER_BLOCK, |&offset_s| offset_s)
 }
 
-/// Offsets that put one span on the other: starts, middles, ends, without near repeats.
+/// Offsets that align starts, middles or ends of two spans, without near repeats, s.
 fn alignments(arm: &Span, target: &Span) -> impl Iterator<Item = f64> {
     let start = target.arrival_s() - arm.arrival_s();
     let end = target.departure_s() - arm.departure_s();
@@ -183,7 +185,7 @@ fn alignments(arm: &Span, target: &Span) -> impl Iterator<Item = f64> {
         .flatten()
 }
 
-/// The best scored `T`s that lie apart by [`SAME_S`], best first; none that scored below half of the best.
+/// The best scored items that are [`SAME_S`] or more apart, best first; none that scored below half of the best.
 fn best_distinct<T>(mut scored: Vec<(f64, T)>, most: usize, at_s: impl Fn(&T) -> f64) -> Vec<T> {
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(at_s(&a.1).total_cmp(&at_s(&b.1))));
     let mut chosen: Vec<T> = Vec::new();
@@ -232,7 +234,7 @@ pub(super) fn overlaps(dwells: Dwells, relation: Relation) -> Vec<Pair> {
     pairs
 }
 
-/// How well the moves between `pairs` agree: one for each move of equal length in both logs, less as they differ.
+/// Agreement of the moves between `pairs`: the sum of one for each move of equal length in both logs, less where they differ.
 fn agreement(dwells: Dwells, pairs: &[Pair], ruler: &Ruler) -> f64 {
     let moves = |lag: usize| pairs.iter().zip(pairs.iter().skip(lag));
     let arm = |pair: &Pair| ruler.points[pair.arm];
@@ -256,7 +258,7 @@ fn usual_move_mm(targets: &[TargetDwell]) -> f64 {
     median(&mut lengths).max(1.0)
 }
 
-/// Grows a block's offset to the whole log: pairs within a reach that doubles, offset and drift refitted each time.
+/// Extends a block's offset to the whole log: pairs within a reach that doubles, offset and drift refitted each time.
 fn grow(dwells: Dwells, block: std::ops::Range<usize>, offset_s: f64) -> Relation {
     let target_s = |index: usize| dwells.target[index].span.middle_s();
     let centre_s = f64::midpoint(target_s(block.start), target_s(block.end - 1)) - offset_s;
@@ -280,7 +282,7 @@ fn grow(dwells: Dwells, block: std::ops::Range<usize>, offset_s: f64) -> Relatio
     }
 }
 
-/// Controller time of a pair (s) and what the tracker is ahead there (s), by the edges both logs saw.
+/// Controller time of a pair (s) and the time by which the tracker is ahead there (s), from the edges seen in both logs.
 fn lag(dwells: Dwells, pair: Pair) -> (f64, f64) {
     let (arm, target) = (&dwells.arm[pair.arm].span, &dwells.target[pair.target].span);
     let edge = |arm: Option<f64>, target: Option<f64>| Some((arm?, target? - arm?));

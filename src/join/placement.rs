@@ -1,8 +1,8 @@
-//! Placement: pairs of nominal flange and attained position → where base and target are, and which pairs disagree.
+//! Placement: pairs of nominal flange and attained position → the poses of base and target, and the pairs that disagree.
 //!
 //! `attained = tracker_from_base · (flange · target)` with six unknowns of the base and three of the target, by
 //! Gauss–Newton from Kabsch's closed form. Cauchy weights on the residual norm, their scale from the median, keep
-//! wrong reflectors from pulling. Only good to the nominal arm's own error (1–10 mm): enough to tell stations apart.
+//! wrong reflectors from affecting the fit. It is as accurate as the nominal arm (1–10 mm): enough to distinguish stations.
 
 use nalgebra::{
     Isometry3, Matrix3, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3,
@@ -11,33 +11,33 @@ use nalgebra::{
 use super::dwell::median;
 use crate::geometry::align;
 
-/// The target is taken to be within some hundred mm of the flange. With one tool orientation base and target cannot
-/// be distinguished: this prior alone then decides, and the residuals do not depend on it.
+/// Standard deviation of the target's distance from the flange, mm. With one tool orientation base and target cannot
+/// be distinguished: then this prior alone decides, and the residuals do not depend on it.
 const TARGET_PRIOR_MM: f64 = 300.0;
 const ROUNDS: usize = 12;
 /// A step below this (mm, or rad times 1000) ends the search.
 const STEP_DONE: f64 = 1e-3;
 
-/// A nominal flange (mm, base frame) and the position attained there (mm, tracker frame).
+/// A nominal flange (mm, base frame) and the position attained with it (mm, tracker frame).
 #[derive(Debug, Clone, Copy)]
 pub struct ReadingAtFlange {
-    /// The nominal flange in the base frame.
+    /// The nominal flange in the base frame, mm.
     pub flange: Isometry3<f64>,
-    /// The target in the tracker frame.
+    /// The target in the tracker frame, mm.
     pub attained: Vector3<f64>,
 }
 
-/// Where base and target are, roughly.
+/// Approximate placement of base and target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Tracker from base, mm.
+    /// The base in the tracker frame, mm.
     pub tracker_from_base: Isometry3<f64>,
     /// The target in the flange frame, mm.
     pub target_mm: Vector3<f64>,
 }
 
 impl Placement {
-    /// Where the target should be when the arm's nominal flange is `flange`, in the tracker frame.
+    /// The predicted position of the target when the nominal flange is `flange`, in the tracker frame, mm.
     pub fn predict(&self, flange: &Isometry3<f64>) -> Vector3<f64> {
         (self.tracker_from_base * (flange * Point3::from(self.target_mm))).coords
     }
@@ -47,7 +47,7 @@ impl Placement {
         (reading.attained - self.predict(&reading.flange)).norm()
     }
 
-    /// The placement that fits most of `readings`; `None` where they do not determine it (fewer than three, a line).
+    /// The placement that fits most of `readings`; `None` where they do not determine it (fewer than three, or on a line).
     pub fn fit(readings: &[ReadingAtFlange]) -> Option<Self> {
         let mut placement = Self::start(readings)?;
         for _ in 0..ROUNDS {
@@ -67,7 +67,7 @@ impl Placement {
         median(&mut distances)
     }
 
-    /// Kabsch with the target at the flange.
+    /// The starting placement: Kabsch's closed form with the target at the flange.
     fn start(readings: &[ReadingAtFlange]) -> Option<Self> {
         let to: Vec<_> = readings.iter().map(|s| Point3::from(s.attained)).collect();
         let from: Vec<_> = readings
@@ -124,7 +124,7 @@ impl Placement {
     }
 }
 
-/// The largest component of a step, angles counted at a metre's reach, mm.
+/// The largest component of a step, mm; angles count as the motion at a distance of one metre.
 fn scaled(step: &SVector<f64, 9>) -> f64 {
     let reach_mm = |index: usize| if (3..6).contains(&index) { 1000.0 } else { 1.0 };
     (0..9)
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn with_one_orientation_the_distances_are_right_all_the_same() {
+    fn with_one_orientation_the_distances_are_still_right() {
         let truth = Placement {
             tracker_from_base: isometry_from_rpy([100.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
             target_mm: Vector3::new(0.0, 0.0, 90.0),

@@ -1,8 +1,8 @@
-//! What instruments read of one dwell: a reading of each source on each target that it saw.
+//! Readings of instruments during one dwell: one of each source on each target that it measured.
 //!
 //! A session has sources (instruments, each with a frame of its own) and targets at the flange (each in a place of its own). A
-//! [`Reading`] names both and holds the mean of what was read. What kinds of readings there are stands in [`ReadingKind`]; what a
-//! fit makes of each kind is in [`crate::fit::observation::measured`].
+//! [`Reading`] names both and has the mean of the samples. [`ReadingKind`] lists the kinds of readings; the use of each kind in
+//! a fit is in [`crate::fit::observation::measured`].
 
 use nalgebra::{Point3, UnitQuaternion};
 use thiserror::Error;
@@ -10,36 +10,36 @@ use thiserror::Error;
 use super::Station;
 use crate::units::{Stamp, Tracker};
 
-/// An instrument's place among the sources of its session, from 0.
+/// An instrument's index among the sources of its session, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SourceId(pub usize);
 
 impl SourceId {
-    /// The source of a session that has one: of a join of one tracker's log, of a plan, of a simulated session.
+    /// The source of a session with only one: from a join of one tracker's log, a plan or a simulation.
     pub const ONLY: Self = Self(0);
 }
 
-/// A reflector's place among the targets at the flange of its session, from 0.
+/// A reflector's index among the targets on the flange of its session, from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TargetId(pub usize);
 
 impl TargetId {
-    /// The target of a session that has one.
+    /// The target of a session with only one.
     pub const ONLY: Self = Self(0);
 }
 
-/// What one source read of one target during a dwell, in the source's frame.
+/// The reading of one source on one target during a dwell, in the source's frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
-    /// Which instrument read it.
+    /// The instrument.
     pub source: SourceId,
-    /// Which target it saw.
+    /// The target measured.
     pub target: TargetId,
     /// The mean of the samples kept.
     pub value: Value,
-    /// Samples kept in the mean.
+    /// Number of samples kept in the mean.
     pub kept: usize,
-    /// Samples that fell into the dwell, settling and outliers included.
+    /// Number of samples in the dwell, settling and outliers included.
     pub taken: usize,
     /// First kept sample.
     pub first: Stamp<Tracker>,
@@ -58,7 +58,7 @@ pub enum Value {
     Pose(MeanPoint, MeanOrientation),
 }
 
-/// What a source can read.
+/// The kind of value that a source reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReadingKind {
     /// A position: three numbers.
@@ -74,7 +74,7 @@ pub struct MeanPoint {
     pub position: Point3<f64>,
     /// Standard deviation of a single sample per axis, mm (n − 1).
     pub scatter_mm: [f64; 3],
-    /// Mean of the instrument's own stated position covariance (xx xy xz yy yz zz, mm²), where it states one.
+    /// Mean of the instrument's own stated position covariance (xx xy xz yy yz zz, mm²); absent where it states none.
     pub stated_covariance: Option<[f64; 6]>,
 }
 
@@ -96,7 +96,7 @@ impl Value {
         }
     }
 
-    /// What was read.
+    /// The kind of the value.
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Point(_) => ReadingKind::Point,
@@ -104,21 +104,21 @@ impl Value {
         }
     }
 
-    /// The position, where one was read.
+    /// The position; `None` where none was read.
     pub const fn point(&self) -> Option<&MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
         }
     }
 
-    /// The position, to be changed, where one was read.
+    /// The position, for changes; `None` where none was read.
     pub const fn point_mut(&mut self) -> Option<&mut MeanPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
         }
     }
 
-    /// The orientation, where one was read.
+    /// The orientation; `None` where none was read.
     pub const fn turn(&self) -> Option<&MeanOrientation> {
         match self {
             Self::Point(_) => None,
@@ -128,19 +128,19 @@ impl Value {
 }
 
 impl Reading {
-    /// Mean position in the source's frame, mm, where one was read.
+    /// Mean position in the source's frame, mm; `None` where none was read.
     pub fn position(&self) -> Option<Point3<f64>> {
         self.value.point().map(|point| point.position)
     }
 
-    /// Mean orientation in the source's frame, where one was read.
+    /// Mean orientation in the source's frame; `None` where none was read.
     pub fn orientation(&self) -> Option<UnitQuaternion<f64>> {
         self.value.turn().map(|turn| turn.orientation)
     }
 }
 
 impl ReadingKind {
-    /// How many numbers a reading of this kind holds: the rows of its residual.
+    /// Number of values in a reading of this kind, which is the number of rows of its residual.
     pub const fn rows(self) -> usize {
         match self {
             Self::Point => 3,
@@ -156,13 +156,13 @@ impl ReadingKind {
      target; keep the readings of one instrument on one target, or name sessions that have no others"
 )]
 pub struct Several {
-    /// Sources of the session.
+    /// Number of sources in the session.
     pub sources: usize,
-    /// Targets of the session.
+    /// Number of targets in the session.
     pub targets: usize,
 }
 
-/// Refuses stations with more than one source, target or reading of a dwell: what is for one of each asks here first.
+/// Refuses stations with more than one source, target or reading per dwell, for steps that work with one of each.
 pub fn one_source_and_target(stations: &[Station]) -> Result<(), Several> {
     let mut several = Several {
         sources: 1,

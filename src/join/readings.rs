@@ -1,6 +1,6 @@
-//! Readings: the tracker's readings, looked at piece by piece → which of them are measurements, and where the target is stationary.
+//! Readings: the tracker's readings, read piece by piece → the measurements among them, and the target's stationary stretches.
 //!
-//! Readings may be too many for memory, so they are looked at a few at a time ([`Poses`]): once to find stationary stretches, then
+//! Readings may be too many for memory, so they are read a few at a time ([`Poses`]): once to find stationary stretches, then
 //! dwell by dwell.
 
 use std::ops::Range;
@@ -10,9 +10,9 @@ use super::{JoinError, JoinSettings};
 use crate::ingest::{Poses, TargetReadings};
 use crate::units::{Stamp, Tracker};
 
-/// Readings looked at together.
+/// Number of readings read together.
 const PIECE: usize = 4096;
-/// No tracker reaches this far, mm; numbers beyond it (or none) would only overflow the fits.
+/// Beyond the reach of any tracker, mm; larger numbers or NaN would only overflow the fits.
 const FARTHEST_MM: f64 = 1e9;
 
 /// Whether a reading is a measurement: within reach, and not the exact zeros of a missing reflector.
@@ -20,7 +20,7 @@ fn is_measurement(position: &[f64; 3]) -> bool {
     position.iter().all(|x| x.abs() < FARTHEST_MM) && position.iter().any(|&x| x != 0.0)
 }
 
-/// The tracker's readings and where the target is stationary.
+/// The tracker's readings and the target's stationary stretches.
 #[derive(Debug)]
 pub struct Readings<'a> {
     poses: &'a dyn Poses<Tracker>,
@@ -32,7 +32,7 @@ pub struct Readings<'a> {
 /// Rows of the readings and their columns.
 #[derive(Debug)]
 pub struct Seen {
-    /// Which rows.
+    /// The rows' numbers.
     pub rows: Range<usize>,
     /// Their columns.
     pub readings: TargetReadings,
@@ -49,12 +49,12 @@ struct Missing {
 struct Run {
     start: usize,
     end: usize,
-    /// How many are missing up to its end.
+    /// Number of missing readings up to its end.
     missing: usize,
 }
 
 impl<'a> Readings<'a> {
-    /// Looks at all readings, which have to be in order of time.
+    /// Reads all readings, which have to be in order of time, and finds the stationary stretches.
     pub fn find(
         readings: &'a dyn Poses<Tracker>,
         settings: &JoinSettings,
@@ -75,7 +75,7 @@ impl<'a> Readings<'a> {
         Ok(seen)
     }
 
-    /// Gives a finder all that are measurements, and notes the others.
+    /// Passes all measurements to a finder, and records the other readings as missing.
     fn replay(&mut self, finder: &mut Finder) -> Result<(), JoinError> {
         self.missing = Missing::default();
         let (count, mut latest) = (self.poses.count(), Stamp::from_ns(i64::MIN));
@@ -90,12 +90,12 @@ impl<'a> Readings<'a> {
         Ok(())
     }
 
-    /// How many readings there are.
+    /// Number of readings.
     pub fn count(&self) -> usize {
         self.poses.count()
     }
 
-    /// Where the target is stationary, in rows of the readings.
+    /// The target's stationary stretches, in rows of the readings.
     pub const fn stationary(&self) -> &Stationary {
         &self.stationary
     }
@@ -116,7 +116,7 @@ impl<'a> Readings<'a> {
         self.read(stretch.first..stretch.last + 1)
     }
 
-    /// When a reading was taken.
+    /// The stamp of a reading.
     pub fn stamp(&self, row: usize) -> Result<Stamp<Tracker>, JoinError> {
         Ok(self.poses.stamp(row)?)
     }
@@ -130,7 +130,7 @@ impl<'a> Readings<'a> {
 }
 
 impl Seen {
-    /// The latest stamp, where none is before the one before it, from `latest` on.
+    /// Checks that stamps do not decrease, from `latest` on; returns the last one.
     fn check_order(&self, mut latest: Stamp<Tracker>) -> Result<Stamp<Tracker>, JoinError> {
         let samples = "readings";
         for (row, &stamp) in self.rows.clone().zip(&self.readings.stamps) {
@@ -142,13 +142,13 @@ impl Seen {
         Ok(latest)
     }
 
-    /// Those of its rows that are measurements.
+    /// The rows that are measurements.
     pub fn measured(&self) -> impl Iterator<Item = usize> {
         let rows = self.rows.clone();
         rows.filter(|&row| is_measurement(&self.position(row)))
     }
 
-    /// The coordinates of its measurements, mm, a column an axis.
+    /// The coordinates of the measurements, mm, one column per axis.
     pub fn axes(&self) -> [Vec<f64>; 3] {
         let axis = |axis: usize| {
             let measured = self.measured().map(|row| self.position(row)[axis]);
@@ -157,7 +157,7 @@ impl Seen {
         std::array::from_fn(axis)
     }
 
-    /// When a row was taken.
+    /// The stamp of a row.
     pub fn stamp(&self, row: usize) -> Stamp<Tracker> {
         self.readings.stamps[row - self.rows.start]
     }
@@ -189,9 +189,9 @@ impl Missing {
         }
     }
 
-    /// The row of a reading that is counted among the measurements only.
+    /// The row of a reading from its number among the measurements.
     fn row(&self, measured: usize) -> usize {
-        // Before a run stand as many measurements as its end has rows that are not missing.
+        // The number of measurements before a run is its end less the missing rows up to there.
         let runs = self
             .runs
             .partition_point(|run| run.end - run.missing <= measured);
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn measurements_are_reported_from_what_is_missing_between_them() {
+    fn measurements_are_found_between_missing_readings() {
         let missing = [0, 1, 5, 6, 7, 9];
         let position = |row: usize| {
             let x = if missing.contains(&row) { 0.0 } else { 1.0 };

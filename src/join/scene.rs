@@ -18,7 +18,7 @@ pub(super) fn ur10() -> Arm {
         .expect("an arm")
 }
 
-/// What a session is made of. Each test changes the one thing it is about.
+/// The settings of a synthetic session. Each test changes the one thing that it is about.
 #[derive(Debug, Clone)]
 pub(super) struct Scene {
     pub seed: u64,
@@ -36,7 +36,7 @@ pub(super) struct Scene {
     pub drift: f64,
     /// The target in the flange frame, mm.
     pub target_mm: [f64; 3],
-    /// Times the joints' errors of about a milliradian.
+    /// Factor on the joints' errors of about a milliradian.
     pub arm_error: f64,
     /// First controller stamp, ns.
     pub origin_ns: i64,
@@ -77,7 +77,7 @@ impl Scene {
         }
     }
 
-    /// When each dwell begins, s after the first controller stamp.
+    /// Start of each dwell, s after the first controller stamp.
     pub(super) fn starts_s(&self) -> Vec<f64> {
         let mut at_s = 0.0;
         let mut starts = Vec::new();
@@ -107,7 +107,7 @@ impl Scene {
         })
     }
 
-    /// Where the target truly is, mm in the tracker frame: the nominal arm with its joints off.
+    /// True position of the target in the tracker frame, mm: the nominal arm with joint errors.
     pub fn target(&self, arm: &Arm, angles: &[f64; 6]) -> Vector3<f64> {
         let errors = [1e-3, -0.7e-3, 1.2e-3, -1e-3, 0.8e-3, 0.0];
         let real: Vec<f64> = angles
@@ -173,7 +173,7 @@ impl Scene {
             .retain(|_| *next.next().expect("one each"));
     }
 
-    /// Controller seconds of a tracker stamp.
+    /// Controller time of a tracker stamp, s.
     pub fn controller_s(&self, tracker_ns: i64) -> f64 {
         ((tracker_ns - self.origin_ns) as f64 / NS_PER_S - self.offset_s) / (1.0 + self.drift)
     }
@@ -204,7 +204,7 @@ impl Scene {
             let middle_ns = i64::midpoint(station.start.ns(), station.end.ns()) - self.origin_ns;
             let truth = self.target(arm, &self.angles(&starts_s, middle_ns as f64 / NS_PER_S));
             let off_mm = (position.coords - truth).norm();
-            // Six standard errors of the mean of a three-vector, and what little moves below the stationary threshold.
+            // Six standard errors of the mean of a three-vector, plus the motion below the stationary threshold.
             let allowed_mm = 6.0 * self.noise_mm * (3.0 / reading.kept as f64).sqrt() + 0.005;
             assert!(
                 off_mm < allowed_mm,
@@ -214,7 +214,7 @@ impl Scene {
         }
     }
 
-    /// The clock is within `offset_ms` at t₀ and `drift_ppm` of the truth.
+    /// Checks that the clock is within `offset_ms` at t₀ and `drift_ppm` of the truth.
     pub fn check_clock(&self, joined: &Joined, offset_ms: f64, drift_ppm: f64) {
         let model = joined.clock.model;
         let off_ms = (model.offset_ns - self.offset_s * NS_PER_S) / 1e6;
@@ -232,7 +232,7 @@ impl Scene {
     }
 }
 
-/// What the join is given of a recording, joined: the detector has seen its joints, poses are in memory.
+/// Joins a recording: the detector processes its joints, poses are in memory.
 pub(super) fn join_recorded(
     recording: &Recording,
     arm: &Arm,

@@ -12,11 +12,11 @@ pub struct JoinSettings {
     /// Readings sooner than this after the arm became stationary are left out, s. Found from the readings where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub settle_s: Option<f64>,
-    /// The shortest dwell of the arm, s. Slower than the turning points of a move, shorter than any measurement.
+    /// The shortest dwell of the arm, s. Longer than the turning points of a move, shorter than any measurement.
     pub min_dwell_s: f64,
-    /// Stationary means nothing moves in a window this long (or three samples, where they are further apart), s.
+    /// Length of the window in which nothing may move, s (at least three samples).
     pub window_s: f64,
-    /// A break between samples longer than this ends a dwell (or five usual intervals, where that is more), s.
+    /// A break between samples longer than this ends a dwell, s (at least five usual intervals).
     pub gap_s: f64,
     /// Joint motion within the window that still counts as stationary, rad. Found from the log where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -28,7 +28,7 @@ pub struct JoinSettings {
     pub min_readings: usize,
     /// Readings further than this many robust standard deviations from their dwell's median are outliers.
     pub mad_factor: f64,
-    /// A dwell further than this from the nominal arm (base and target fitted) is of another reflector, mm. Nominal
+    /// A dwell further than this from the nominal arm (base and target fitted) is one of another reflector, mm. Nominal
     /// arms are off by 1–10 mm, wrong reflectors by hundreds.
     pub geometry_gate_mm: f64,
 }
@@ -49,13 +49,13 @@ impl Default for JoinSettings {
     }
 }
 
-/// No encoder resolves less than this between samples, rad.
+/// Least threshold for joints, rad: no encoder resolves less between samples.
 const FLOOR_RAD: f64 = 1e-7;
-/// No tracker resolves less than this, mm.
+/// Least threshold for the target, mm: no tracker resolves less.
 const FLOOR_MM: f64 = 1e-3;
 
 impl JoinSettings {
-    /// Whether every number makes sense.
+    /// Checks the range of every number.
     pub fn check(&self) -> Result<(), JoinError> {
         if let Some(settle_s) = self.settle_s {
             positive_or_zero("settle_s", settle_s)?;
@@ -81,7 +81,7 @@ impl JoinSettings {
         Ok(())
     }
 
-    /// What counts as stationary of the joints.
+    /// The rule by which joints are stationary.
     pub fn arm_rule(&self) -> StationaryRule {
         StationaryRule {
             window_s: self.window_s,
@@ -92,7 +92,8 @@ impl JoinSettings {
         }
     }
 
-    /// No least duration: a tracker may read only a few times, and only while stationary.
+    /// The rule by which the target is stationary. It has no least duration: a tracker may read only a few times, and only
+    /// while stationary.
     pub(super) fn target_rule(&self) -> StationaryRule {
         StationaryRule {
             window_s: self.window_s,

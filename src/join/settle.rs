@@ -1,10 +1,10 @@
-//! The settling time: how long after the arm becomes stationary the target still rings, read from the readings themselves.
+//! The settling time: the time from the arm's arrival until the target no longer vibrates, found from the readings themselves.
 //!
 //! 1. In each matched dwell the later half of the readings gives a median and a usual distance from it.
 //! 2. The distances of the earlier readings, in units of that usual distance, are sorted by their age after arrival.
 //! 3. The time is the age from which their median over all dwells is no more than half again the usual distance.
 //!
-//! With nothing ringing it is 0, and no reading is lost to it.
+//! Without vibration it is 0, and no reading is left out for it.
 
 use nalgebra::Vector3;
 
@@ -14,13 +14,14 @@ use super::observe::Observation;
 use super::pattern::{Pair, Relation};
 use super::readings::Readings;
 
-/// Ringing below half of the scatter of single readings does not show in their mean.
+/// Distance at which the target has settled, in usual distances: a vibration of half the usual scatter does not show in the
+/// mean.
 const SETTLED: f64 = 1.5;
-/// Fewer readings than this have no later half to speak of.
+/// Dwells with fewer readings than this are not used.
 const MIN_READINGS: usize = 8;
-/// Ages are distinguished by one reading, but no finer than this, s.
+/// Least step of ages, s; otherwise the interval of readings.
 const LEAST_AGE_STEP_S: f64 = 0.02;
-/// What still moves after this is drift, not settling, s.
+/// Longest settling time, s: motion after it is drift.
 const LONGEST_S: f64 = 2.0;
 
 /// The settling time in s, by the dwells of `pairs`.
@@ -53,7 +54,7 @@ pub(super) fn settling_s(
             by_age[bin].push(ratio);
         }
     }
-    // An age that few dwells have a reading of says nothing; the next one decides.
+    // An age at which few dwells have a reading is skipped; the next one decides.
     let most = by_age.iter().map(Vec::len).max().unwrap_or(0);
     let rings = |ratios: &mut Vec<f64>| 2 * ratios.len() < most || median(ratios) > SETTLED;
     let settled = by_age

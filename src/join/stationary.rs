@@ -1,17 +1,17 @@
 //! Stationary stretches: columns sampled over time → runs of samples in which no column moves.
 //!
-//! The same rule serves joint angles and target positions, at any rate and any noise:
-//! 1. a median of three takes single spikes out (for finding stationary stretches only, never for a mean);
-//! 2. the range (largest − smallest) of each column over a short window; the largest over the columns says how much
-//!    moves in that window (`ranges`);
+//! One rule serves joint angles and target positions, at any rate and any noise:
+//! 1. a median of three removes single spikes (for finding stationary stretches only, never for a mean);
+//! 2. the range (largest − smallest) of each column over a short window; the largest over the columns is the motion
+//!    in that window (`ranges`);
 //! 3. a window is stationary when that is within the threshold; overlapping stationary windows are one stretch (`levels`);
-//! 4. the threshold, where none is given, is read from the samples: over a ladder of thresholds the number of
-//!    stretches is erratic inside the noise, then stays put over a wide plateau, then falls as moves are swallowed.
-//!    (Below the flicker of a quantised column the number stays put too: the ladder begins above it, `quantum`.)
+//! 4. the threshold, where none is given, is found from the samples: over a ladder of thresholds the number of
+//!    stretches is erratic inside the noise, then constant over a wide plateau, then falls as dwells merge.
+//!    (Below the flicker of a quantised column the number is constant too: the ladder begins above it, `quantum`.)
 //!    The threshold is six times the start of the lowest good plateau, or its middle where that is lower (`plateau`).
 //!
-//! The samples are taken in once, in order of time, and none is kept (`finder`): every threshold that may turn out to
-//! be the right one has its stretches found at once.
+//! The samples are processed once, in order of time, and none is kept (`finder`): the stretches of every threshold that may
+//! be chosen are found at the same time.
 
 mod finder;
 mod lengths;
@@ -26,7 +26,7 @@ use std::convert::Infallible;
 
 pub use finder::{Finder, Forgotten};
 
-/// What counts as stationary.
+/// The rule by which samples are stationary.
 #[derive(Debug, Clone, Copy)]
 pub struct StationaryRule {
     /// Length of the window in which nothing may move, s (never fewer than three samples).
@@ -35,9 +35,9 @@ pub struct StationaryRule {
     pub gap_s: f64,
     /// The least duration of a stretch, s.
     pub min_stretch_s: f64,
-    /// The threshold in the columns' unit, where it is given.
+    /// The threshold in the columns' unit; `None` to find it from the samples.
     pub threshold: Option<f64>,
-    /// Below this the ladder does not look, in the columns' unit.
+    /// The ladder's lowest threshold, in the columns' unit.
     pub floor: f64,
 }
 
@@ -50,41 +50,41 @@ pub struct Stretch {
     pub last: usize,
 }
 
-/// A stretch and what is known of its samples.
+/// A stretch with the stamps and means of its samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StationaryStretch {
-    /// Which samples.
+    /// The samples.
     pub stretch: Stretch,
     /// The first one's stamp, ns.
     pub start_ns: i64,
     /// The last one's stamp, ns.
     pub end_ns: i64,
-    /// The stamp of the sample before, if there is one, ns.
+    /// The stamp of the sample before it, ns; `None` at the start of the log.
     pub before_ns: Option<i64>,
-    /// The stamp of the sample behind, if there is one, ns.
+    /// The stamp of the sample after it, ns; `None` at the end of the log.
     pub after_ns: Option<i64>,
     /// Mean of each column.
     pub means: Vec<f64>,
 }
 
-/// Where the samples stationary, and by which threshold.
+/// The stationary stretches of all samples, and the threshold used.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Stationary {
-    /// In time order; they do not overlap.
+    /// The stretches in time order; they do not overlap.
     pub stretches: Vec<StationaryStretch>,
-    /// In the columns' unit.
+    /// The threshold used, in the columns' unit.
     pub threshold: f64,
     /// The usual interval between samples, ns.
     pub interval_ns: i64,
-    /// How many samples there were.
+    /// Number of samples.
     pub samples: usize,
-    /// How many columns they had.
+    /// Number of columns.
     pub columns: usize,
     /// The first and the last sample's stamp, ns; 0 without samples.
     pub span_ns: (i64, i64),
 }
 
-/// The stationary stretches of so many columns: `values` are the first sample's, then the second's; stamps do not decrease.
+/// The stationary stretches of `columns` columns: `values` are the first sample's, then the second's; stamps do not decrease.
 pub fn find_stationary(
     stamps_ns: &[i64],
     values: &[f64],
@@ -99,8 +99,8 @@ pub fn find_stationary(
     stationary
 }
 
-/// The stationary stretches of the samples, of so many columns, that `replay` gives a finder: a second time where the threshold
-/// shows too late. With them comes what the last replay returned.
+/// The stationary stretches of the samples that `replay` passes to a finder; it is called a second time where the threshold
+/// is found too late. Also returns the result of the last replay.
 pub fn stationary_of<T, E>(
     columns: usize,
     rule: &StationaryRule,
@@ -117,7 +117,7 @@ pub fn stationary_of<T, E>(
     };
     let (stationary, replayed) = find(&StationaryRule { threshold, ..*rule })?;
     Ok((
-        stationary.expect("with one threshold no stretch is forgotten"),
+        stationary.expect("with one threshold no stretch is dropped"),
         replayed,
     ))
 }
@@ -134,7 +134,7 @@ mod tests {
         floor: 1e-3,
     };
 
-    /// Ten rests of 20 samples at 50 ms with noise of a hundredth, ten samples of motion by 1 between them.
+    /// Ten stationary stretches of 20 samples at 50 ms with noise of a hundredth, ten samples of motion by 1 between them.
     fn steps() -> (Vec<i64>, Vec<f64>) {
         let value = |k: i64| {
             let (stationary, within) = (k / 30, k % 30);
@@ -152,7 +152,7 @@ mod tests {
         let (stamps_ns, column) = steps();
         let stationary = find_stationary(&stamps_ns, &column, 1, &RULE);
         assert_eq!(stationary.stretches.len(), 10);
-        // Samples 30 to 50 stationary: 20 still ones, and the first of the motion is no further than its start.
+        // Samples 30 to 50 are stationary: 20 in the stretch, and the first sample of the motion is still at its start.
         assert_eq!(
             stationary.stretches[1].stretch,
             Stretch {
@@ -201,9 +201,9 @@ mod tests {
     }
 
     #[test]
-    fn where_the_threshold_shows_too_late_the_samples_are_replayed_with_it() {
-        // 4000 rests of 20 samples with noise of a thousandth, 1 apart; then 9000 with noise of three fifths, 100 000 apart. The
-        // first ones alone would have another threshold, and there are too many of them to be kept by every one.
+    fn samples_are_replayed_when_the_threshold_is_found_too_late() {
+        // 4000 stretches of 20 samples with noise of a thousandth, 1 apart; then 9000 with noise of three fifths, 100 000
+        // apart. The first ones alone would have another threshold, and they are too many to be kept for every threshold.
         let value = |k: i64| {
             let (stationary, noise) = (k / 20, ((k * 7919) % 1009) as f64 / 1009.0);
             let late = (stationary - 4000).max(0) as f64;
@@ -220,7 +220,7 @@ mod tests {
         });
         let (stationary, last) = found.unwrap_or_else(|never| match never {});
         assert_eq!(last, 2);
-        // The first 4000 are one by a threshold above 1, and go over into the next.
+        // With a threshold above 1 the first 4000 merge into one, and with the next.
         assert_eq!(stationary.stretches.len(), 9000);
         assert!(
             (1.0..1e5).contains(&stationary.threshold),

@@ -1,7 +1,7 @@
-//! Where a joint comes to stand against its command, for predictions that do not know how far it fell short.
+//! True minus known joint angles, for predictions where the settling error is not known.
 //!
-//! The model puts the arm at `reported + β d + c clip(d)`, d the settling error `commanded − reported`. Of a command alone, or of
-//! reported angles alone, d is not known, but its distribution is: the training stations show it. So a command predicts
+//! In the model the true angle is `reported + β d + c clip(d)`, d the settling error `commanded − reported`. For a command
+//! alone, or reported angles alone, d is not known, but the training stations show its distribution. So a command predicts
 //! with the mean of `(β − 1) d + c clip(d)` per joint, reported angles with that of `β d + c clip(d)`, and each with its
 //! variance.
 
@@ -15,9 +15,9 @@ use crate::fit::observation::Observation;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ApproachOffsets {
-    /// Against the command.
+    /// True minus commanded.
     pub commanded: Against,
-    /// Against the reported angles.
+    /// True minus reported.
     pub reported: Against,
 }
 
@@ -25,14 +25,14 @@ pub struct ApproachOffsets {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Against {
-    /// Mean of each, rad.
+    /// Mean of each axis variable, rad.
     pub mean: Vec<f64>,
-    /// Variance of each, rad².
+    /// Variance of each axis variable, rad².
     pub variance: Vec<f64>,
 }
 
 impl ApproachOffsets {
-    /// From the stations' settling errors and the model's coefficients; `None` where no settling error is known.
+    /// The distributions from the stations' settling errors and the model's coefficients; `None` without settling errors.
     pub fn of(
         observations: &[Observation],
         command_weight: &DVector<f64>,

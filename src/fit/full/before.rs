@@ -1,7 +1,7 @@
-//! The full error model before a session: what is expected of an arm that has not been measured yet.
+//! The full error model before a session: the prior of an arm that has not been measured yet.
 //!
 //! Every column has its prior variance and nothing has been learned, so predictions are those of the frames and the
-//! nominal arm, with the covariance of everything that may be wrong. For planning.
+//! nominal arm, with the covariance of all possible errors. Planning uses it.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitVector3};
 
@@ -19,7 +19,7 @@ use crate::linalg::Cholesky;
 impl FullModel {
     /// The model of a session of `stations` stations before any of them is measured.
     ///
-    /// `poses` are axis variables (rad) of the session's kind: joints that hardly move the target there have fewer columns.
+    /// `poses` are axis variables (rad) typical of the session: joints that hardly move the target there have fewer columns.
     pub fn expected(
         arm: &Arm,
         frames: &Frames,
@@ -66,7 +66,7 @@ impl FullModel {
         }
     }
 
-    /// The same model where geometry and frames are all that may be wrong, with nothing learned.
+    /// This model with errors of geometry and frames only, nothing learned.
     #[must_use]
     pub fn geometry_alone(mut self) -> Self {
         let unknowns = self.layout.columns(Block::Unknowns).unwrap_or(0..0);
@@ -80,7 +80,7 @@ impl FullModel {
         self
     }
 
-    /// `L⁻¹ √v rowsᵀ` of stacked rows: products of its columns are the covariances that the model leaves open.
+    /// `L⁻¹ √v rowsᵀ` of stacked rows: products of its columns are covariances of predictions.
     pub fn half(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         self.posterior.half(rows)
     }

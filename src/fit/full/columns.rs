@@ -1,4 +1,4 @@
-//! Which columns a training starts with, and how far its geometry and frames may be off.
+//! The columns that a training starts with, and the prior variances of geometry and frames.
 
 use nalgebra::{DVector, Point3, Vector3};
 
@@ -38,7 +38,7 @@ pub(super) fn layout(
         command_weights(&mut layout, observations, sessions, joints);
     }
     if settings.drift {
-        // Beyond this order the prior leaves less than a thousandth.
+        // Beyond this order the prior has less than a thousandth of its variance.
         let orders = (3.0 * span / settings.drift_length_stations)
             .ceil()
             .clamp(6.0, 40.0) as usize;
@@ -63,7 +63,7 @@ pub(super) fn layout(
     layout
 }
 
-/// The middle of each session's stations as the nominal arm has their targets, in the base frame, mm.
+/// The middle of each session's stations by the nominal arm, in the base frame, mm.
 pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
     let nominal = problem.held(&DVector::zeros(problem.unknowns().len()));
     // Those that one source saw, in the base frame, and how many there are.
@@ -90,7 +90,7 @@ pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
     problem.starts().iter().enumerate().map(middle).collect()
 }
 
-/// Weights between reported and commanded angles, for sessions whose commands say something.
+/// Command–feedback weights, for sessions that have settling errors.
 fn command_weights(
     layout: &mut Layout,
     observations: &[Observation],
@@ -116,12 +116,12 @@ fn command_weights(
     }
 }
 
-/// Harmonics of a curve that is coarse or hardly seen.
+/// Number of harmonics of a coarse curve or of a joint that hardly moves the target.
 pub(super) const fn few_harmonics(settings: &FullSettings) -> usize {
     FEW_HARMONICS * settings.curve_period_turns as usize
 }
 
-/// Full harmonics for joints that move the target, fewer for those that hardly do.
+/// Number of harmonics of each joint: all for joints that move the target, fewer for those that hardly do.
 fn harmonics(
     problem: &Problem<'_>,
     offsets: &DVector<f64>,
@@ -155,7 +155,7 @@ fn harmonics(
     levers.iter().map(count).collect()
 }
 
-/// Prior variances of the problem's unknowns; those without a prior get one far wider than any frame can be off.
+/// Prior variances of the problem's unknowns; those without a prior get one far wider than any error of a frame.
 pub(super) fn unknown_variances(problem: &Problem<'_>) -> Vec<f64> {
     const WIDE_MM: f64 = 300.0;
     const WIDE_RAD: f64 = 0.3;

@@ -1,4 +1,4 @@
-//! Variance components: how large each part of the model is, estimated from the session itself.
+//! Variance components: the size of each part of the model, estimated from the session itself.
 //!
 //! A component has a size `a` and a profile over columns; a column's prior variance is the sum of its components'. The
 //! update is `MacKay`'s fixed point on the marginal likelihood, split among components by their share in each column, with
@@ -13,7 +13,7 @@ use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::spectrum::{Kernel, smooth_variances};
 
-/// What a component belongs to.
+/// The part that a component belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Part {
     /// The short kernel of one joint's curve.
@@ -22,15 +22,15 @@ pub enum Part {
     LongCurve(usize),
     /// Gravity.
     Gravity,
-    /// Stopping short of the command.
+    /// Approach-direction offset.
     ApproachOffset,
     /// Warming up, common to all sessions.
     WarmUp,
     /// Base drift of single sessions.
     Drift,
-    /// How sessions differ in their curves.
+    /// Differences of the curves between sessions.
     SessionCurve,
-    /// How sessions differ in their command–feedback weight.
+    /// Differences of the command–feedback weight between sessions.
     SessionCommandWeight,
     /// One gear line.
     Line {
@@ -44,7 +44,7 @@ pub enum Part {
 /// One variance component.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
-    /// What it belongs to.
+    /// The part it belongs to.
     pub part: Part,
     /// Its size: a variance in the square of the part's unit (rad, mm or 1).
     pub size: f64,
@@ -56,12 +56,12 @@ pub struct Component {
 /// All components, and the columns whose prior is fixed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Components {
-    /// In the layout's order.
+    /// The components in the layout's order.
     pub all: Vec<Component>,
     fixed: Vec<f64>,
 }
 
-/// A step of the fixed point is damped by this power, which keeps parts that share columns from taking turns.
+/// A step of the fixed point is damped by this power, so that parts that share columns do not oscillate.
 const DAMPING: f64 = 0.8;
 /// A size changes by no more than this factor in a step.
 const LARGEST_CHANGE: f64 = 20.0;
@@ -79,7 +79,7 @@ impl Components {
         components
     }
 
-    /// No components: for models whose sizes are held.
+    /// No components: for models with fixed sizes.
     pub const fn none() -> Self {
         Self {
             all: Vec::new(),
@@ -127,7 +127,7 @@ impl Components {
         }
     }
 
-    /// Takes over the sizes of parts that `others` has too.
+    /// Takes the sizes of parts that `others` has too.
     pub(super) fn inherit(&mut self, others: &Self) {
         for component in &mut self.all {
             if let Some(other) = others.all.iter().find(|other| other.part == component.part) {
@@ -144,7 +144,7 @@ impl Components {
             .map(|component| component.size)
     }
 
-    /// Sets the size of every component that `is_of` picks to zero: the model without that part.
+    /// Sets the size of every component for which `is_of` is true to zero: the model without that part.
     pub(super) fn drop_parts(&mut self, is_of: impl Fn(Part) -> bool) {
         for component in self
             .all
@@ -240,17 +240,17 @@ impl Components {
     }
 }
 
-/// A kernel's length on the circle of the curves' period: of several turns it is a smaller share.
+/// A kernel's length (rad) on the circle of the curves' period: shorter for a period of several turns.
 fn length(settings: &FullSettings, deg: f64) -> f64 {
     deg.to_radians() / f64::from(settings.curve_period_turns)
 }
 
-/// The variance of each pair `cos, sin`, for both.
+/// The variances of the pairs, each repeated for `cos` and `sin`.
 fn pairs(variances: &[f64]) -> Vec<f64> {
     variances.iter().flat_map(|&v| [v, v]).collect()
 }
 
-/// Along x, then y, then z.
+/// The drift's profile over its columns: along x, then y, then z.
 fn drift_profile(settings: &FullSettings, span: f64, columns: usize) -> Vec<f64> {
     smooth_variances(span, settings.drift_length_stations, columns / 3).repeat(3)
 }

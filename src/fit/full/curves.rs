@@ -1,4 +1,4 @@
-//! What the model says of single joints and single columns: error curves with their deviation, covariances.
+//! The posterior of single joints and single columns: error curves with their standard deviation, covariances.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -28,7 +28,7 @@ impl JointError {
 impl FullModel {
     /// The error curve of `joint` (from 0), common to all sessions, at `angles` (axis variable, rad).
     ///
-    /// Without the joint's constant offset, which is the geometry's θ.
+    /// It excludes the joint's constant offset, which is the geometry's θ.
     pub fn joint_errors(&self, joint: usize, angles: &[f64]) -> Vec<JointError> {
         let mut curve = DMatrix::zeros(angles.len(), self.layout.size());
         let mut lines = curve.clone();
@@ -63,7 +63,7 @@ impl FullModel {
         self.posterior.covariance_of(places)
     }
 
-    /// Posterior mean of the column at `place`; of an unknown, its whole offset.
+    /// Posterior mean of the column at `place`; for an unknown, its whole offset.
     pub fn column_mean(&self, place: usize) -> f64 {
         let unknowns = self
             .layout
@@ -72,7 +72,7 @@ impl FullModel {
         unknowns.map_or(0.0, |own| self.offsets[place - own.start]) + self.mean[place]
     }
 
-    /// Prior standard deviation of every column, as the session's own likelihood settled it.
+    /// Prior standard deviation of every column, found by the session's own likelihood.
     pub const fn prior_sd(&self) -> &DVector<f64> {
         &self.posterior.scale
     }
@@ -85,7 +85,7 @@ impl FullModel {
     }
 }
 
-/// The pair `cos, sin` of `cycles` per turn at `first` and the column behind it.
+/// Fills the columns `first` and `first + 1` with `cos` and `sin` of `cycles` per turn.
 fn fill(rows: &mut DMatrix<f64>, first: usize, angles: &[f64], cycles: f64) {
     for (row, angle) in angles.iter().enumerate() {
         let (sin, cos) = (cycles * angle).sin_cos();

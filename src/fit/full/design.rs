@@ -1,4 +1,4 @@
-//! Rows of the error model: how the target moves with every column, at one pose.
+//! Rows of the error model: the target's motion per unit of every column, at one pose.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -13,11 +13,11 @@ use crate::join::ReadingKind;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
-/// A joint that became stationary this far from its command stopped short by as much as it ever does, rad. Widths of 40 to
-/// 110 µrad fit the same.
+/// Settling error from which on the approach-direction offset is complete, rad. Widths of 40 to
+/// 110 µrad fit equally well.
 pub const SATURATION_RAD: f64 = 60e-6;
 
-/// One pose as the columns see it; all vectors in the frame that the rows are in.
+/// The quantities of one pose that the columns use; all vectors in the frame of the rows.
 #[derive(Debug, Clone)]
 pub struct PoseView<'a> {
     /// The target's motion per unit of each unknown of the problem that moves it.
@@ -26,25 +26,25 @@ pub struct PoseView<'a> {
     pub joints: &'a [Twist],
     /// Origin and direction of each joint axis.
     pub axes: &'a [(Point3<f64>, Vector3<f64>)],
-    /// Where the target is.
+    /// Position of the target, mm.
     pub end: Point3<f64>,
-    /// Against gravity, unit length; `None` where the mounting is not known.
+    /// Direction of up, a unit vector; `None` where the mounting is not known.
     pub up: Option<Vector3<f64>>,
     /// The base frame's axes.
     pub base: Matrix3<f64>,
     /// Axis variables, rad.
     pub angles: &'a [f64],
-    /// Commanded minus reported axis variables.
+    /// Commanded minus reported axis variables, rad; `None` where it is not known.
     pub settling_error: Option<&'a SettlingError>,
     /// The session whose own parts apply.
     pub session: Option<usize>,
     /// Place in the session as a share of the drift's span; `None` where drift and the session's scale do not apply.
     pub time: Option<f64>,
-    /// The middle of the session's stations, from which its scale moves the target away.
+    /// The middle of the session's stations, mm, from which its scale moves the target away.
     pub middle: Point3<f64>,
 }
 
-/// Point masses whose torque a joint gives way to: later joints' origins, and the target.
+/// Number of gravity columns: for each joint, one per point mass at a later joint's origin or at the target.
 pub(super) fn gravity_columns(joints: usize) -> usize {
     (1..=joints).sum()
 }
@@ -66,7 +66,7 @@ impl PoseView<'_> {
         rows
     }
 
-    /// How the target is moved by the coefficients `mean` of all columns, mm: the rows times them, without the rows.
+    /// The target's motion by the coefficients `mean` of all columns, mm: the product of rows and `mean`, without forming rows.
     /// `curves` are the joint curves of the same coefficients.
     pub fn moved(&self, layout: &Layout, mean: &DVector<f64>, curves: &Tabulated) -> Vector3<f64> {
         let mut moved = Vector3::zeros();
@@ -84,7 +84,7 @@ impl PoseView<'_> {
             .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
     }
 
-    /// Every column of `blocks` with the twist and the amount by which its coefficient moves the target.
+    /// Calls `each` for every column of `blocks` with the twist and the factor by which its coefficient moves the target.
     fn walk(
         &self,
         blocks: impl Iterator<Item = (Block, Range<usize>)>,
@@ -206,7 +206,7 @@ impl PoseView<'_> {
         }
     }
 
-    /// A command is given some day, when another scale applies: its target is where the arm's lengths alone have it.
+    /// The session's scale. It does not apply to a command, which is used in another session with another scale.
     fn scale(&self, column: usize, each: &mut impl FnMut(usize, &Twist, f64)) {
         let away = Twist {
             linear: self.end - self.middle,

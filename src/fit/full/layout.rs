@@ -7,26 +7,26 @@ use std::ops::Range;
 pub enum Block {
     /// Geometry, bases and targets: the unknowns of the identification problem.
     Unknowns,
-    /// Joints giving way under the torque on them, one coefficient per joint and later point mass.
+    /// Deflection of joints under gravity, one coefficient per joint and later point mass.
     Gravity,
-    /// Share of the way from reported to commanded angle, one per joint.
+    /// Command–feedback weight, one per joint: the share of the way from reported to commanded angle.
     CommandWeight,
-    /// Stopping short of the command on the side the joint came from, one per joint: it saturates at small settling errors.
+    /// Approach-direction offset, one per joint: it saturates at small settling errors.
     ApproachOffset,
-    /// The command–feedback weight as one session differs from all.
+    /// Difference of one session's command–feedback weight from the common one.
     SessionCommandWeight(usize),
-    /// The command–feedback weight of a session whose commanded orientations are not what was sent.
+    /// The command–feedback weight of a session whose commanded orientations are not those that were sent.
     OwnCommandWeight(usize),
     /// Slow translation of the base that every session repeats: warming up.
     WarmUp,
     /// Slow translation of the base in one session alone.
     Drift(usize),
-    /// Scale of one session, its instrument's length unit against the arm's lengths: how far a target moves from the middle of the
-    /// session's stations as a share of how far it lies from there.
+    /// Scale of one session, its instrument's length unit relative to the arm's lengths: the target's shift away from the
+    /// middle of the session's stations, as a share of its distance from there.
     Scale(usize),
     /// Error curve of one joint (from 0): pairs `cos, sin` of k q over [`Layout::period_turns`].
     Curve(usize),
-    /// How the curve of one joint changed in one session.
+    /// Change of one joint's curve in one session.
     SessionCurve {
         /// The session.
         session: usize,
@@ -43,12 +43,12 @@ pub enum Block {
 }
 
 impl Block {
-    /// Whether it is a joint's smooth error curve, of all sessions or of one.
+    /// Whether the block is a joint's smooth error curve, of all sessions or of one.
     pub(super) const fn is_curve(self) -> bool {
         matches!(self, Self::Curve(_) | Self::SessionCurve { .. })
     }
 
-    /// Whether it is the arm's own in whatever session: beyond geometry, which shares its block with the sessions' frames.
+    /// Whether the block belongs to the arm in every session. Geometry, which shares its block with the frames, is not counted.
     pub(super) const fn is_of_arm(self) -> bool {
         matches!(
             self,
@@ -70,10 +70,10 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// No blocks yet; joint curves repeat after `period_turns` turns.
+    /// An empty layout; joint curves repeat after `period_turns` turns.
     ///
     /// # Panics
-    /// When that is no turn at all.
+    /// When `period_turns` is 0.
     pub fn new(period_turns: u32) -> Self {
         assert!(period_turns > 0, "a curve repeats after a turn or more");
         Self {
@@ -83,18 +83,18 @@ impl Layout {
         }
     }
 
-    /// After how many turns joint curves repeat: the k-th pair of a curve is `cos, sin` of `k q` over this.
+    /// Period of joint curves, in turns: the k-th pair of a curve is `cos, sin` of `k q` over this.
     pub const fn period_turns(&self) -> u32 {
         self.period_turns
     }
 
-    /// Puts a block of `columns` behind the others.
+    /// Appends a block of `columns` columns.
     pub fn push(&mut self, block: Block, columns: usize) {
         self.blocks.push((block, self.size..self.size + columns));
         self.size += columns;
     }
 
-    /// Columns in all.
+    /// Number of all columns.
     pub const fn size(&self) -> usize {
         self.size
     }
@@ -104,7 +104,7 @@ impl Layout {
         self.blocks.iter().cloned()
     }
 
-    /// The columns of one block; `None` where the model has no such part.
+    /// The columns of one block; `None` where the model has no such block.
     pub fn columns(&self, block: Block) -> Option<Range<usize>> {
         self.blocks
             .iter()

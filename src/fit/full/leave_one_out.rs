@@ -1,4 +1,4 @@
-//! Leave-one-out residuals in closed form, and what follows from them: weights and gear lines.
+//! Leave-one-out residuals in closed form, and the weights and gear lines derived from them.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -16,21 +16,21 @@ use crate::fit::problem::Problem;
 /// Gear lines taken per joint in one round.
 const LINES_PER_ROUND: usize = 3;
 
-/// What one observation says when it is left out.
+/// The leave-one-out result of one observation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeftOut {
-    /// Measured minus predicted by all others.
+    /// Measured minus predicted by all others, mm and rad.
     pub residual: DVector<f64>,
     /// Inverse of its covariance.
     pub information: DMatrix<f64>,
     /// Squared Mahalanobis distance at weight 1, of position and orientation together.
     pub distance_squared: f64,
-    /// What it says of the sizes of the noise.
+    /// Its evidence on the sizes of the noise.
     pub noise: NoiseEvidence,
 }
 
 impl LeftOut {
-    /// A station far from what all others say counts little.
+    /// The robust weight: small for a station far from the prediction of all others.
     pub(super) fn weight(&self, tails: Tails) -> f64 {
         tails.weight(self.distance_squared, self.residual.len() as f64)
     }
@@ -146,7 +146,7 @@ pub(super) fn find_lines(
             },
         );
         let stations: Vec<_> = stations.collect();
-        // A joint that hardly moves the target says nothing of its gears.
+        // A joint that hardly moves the target has no evidence on its gears.
         let moves = layout
             .columns(Block::Curve(joint))
             .is_some_and(|c| c.len() > 2 * FEW_HARMONICS * layout.period_turns() as usize);

@@ -17,7 +17,7 @@ pub struct FoundLine {
     pub gain: f64,
 }
 
-/// What one station says of one joint's error: `J·K·J` and `J·K·r` with the leave-one-out residual r and information K.
+/// The evidence of one station on one joint's error: `J·K·J` and `J·K·r` with the leave-one-out residual r and information K.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointEvidence {
     /// Raw angle, rad.
@@ -28,13 +28,13 @@ pub struct JointEvidence {
     pub pull: f64,
 }
 
-/// Frequencies searched, cycles per turn: above the curves' own, up to what harmonic drives are built with.
+/// Frequencies searched, cycles per turn: above those of the curves, up to the ratios of harmonic drives.
 const LOWEST: f64 = 12.0;
 const HIGHEST: f64 = 520.0;
 const STEP: f64 = 0.25;
 /// Lines of one joint nearer than this in one round are side lobes of each other.
 const SIDE_LOBES: f64 = 5.0;
-/// A line nearer than this to a known one is that one.
+/// A line nearer than this to a known one is the same line, cycles per turn.
 const SAME: f64 = 0.6;
 
 /// Evidence of one station for one joint.
@@ -52,7 +52,7 @@ pub fn evidence(
     }
 }
 
-/// Up to `most` lines of one joint above `threshold`, beside those already `known`, strongest first.
+/// Up to `most` new lines of one joint above `threshold`, strongest first, in addition to those already `known`.
 pub fn find(
     joint: usize,
     stations: &[JointEvidence],

@@ -1,13 +1,14 @@
-//! The full error model of an arm that was identified before, in a session that is still to come; and what it becomes when
+//! The full error model of an arm that was identified before, for a session that is still to come, and its update when
 //! that session is measured.
 //!
-//! Inputs: a trained [`FullModel`], and what the new session shares with one of its own ([`Mounting`]). Output: a model of
+//! Inputs: a trained [`FullModel`], and the relation of the new session to one of its own ([`Mounting`]). Output: a model of
 //! one session of which no station is known yet.
-//! 1. What belongs to the arm (geometry, curves, gravity, gear lines, command–feedback weight) keeps its mean and covariance, the sessions'
-//!    own parts being integrated out.
-//! 2. What belongs to a session (its base, drift, scale, how its curves and its command–feedback weight differ) is as open as that of any session.
-//! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes held: what training on both sessions
-//!    together gives, as far as their sizes are the same.
+//! 1. Columns of the arm (geometry, curves, gravity, gear lines, command–feedback weight) keep their mean and covariance, the
+//!    sessions' own parts being integrated out.
+//! 2. Columns of a session (its base, drift, scale, differences of its curves and command–feedback weight) get the prior of any
+//!    session.
+//! 3. [`FullModel::learned`] conditions it on the session's stations with all sizes fixed. The result equals training on both
+//!    sessions together, if their sizes are the same.
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 
@@ -28,63 +29,63 @@ use crate::linalg::{Cholesky, gram};
 
 /// Rounds of rows, posterior and weights: the base's start is within a millimetre, so the second is exact to micrometres.
 const ROUNDS: usize = 3;
-/// Columns of the model as they are in the new session.
+/// Columns of the new session's model.
 type Columns = Vec<Column>;
 
-/// What a new session shares with one that was measured.
+/// The relation of a new session to one that was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mounting {
-    /// The session it is held against, by its place in the model.
+    /// The measured session, by its index in the model.
     pub session: usize,
-    /// The base in the frame of each source of that session.
+    /// The base relative to each source of that session.
     pub sources: Vec<Placed>,
-    /// Each target of that session at the flange.
+    /// The mounting of each target of that session.
     pub targets: Vec<Mounted>,
 }
 
-/// Where the base of a new session stands in a source's frame, against that of the one before.
+/// Base of a new session in a source's frame, relative to the session before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Placed {
-    /// Neither was moved.
+    /// Neither base nor source was moved.
     Same,
-    /// One of them was; the base stands here, roughly.
+    /// One of them was moved; this is the approximate pose of the base, mm.
     Moved(Transform<Tracker, Base>),
 }
 
-/// How the target of a new session sits, against that of the one before.
+/// Mounting of a new session's measured target, relative to the session before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mounted {
-    /// It was never taken off.
+    /// The target was not removed.
     Same,
-    /// The same one in the same place, put on again.
+    /// The same target was mounted again in the same place.
     Again {
-        /// Standard deviation of its place per axis, mm.
+        /// Standard deviation of its position per axis, mm.
         sd_mm: f64,
     },
-    /// Another one, or in another place.
+    /// Another target, or another place.
     Other {
-        /// Where it is meant to sit.
+        /// Intended pose of the target on the flange, mm.
         flange_from_target: Transform<Flange, Target>,
-        /// Standard deviation of that per axis, mm.
+        /// Standard deviation of its position per axis, mm.
         sd_mm: f64,
     },
 }
 
-/// Where a column of the new session's model comes from.
+/// The source of a column of the new session's model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Column {
-    /// A column of the past, its variance grown by so much.
+    /// A column of the past model (its index), and the variance added to it.
     Kept(usize, f64),
-    /// Nothing is known but its prior.
+    /// A column with its prior only.
     Fresh,
 }
 
-/// A turn of the target by putting it on again, rad.
-const PUT_ON_RAD: f64 = 0.01;
+/// Standard deviation of the target's turn when it is mounted again, rad.
+const REMOUNTED_RAD: f64 = 0.01;
 
 impl FullModel {
     /// The model of a session of `stations` stations that is still to be measured; `None` where a factorisation fails,
-    /// which rounding alone can cause.
+    /// which only rounding can cause.
     pub fn next(
         &self,
         arm: &Arm,
@@ -154,7 +155,7 @@ impl FullModel {
         self.unknowns().iter().any(is_turn)
     }
 
-    /// The columns of the new session, and where each comes from.
+    /// The columns of the new session, and the source of each.
     fn next_columns(
         &self,
         problem: &Problem<'_>,
@@ -192,7 +193,7 @@ impl FullModel {
         if settings.session_scale_ppm > 0.0 {
             fresh.push((Block::Scale(0), 1));
         }
-        // A session whose commands said nothing of orientation left open where joints come to stand against them.
+        // A session without commanded orientations did not determine the command–feedback weight.
         if settings.command_weight && !self.knows_approach() {
             fresh.extend([
                 (Block::CommandWeight, joints),
@@ -206,7 +207,7 @@ impl FullModel {
         (layout, columns)
     }
 
-    /// Whether it was trained on commands that say where joints come to stand against them.
+    /// Whether it was trained on commands that determine the command–feedback weight.
     pub fn knows_approach(&self) -> bool {
         self.layout.columns(Block::CommandWeight).is_some()
     }
@@ -237,7 +238,7 @@ impl FullModel {
                 match mounting.targets[target.0] {
                     Mounted::Same => kept(past, 0.0),
                     Mounted::Again { .. } if own.parameter.is_angle() => {
-                        kept(past, PUT_ON_RAD * PUT_ON_RAD)
+                        kept(past, REMOUNTED_RAD * REMOUNTED_RAD)
                     }
                     Mounted::Again { sd_mm } => kept(past, sd_mm * sd_mm),
                     Mounted::Other { .. } => Column::Fresh,
@@ -246,7 +247,7 @@ impl FullModel {
         }
     }
 
-    /// Mean and covariance of the kept columns, the prior `sd` of the others.
+    /// Mean and covariance of the kept columns, with the prior `sd` of the others.
     fn carried(
         &self,
         layout: &Layout,
@@ -287,7 +288,7 @@ impl FullModel {
         Some((posterior, mean))
     }
 
-    /// Prior deviations of a session's own parts: as large as the past's sessions had them, where there were several.
+    /// Prior standard deviations of a session's own parts: those found over the past sessions, where there were several.
     fn fresh_scale(&self, layout: &Layout, expected: &DVector<f64>) -> DVector<f64> {
         let mut scale = expected.clone();
         for (block, columns) in layout.blocks() {
@@ -301,7 +302,7 @@ impl FullModel {
             };
             let past = self.layout.blocks().find(|(past, _)| is_alike(*past));
             let past = past.filter(|(_, past)| past.len() == columns.len());
-            // A drift that one session did not need is still to be expected of another.
+            // A drift that one session did not need may occur in another.
             let found = past.map(|(_, past)| self.posterior.scale.rows(past.start, past.len()));
             if let Some(found) = found.filter(|found| found.amax() > 0.0) {
                 scale
@@ -312,8 +313,8 @@ impl FullModel {
         scale
     }
 
-    /// The model once stations of its session are measured; `frames` are where the nominal arm finds base and target from
-    /// them. `None` where a factorisation fails, which rounding alone can cause.
+    /// The model once stations of its session are measured; `frames` are base and target that the nominal arm fits to
+    /// them. `None` where a factorisation fails, which only rounding can cause.
     pub fn learned(&self, arm: &Arm, observations: &[Observation], frames: Frames) -> Option<Self> {
         let turned = self.is_turned();
         let mut observations = observations.to_vec();
@@ -378,7 +379,7 @@ impl FullModel {
         }
     }
 
-    /// The posterior at a state, what was expected of the columns there, and the stations' leave-one-out residuals.
+    /// The posterior at a state, the prior mean of the columns there, and the stations' leave-one-out residuals.
     fn round(
         &self,
         problem: &Problem<'_>,
@@ -394,7 +395,7 @@ impl FullModel {
         Some((posterior, expected, left_out))
     }
 
-    /// Coefficients of all columns as they may be: `mean + S L⁻ᵀ z`, of which the covariance is the posterior's when `z`
+    /// A draw of all coefficients from the posterior: `mean + S L⁻ᵀ z`, whose covariance is the posterior's when `z`
     /// are independent normal numbers.
     pub fn drawn(&self, z: DVector<f64>) -> DVector<f64> {
         let away = self.posterior.factor.backward(z);
@@ -412,7 +413,7 @@ impl FullModel {
 }
 
 impl Mounting {
-    /// What is expected of targets that were not there before: that they sit where they are meant to.
+    /// The prior of targets that were not there before: their intended places.
     fn prior(&self) -> Prior {
         let expected = |target: &Mounted| match target {
             Mounted::Other {
@@ -430,8 +431,8 @@ impl Mounting {
         }
     }
 
-    /// The frames that a session's stations are taken in: those of `past` where nothing was moved, else those that its
-    /// `stations` give.
+    /// The starting frames for a session's stations: those of `past` where nothing was moved, otherwise those that its
+    /// `stations` determine.
     ///
     /// # Panics
     /// When they are not of as many sources and targets.

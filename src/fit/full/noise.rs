@@ -1,9 +1,9 @@
-//! What is left between model and measurement: the instrument's covariance, the arm's repeatability as a whole, and the
+//! The noise between model and measurement: the instrument's covariance, the arm's repeatability as a whole, and the
 //! repeatability of each joint seen through the arm.
 //!
 //! `N = instrument + s₀² I + Σ_j s_j² J_j J_jᵀ`, over the station's weight. The sizes follow from leave-one-out
-//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated to where both agree, with a weak
-//! inverse-gamma prior (ν₀ observations of the expected size `a_k`) as the model's parts have ([`super::components`]).
+//! residuals: `s_k² ← s_k² (s_k² Σ αᵀ T_k α + ν₀) / (s_k² Σ tr(K T_k) + ν₀ s_k²/a_k)`, repeated until it converges, with a weak
+//! inverse-gamma prior (ν₀ observations of the expected size `a_k`), like that of the model's parts ([`super::components`]).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,20 +16,20 @@ use crate::kinematics::Twist;
 /// Variances of the repeatability.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Repeatability {
-    /// Of the arm as a whole, per axis, mm².
+    /// Variance of the arm as a whole, per axis, mm².
     pub position: f64,
-    /// Of measured orientations beyond the instrument's, per axis, rad².
+    /// Variance of measured orientations beyond the instrument's, per axis, rad².
     pub orientation: f64,
-    /// Of each joint, rad².
+    /// Variance of each joint, rad².
     pub joints: Vec<f64>,
 }
 
 /// A variance changes by no more than this factor in a step.
 const LARGEST_CHANGE: f64 = 3.0;
-/// Steps on the same residuals: with only a few the sizes stay near where they began.
+/// Steps on the same residuals: with only a few the sizes stay near their start.
 const PASSES: usize = 12;
-/// What the expected sizes count for, in squared residuals: as much as those of the model's other parts. Without it a size
-/// of which a session says little falls to nothing, and the widths with it.
+/// Weight of the expected sizes, in squared residuals: equal to that of the model's other parts. Without it a size
+/// that a session hardly determines falls to zero, and the stated widths with it.
 const PRIOR: f64 = 2.0;
 
 impl Repeatability {
@@ -49,7 +49,7 @@ impl Repeatability {
         self.beside(observation.measured.instrument(), &columns)
     }
 
-    /// The instrument's covariance and everything else.
+    /// Adds the repeatability to the instrument's `covariance`.
     fn beside(&self, mut covariance: DMatrix<f64>, columns: &[DVector<f64>]) -> DMatrix<f64> {
         for axis in 0..covariance.nrows() {
             covariance[(axis, axis)] += if axis < 3 {
@@ -64,8 +64,8 @@ impl Repeatability {
         covariance
     }
 
-    /// Steps to the sizes at which the leave-one-out residuals are as large as they should be; `before` is what was expected
-    /// before any residual.
+    /// Moves the sizes to values at which the leave-one-out residuals have their expected size; `before` holds the sizes
+    /// expected before any residual.
     pub fn update(&mut self, evidence: &[NoiseEvidence], before: &Self) {
         for _ in 0..PASSES {
             let size = 2 + self.joints.len();
@@ -87,27 +87,27 @@ impl Repeatability {
     }
 }
 
-/// What one observation says of the sizes of the noise.
+/// The evidence of one observation on the sizes of the noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseEvidence {
     /// Its leave-one-out residual.
     pub residual: DVector<f64>,
-    /// Covariance of what all others leave open of it.
+    /// Covariance of its prediction from all other observations.
     pub open: DMatrix<f64>,
     /// Covariance of the instrument.
     pub instrument: DMatrix<f64>,
-    /// How each joint moves it.
+    /// Its motion per unit of each joint.
     pub columns: Vec<DVector<f64>>,
-    /// Its weight.
+    /// Its robust weight.
     pub weight: f64,
-    /// What it says as a share of its weight.
+    /// Its Fisher information as a share of its weight.
     pub information: f64,
 }
 
 impl NoiseEvidence {
     /// Adds `αᵀ T α` and `tr(K T)` of every size, `K = (open + N / (weight · information))⁻¹`, `α = K r`.
     ///
-    /// A size settles where `w r²` is as large as expected: the weight belongs to the residual, the share of information
+    /// A size converges where `w r²` has its expected size: the weight belongs to the residual, the share of information
     /// does not.
     fn add_to(&self, sizes: &Repeatability, found: &mut DVector<f64>, expected: &mut DVector<f64>) {
         let counted = self.weight * self.information;
@@ -130,7 +130,7 @@ impl NoiseEvidence {
     }
 }
 
-/// How a twist of the target moves the rows of a reading.
+/// The change of a reading's rows by a twist of the target.
 pub fn column(twist: &Twist, kind: ReadingKind) -> DVector<f64> {
     let mut rows = DVector::zeros(kind.rows());
     moved(kind, twist, 1.0, rows.as_mut_slice());

@@ -4,14 +4,14 @@ use super::components::Part;
 use super::layout::Block;
 use super::train::Settled;
 
-/// The parts that can be left out as a whole, with what they brought.
+/// A part that can be left out as a whole, with its evidence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartEvidence {
     /// The part's name.
     pub name: &'static str,
     /// Log evidence with it minus without it, nats.
     pub gain: f64,
-    /// Whether it stayed in the model.
+    /// Whether it was kept in the model.
     pub kept: bool,
 }
 

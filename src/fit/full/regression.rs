@@ -1,13 +1,13 @@
 //! Bayesian linear regression on a fixed Gram matrix: `y = Φ δ + noise`, `δ ~ N(0, diag v)`.
 //!
-//! With `u = δ/√v` the posterior information is `M = I + √v A √v`, `A = Φᵀ N⁻¹ Φ`: well scaled whatever `v`, and a
-//! column of variance zero is simply left out.
+//! With `u = δ/√v` the posterior information is `M = I + √v A √v`, `A = Φᵀ N⁻¹ Φ`: well scaled for any `v`, and a
+//! column of variance zero drops out.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::linalg::{Cholesky, gram};
 
-/// Whitened rows summed up.
+/// Sums over whitened rows.
 #[derive(Debug, Clone)]
 pub struct Sums {
     /// `Φᵀ N⁻¹ Φ`.
@@ -16,7 +16,7 @@ pub struct Sums {
     pub moment: DVector<f64>,
     /// `yᵀ N⁻¹ y`.
     pub square: f64,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
     /// `Σ ln |N|`.
     pub ln_noise: f64,
@@ -25,9 +25,9 @@ pub struct Sums {
 /// The posterior at given prior variances.
 #[derive(Debug, Clone)]
 pub struct Posterior {
-    /// `√v`.
+    /// Prior standard deviation of each column, `√v`.
     pub scale: DVector<f64>,
-    /// Factor of M.
+    /// Cholesky factor of M.
     pub factor: Cholesky,
     /// `u`, the mean over `√v`.
     pub whitened: DVector<f64>,
@@ -47,7 +47,7 @@ impl Sums {
         }
     }
 
-    /// The sums of no rows, for so many columns.
+    /// The sums of no rows, for `columns` columns.
     pub fn zero(columns: usize) -> Self {
         Self {
             information: DMatrix::zeros(columns, columns),
@@ -58,7 +58,7 @@ impl Sums {
         }
     }
 
-    /// Adds those of other rows.
+    /// Adds the sums of other rows.
     pub fn add(&mut self, other: &Self) {
         self.information += &other.information;
         self.moment += &other.moment;
@@ -75,7 +75,7 @@ impl Sums {
         self.at(scale, matrix, 0.0)
     }
 
-    /// The posterior where `before`, the posterior of other rows, is the prior, means taken out of the values; `None` if
+    /// The posterior with `before`, the posterior of other rows, as prior; the values are relative to its means. `None` if
     /// rounding made M indefinite.
     pub(super) fn posterior_after(&self, before: &Posterior) -> Option<Posterior> {
         let matrix = self.scaled(&before.scale) + before.factor.product();
@@ -118,7 +118,7 @@ impl Posterior {
         self.whitened.component_mul(&self.scale)
     }
 
-    /// `1 − Σ_kk/v_k`: how much of each column the rows determined.
+    /// `1 − Σ_kk/v_k`: the share of each column that the rows determined.
     pub fn determined(&self) -> DVector<f64> {
         let inverse = self.factor.inverse_lower();
         DVector::from_iterator(

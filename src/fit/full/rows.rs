@@ -13,19 +13,19 @@ use crate::kinematics::Twist;
 
 /// One observation's rows and residual at the current offsets.
 pub struct Row {
-    /// What kind of reading they are of.
+    /// The kind of the reading.
     pub kind: ReadingKind,
     /// Unwhitened rows.
     pub rows: DMatrix<f64>,
-    /// Measured minus predicted.
+    /// Measured minus predicted, mm and rad.
     pub value: DVector<f64>,
-    /// Motion by each joint.
+    /// Motion of the target per unit of each joint.
     pub joints: Vec<Twist>,
     /// Covariance of the instrument.
     pub instrument: DMatrix<f64>,
 }
 
-/// What the prior expects of the columns, relative to the offsets the rows are taken at.
+/// The prior mean of the columns, relative to the offsets where the rows are evaluated.
 pub(super) fn prior_mean(problem: &Problem<'_>, state: &State) -> DVector<f64> {
     let mut mean = DVector::zeros(state.layout.size());
     for (place, precision) in problem.prior_precision().iter().enumerate() {
@@ -77,7 +77,7 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
 /// for its sum alone. Fixed, so that results do not depend on the number of threads.
 const SUMMED_AT_ONCE: usize = 512;
 
-/// Whitens all rows and sums them; also the covariance of each observation at what it counts.
+/// Whitens all rows and sums them; also returns the covariance of each observation at its weight.
 pub(super) fn sums(
     problem: &Problem<'_>,
     state: &State,
@@ -121,7 +121,7 @@ pub(super) fn sums(
 /// Whitened rows of one station, their whitened values, the logarithm of the covariance's determinant, and the covariance.
 type Whitened = (DMatrix<f64>, DVector<f64>, f64, DMatrix<f64>);
 
-/// The sums of whitened rows; their covariances go to the others.
+/// The sums of whitened rows; their covariances are appended to `covariances`.
 fn stacked(parts: Vec<Whitened>, columns: usize, covariances: &mut Vec<DMatrix<f64>>) -> Sums {
     let count: usize = parts.iter().map(|part| part.1.len()).sum();
     let mut stacked = DMatrix::zeros(count, columns);

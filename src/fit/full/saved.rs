@@ -29,17 +29,17 @@ use crate::linalg::Cholesky;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedFull {
-    /// Version of this text.
+    /// Version of the JSON format.
     pub version: u32,
     /// The nominal arm.
     pub arm: SavedArm,
     /// The frames that the unknowns of each session are relative to.
     pub sessions: Vec<SavedSession>,
-    /// Against gravity in the base frame, where the mounting is known.
+    /// Direction of up in the base frame; absent where the mounting is not known.
     pub up: Option<[f64; 3]>,
     /// The unknowns of geometry and frames: the columns of the block `unknowns`.
     pub unknowns: Vec<SavedUnknown>,
-    /// Offsets of the unknowns at which the columns are taken.
+    /// Offsets of the unknowns at which the columns are evaluated.
     pub offsets: Vec<f64>,
     /// The columns, block by block.
     pub blocks: Vec<SavedBlock>,
@@ -49,27 +49,27 @@ pub struct SavedFull {
     pub scale: Vec<f64>,
     /// Factor L of the posterior information over `scale`.
     pub factor: String,
-    /// After how many turns joint curves repeat.
+    /// Period of joint curves, in turns.
     pub curve_period_turns: NonZeroU32,
     /// Span of the drift's basis, stations.
     pub span_stations: f64,
-    /// Degrees of freedom of the Student t that weighed stations; 0 for none.
+    /// Degrees of freedom of the Student t that weighted stations; 0 for none.
     pub student_t: f64,
-    /// Variance per axis of a session's own drift.
+    /// Variance per axis of a session's own drift, mm².
     pub drift_variance_mm2: f64,
-    /// The same of warming up, which all sessions repeat.
+    /// Variance per axis of the warm-up drift that all sessions repeat, mm².
     pub warm_up_variance_mm2: f64,
     /// The middle of each session's stations in the base frame, mm, from which its scale counts.
     pub middles_mm: Vec<[f64; 3]>,
     /// Standard deviation of a session's own scale, as a share.
     pub scale_sd: f64,
-    /// Where joints come to stand against their command, where it is known.
+    /// Distributions of true minus known joint angles; absent where they are not known.
     pub approach: Option<ApproachOffsets>,
     /// Log marginal likelihood, nats.
     pub log_evidence: f64,
-    /// What is left beside the model.
+    /// The noise beyond the model.
     pub repeatability: SavedRepeatability,
-    /// What the optional parts brought.
+    /// The evidence of the optional parts.
     pub parts: Vec<SavedPart>,
 }
 
@@ -77,42 +77,42 @@ pub struct SavedFull {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedBlock {
-    /// What it is.
+    /// The block's kind.
     pub block: BlockName,
-    /// How many columns.
+    /// Number of columns.
     pub columns: usize,
 }
 
-/// What a block of columns is; joints and sessions from 0.
+/// The kind of a block of columns; joints and sessions are counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum BlockName {
     /// Geometry, bases and targets.
     Unknowns,
-    /// Joints giving way: for each joint, one column for each later origin and the target.
+    /// Deflection of joints under gravity: for each joint, one column for each later origin and the target.
     Gravity,
-    /// Share of the way from reported to commanded angle, one per joint.
+    /// Command–feedback weight, one per joint: the share of the way from reported to commanded angle.
     CommandWeight,
-    /// Stopping short of the command, one per joint.
+    /// Approach-direction offset, one per joint.
     ApproachOffset,
-    /// How one session differs in the command–feedback weight.
+    /// Difference of one session's command–feedback weight from the common one.
     SessionCommandWeight {
         /// The session.
         session: usize,
     },
-    /// The command–feedback weight of a session whose commanded orientations are not what was sent.
+    /// The command–feedback weight of a session whose commanded orientations are not those that were sent.
     OwnCommandWeight {
         /// The session.
         session: usize,
     },
     /// Slow translation of the base, common to sessions: `cos(π k t / span)`, k from 1, along x, then y, then z.
     WarmUp,
-    /// The same of one session.
+    /// Slow translation of the base in one session, in the columns of `WarmUp`.
     Drift {
         /// The session.
         session: usize,
     },
-    /// Scale of one session: the target's place from the middle of its stations.
+    /// Scale of one session: the target's position relative to the middle of its stations.
     Scale {
         /// The session.
         session: usize,
@@ -122,7 +122,7 @@ pub enum BlockName {
         /// The joint.
         joint: usize,
     },
-    /// How a joint's curve changed in one session: a constant, then pairs.
+    /// Change of a joint's curve in one session: a constant, then pairs.
     SessionCurve {
         /// The session.
         session: usize,
@@ -142,23 +142,23 @@ pub enum BlockName {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedRepeatability {
-    /// Of the arm as a whole, per axis.
+    /// Variance of the arm as a whole, per axis, mm².
     pub position_mm2: f64,
-    /// Of measured orientations, per axis.
+    /// Variance of measured orientations, per axis, rad².
     pub orientation_rad2: f64,
-    /// Of each joint.
+    /// Variance of each joint, rad².
     pub joints_rad2: Vec<f64>,
 }
 
-/// What an optional part brought.
+/// The evidence of one optional part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SavedPart {
-    /// Its name.
+    /// The part's name.
     pub name: String,
     /// Log evidence with it minus without it, nats.
     pub gain_nats: f64,
-    /// Whether it stayed.
+    /// Whether it was kept in the model.
     pub kept: bool,
 }
 
@@ -173,7 +173,7 @@ const PARTS: [&str; 6] = [
 ];
 
 impl FullModel {
-    /// The model as it is saved; `names` are the sessions' in the fit's order.
+    /// The model in the form that is saved; `names` are the sessions' names in the fit's order.
     pub fn saved(&self, arm: &Arm, names: &[&str]) -> SavedFull {
         let part = |part: &PartEvidence| SavedPart {
             name: part.name.to_owned(),
@@ -210,7 +210,7 @@ impl FullModel {
         }
     }
 
-    /// A model that predicts as the saved one did; without weights and leave-one-out residuals.
+    /// A model with the predictions of the saved one; without weights and leave-one-out residuals.
     pub fn from_saved(saved: &SavedFull) -> Result<Self, SavedError> {
         let layout = saved.layout()?;
         let scale = DVector::from_column_slice(&saved.scale);
@@ -263,7 +263,7 @@ impl SavedFull {
         read(text)
     }
 
-    /// The layout, once blocks, columns, joints and sessions fit each other.
+    /// The layout; an error unless blocks, columns, joints and sessions fit together.
     fn layout(&self) -> Result<Layout, SavedError> {
         let columns = self.mean.len();
         let asked = self
@@ -285,13 +285,13 @@ impl SavedFull {
         Ok(layout)
     }
 
-    /// The middle of each session's stations.
+    /// The middle of each session's stations, mm.
     fn middles(&self) -> Result<Vec<Point3<f64>>, SavedError> {
         same_length("middles", self.sessions.len(), self.middles_mm.len())?;
         Ok(self.middles_mm.iter().copied().map(Point3::from).collect())
     }
 
-    /// How many columns a block has to have; its own number where several are possible.
+    /// The number of columns that a block must have; its own number where several are possible.
     fn columns_of(&self, block: &SavedBlock) -> Result<usize, SavedError> {
         let (joint, session) = block.block.belongs_to();
         let joints = self.arm.joints.len();
@@ -340,7 +340,7 @@ impl SavedFull {
                 .any(|axis| unknown.parameter == turn(axis))
         };
         let turned = self.unknowns.iter().any(turns);
-        // The prior is in `scale`; a problem without observations predicts alike with or without one.
+        // The prior is in `scale`; predictions of a problem without observations do not depend on a prior.
         let problem = Problem::with_target_turn(
             &[],
             &chain,
@@ -407,7 +407,7 @@ impl BlockName {
         }
     }
 
-    /// The joint and the session that the block is of.
+    /// The joint and the session that the block belongs to.
     const fn belongs_to(self) -> (Option<usize>, Option<usize>) {
         match self {
             Self::Unknowns
@@ -470,13 +470,13 @@ fn encode(lower: &DMatrix<f64>) -> String {
     STANDARD.encode(bytes)
 }
 
-/// The triangle of a matrix of `size` rows; `size` is that of lists already read.
+/// The triangle of a matrix of `size` rows; `size` was checked against lists already read.
 fn decode(text: &str, size: usize) -> Result<DMatrix<f64>, SavedError> {
     let bytes = STANDARD.decode(text).map_err(|_| SavedError::Factor {
         problem: "is not base64",
     })?;
     let (numbers, rest) = bytes.as_chunks::<8>();
-    same_length("bytes behind the factor's numbers", 0, rest.len())?;
+    same_length("bytes after the factor's numbers", 0, rest.len())?;
     same_length(
         "numbers in the factor",
         size * (size + 1) / 2,

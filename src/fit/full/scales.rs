@@ -1,4 +1,4 @@
-//! What a training says of lengths and of each session's scale, for the test of [`crate::fit::scale`].
+//! The evidence of a training on lengths and on each session's scale, for the test of [`crate::fit::scale`].
 
 use nalgebra::DVector;
 
@@ -26,7 +26,7 @@ impl Settled {
             DVector::from_iterator(places.len(), places.iter().map(|&place| of(place)))
         };
         let whole = column(&|place| {
-            // An unknown's coefficient is what it moved beyond its offset.
+            // An unknown's coefficient is its change from its offset.
             let offset = (place < unknowns).then(|| self.state.offsets[place]);
             offset.unwrap_or(0.0) + mean[place]
         });

@@ -1,4 +1,4 @@
-//! The `[fit.full]` section: what the full error model starts from. Sizes are starting points that the session's own
+//! The `[fit.full]` section: the start of the full error model. Sizes are starting points that the session's own
 //! likelihood replaces; lengths are fixed.
 
 use serde::{Deserialize, Serialize};
@@ -15,19 +15,19 @@ use crate::fit::observation::TrackerUncertainty;
 pub struct FullSettings {
     /// Whether the full error model is fitted at all.
     pub enabled: bool,
-    /// Joints give way under gravity (needs the mounting).
+    /// Whether joints deflect under gravity (needs the mounting).
     pub gravity: bool,
-    /// Gear lines are looked for.
+    /// Whether gear lines are searched for.
     pub gear_lines: bool,
-    /// The base drifts slowly.
+    /// Whether the base drifts slowly.
     pub drift: bool,
-    /// The arm stands between reported and commanded angle (needs commanded orientations).
+    /// Whether a command–feedback weight is estimated (needs commanded orientations).
     pub command_weight: bool,
     /// Length of the short kernel of the joint curves, degrees.
     pub short_length_deg: f64,
     /// Length of the long kernel of the joint curves, degrees.
     pub long_length_deg: f64,
-    /// After how many turns joint curves repeat; 1 for gears that repeat with the joint, 2 or more for those that do not
+    /// Period of joint curves, in turns: 1 for gears that repeat with the joint, 2 or more for those that do not
     /// within the joint's range.
     pub curve_period_turns: u32,
     /// Harmonics of the joint curves in one turn.
@@ -38,7 +38,7 @@ pub struct FullSettings {
     pub gravity_sd: f64,
     /// Expected size of a gear line, rad.
     pub line_sd_rad: f64,
-    /// Evidence a gear line must bring, nats. Among the 10⁴ frequencies of an arm, noise alone
+    /// Gain in log likelihood that a gear line needs, nats. Among the 10⁴ frequencies of an arm, noise alone
     /// reaches 9.
     pub line_threshold: f64,
     /// Expected size of the base drift, mm.
@@ -47,7 +47,7 @@ pub struct FullSettings {
     pub drift_length_stations: f64,
     /// Expected size of the command–feedback weight.
     pub command_weight_sd: f64,
-    /// Expected size of stopping short of the command, rad.
+    /// Expected size of the approach-direction offset, rad.
     pub approach_offset_sd_rad: f64,
     /// Expected difference of the command–feedback weight between sessions.
     pub session_command_weight_sd: f64,
@@ -56,19 +56,19 @@ pub struct FullSettings {
     /// Smoothness of that change, degrees.
     pub session_length_deg: f64,
     /// Standard deviation of a session's own scale, ppm: the instrument's length unit, the air, and how warm the arm is (11 to
-    /// 24 ppm for each kelvin). It is held, for lengths and scale are one thing to the arm's own stations; 0 for no scale.
+    /// 24 ppm per kelvin). It is fixed, because a session's stations cannot separate lengths and scale; 0 for no scale.
     pub session_scale_ppm: f64,
     /// Expected repeatability of the arm as a whole, per axis, mm.
     pub noise_mm: f64,
     /// Expected repeatability of each joint, rad.
     pub joint_noise_rad: f64,
-    /// Whether a Student t weighs stations by their leave-one-out residual: 0 for no, any other number for yes; its degrees
-    /// of freedom are found from the residuals.
+    /// Whether stations are weighted by a Student t of their leave-one-out residual: 0 for no, any other number for yes; its
+    /// degrees of freedom are found from the residuals.
     pub student_t: f64,
 }
 
 impl FullSettings {
-    /// The settings where sessions are measured by this instrument: what its ranging adds with the range is a scale too.
+    /// These settings for sessions measured by this instrument: the part of its ranging limit per metre adds to the scale.
     #[must_use]
     pub fn measured_by(mut self, tracker: &TrackerUncertainty) -> Self {
         if self.session_scale_ppm > 0.0 {

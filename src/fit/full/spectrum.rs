@@ -6,15 +6,15 @@
 
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Angles at which a kernel is sampled for its series; far more than twice any number of harmonics in use.
+/// Number of angles at which a kernel is sampled for its series; far more than twice any number of harmonics in use.
 const SAMPLES: u32 = 2048;
 
 /// A kernel of unit variance on the chord distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kernel {
-    /// Matérn 5/2 of a length, rad: twice differentiable, for what gears do.
+    /// Matérn 5/2 with a length, rad: twice differentiable, for the errors of gears.
     Matern52(f64),
-    /// Squared exponential of a length, rad: smooth, for what the whole turn does.
+    /// Squared exponential with a length, rad: smooth, for errors over a whole turn.
     SquaredExponential(f64),
 }
 
@@ -35,7 +35,7 @@ impl Kernel {
         let values: Vec<f64> = (0..SAMPLES)
             .map(|i| self.at(2.0 * (0.5 * step * f64::from(i)).sin().abs()))
             .collect();
-        // The k-th cosine at the i-th angle is the first one at the (i k)-th.
+        // The k-th cosine at the i-th angle equals the first cosine at the (i k)-th.
         let cosines: Vec<f64> = (0..SAMPLES).map(|i| (step * f64::from(i)).cos()).collect();
         let coefficient = |k: usize| {
             let sum: f64 = values

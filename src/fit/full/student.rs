@@ -1,4 +1,4 @@
-//! How heavy the tails are: the Student t that weighs stations, its degrees of freedom found from the session itself.
+//! Heavy tails: the Student t that weights stations, with degrees of freedom found from the session itself.
 //!
 //! Input: squared leave-one-out distances `d²` of observations with p rows. A multivariate t of ν degrees of freedom has
 //! the density `Γ((ν+p)/2) / (Γ(ν/2) (πνs)^{p/2}) (1 + d²/(νs))^{−(ν+p)/2}` (Lange, Little and Taylor 1989). For each ν of
@@ -9,23 +9,23 @@ use statrs::function::gamma::ln_gamma;
 
 use super::leave_one_out::LeftOut;
 
-/// Degrees of freedom that are tried beside the normal distribution; below 3 the covariance says little, above 64 nothing
-/// is left to tell.
+/// Degrees of freedom that are tried in addition to the normal distribution; below 3 the covariance is hardly defined, above
+/// 64 the difference is negligible.
 const TRIED: [f64; 9] = [3.0, 4.0, 6.0, 8.0, 11.0, 16.0, 23.0, 32.0, 64.0];
-/// Passes of the scale's fixed point; each halves what is left or better.
+/// Passes of the scale's fixed point; each at least halves the remaining error.
 const PASSES: usize = 30;
 
 /// The distribution of residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tails {
-    /// Normal: every station counts alike.
+    /// Normal: every station has the same weight.
     Normal,
-    /// Student t of these degrees of freedom.
+    /// Student t with these degrees of freedom.
     Student(f64),
 }
 
 impl Tails {
-    /// From a setting in which 0 stands for a normal distribution.
+    /// The distribution of a setting, in which 0 stands for a normal distribution.
     pub(super) fn from_setting(freedom: f64) -> Self {
         if freedom > 0.0 {
             Self::Student(freedom)
@@ -34,7 +34,7 @@ impl Tails {
         }
     }
 
-    /// The setting that gives it.
+    /// The setting that stands for it.
     pub const fn setting(self) -> f64 {
         match self {
             Self::Normal => 0.0,
@@ -51,7 +51,7 @@ impl Tails {
         Self::of(&distances)
     }
 
-    /// The same from squared distances with their rows.
+    /// The likeliest distribution of squared distances, each with its number of rows.
     fn of(distances: &[(f64, f64)]) -> Self {
         let tried = TRIED.map(Self::Student);
         let likeliest = |best: (Self, f64), tails: &Self| {
@@ -66,7 +66,7 @@ impl Tails {
         tried.iter().fold(normal, likeliest).0
     }
 
-    /// What an observation counts at a squared distance: `(ν + p)/(ν + d²)`.
+    /// The weight of an observation at a squared distance: `(ν + p)/(ν + d²)`.
     pub fn weight(self, distance_squared: f64, rows: f64) -> f64 {
         match self {
             Self::Normal => 1.0,
@@ -74,8 +74,8 @@ impl Tails {
         }
     }
 
-    /// What a weighted observation says of the mean, as a share of its weight: `(ν + p)/(ν + p + 2)`, the Fisher
-    /// information of a t over its expected weight. A weight that depends on the residual is not a precision that was known.
+    /// The information of a weighted observation on the mean, as a share of its weight: `(ν + p)/(ν + p + 2)`, the Fisher
+    /// information of a t over its expected weight. A weight that depends on the residual is not a known precision.
     pub fn information(self, rows: f64) -> f64 {
         match self {
             Self::Normal => 1.0,
@@ -83,7 +83,7 @@ impl Tails {
         }
     }
 
-    /// Covariance over scale.
+    /// Ratio of covariance to scale.
     pub(super) fn inflation(self) -> f64 {
         match self {
             Self::Student(freedom) if freedom > 2.0 => freedom / (freedom - 2.0),
@@ -91,7 +91,7 @@ impl Tails {
         }
     }
 
-    /// At the scale that fits best, without the constant `π`.
+    /// The log likelihood at the best scale, without the constant `π`.
     fn log_likelihood(self, distances: &[(f64, f64)]) -> f64 {
         let rows: f64 = distances.iter().map(|(_, rows)| rows).sum();
         let mut scale = 1.0;
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn clean_residuals_are_normal_whatever_their_scale() {
+    fn clean_residuals_are_normal_at_any_scale() {
         for scale in [1.0, 0.25] {
             let distances: Vec<_> = normal_distances(500)
                 .into_iter()

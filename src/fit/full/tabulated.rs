@@ -9,10 +9,10 @@ use nalgebra::DVector;
 
 use super::layout::{Block, Layout};
 
-/// Entries of a period.
+/// Number of entries per period.
 const ENTRIES: usize = 4096;
 
-/// The curves of all joints: as any session has them, and as each session of the training has its own.
+/// The curves of all joints: those common to all sessions, and those of each session of the training.
 #[derive(Debug, Clone)]
 pub struct Tabulated {
     common: Vec<Curve>,
@@ -62,7 +62,7 @@ impl Tabulated {
         }
     }
 
-    /// The error of each joint at `angles` (axis variables, rad), in one session or in any.
+    /// The error of each joint (rad) at `angles` (axis variables, rad), in one session or common to all.
     pub fn at<'t>(
         &'t self,
         session: Option<usize>,
@@ -105,7 +105,7 @@ impl Curve {
         clippy::cast_sign_loss,
         reason = "a place of the table"
     )]
-    /// At a share of the period.
+    /// The value at a share of the period, rad.
     fn at(&self, share: f64) -> f64 {
         let place = share.rem_euclid(1.0) * ENTRIES as f64;
         // A share just below zero rounds to a whole period.

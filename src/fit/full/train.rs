@@ -1,4 +1,4 @@
-//! Training: rounds of linear regression, in which sizes, noise, weights and gear lines settle.
+//! Training: rounds of linear regression, in which sizes, noise, weights and gear lines converge.
 //!
 //! Each round: rows at the current geometry; whitened by the current noise and weights; one Gram matrix; a few steps of
 //! the variance components on it; leave-one-out residuals; from them the noise, the weights and new gear lines.
@@ -17,29 +17,29 @@ use super::settings::FullSettings;
 use super::student::Tails;
 use crate::fit::problem::Problem;
 
-/// Steps of the variance components in each round; the last round only settles.
+/// Steps of the variance components in each round; the last round only converges.
 const STEPS: [usize; 5] = [1, 1, 1, 1, 2];
-/// Rounds after which gear lines are looked for.
+/// Number of first rounds after which gear lines are searched for.
 const LINE_ROUNDS: usize = 3;
 /// Harmonics of a joint that hardly moves the target.
 pub(super) const FEW_HARMONICS: usize = 12;
-/// Observations a worker takes at once; fixed, so that results do not depend on the number of threads.
+/// Observations that a worker takes at once; fixed, so that results do not depend on the number of threads.
 pub(super) const CHUNK: usize = 16;
 
-/// The state that rounds improve.
+/// The state of the training between rounds.
 #[derive(Debug, Clone)]
 pub struct State {
     /// Columns of the model.
     pub layout: Layout,
-    /// Sizes of its parts.
+    /// Sizes of the model's parts.
     pub components: Components,
-    /// What is left beside them.
+    /// The noise beyond the model.
     pub repeatability: Repeatability,
-    /// How heavy the residuals' tails are.
+    /// The distribution of the residuals.
     pub tails: Tails,
     /// Weight of each observation.
     pub weights: Vec<f64>,
-    /// Offsets of the problem's unknowns at which rows are taken.
+    /// Offsets of the problem's unknowns at which rows are evaluated.
     pub offsets: DVector<f64>,
     /// Span of the drift's basis, stations.
     pub span: f64,
@@ -47,10 +47,10 @@ pub struct State {
     pub middles: Vec<Point3<f64>>,
 }
 
-/// A settled model.
+/// A converged model.
 #[derive(Debug, Clone)]
 pub struct Settled {
-    /// The state it settled in.
+    /// The final state.
     pub state: State,
     /// Sums of the last round.
     pub sums: Sums,
@@ -144,7 +144,7 @@ impl State {
     }
 }
 
-/// `steps` steps of the sizes on one Gram matrix, and the posterior where they end.
+/// Makes `steps` steps of the sizes on one Gram matrix; returns the posterior at their end.
 fn settle(components: &mut Components, sums: &Sums, steps: usize) -> Option<Posterior> {
     for _ in 0..steps {
         let variances = components.variances();

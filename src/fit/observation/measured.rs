@@ -1,9 +1,9 @@
-//! What a fit takes of a reading, by its kind: how many rows its residual has, what the residual is, how it moves with the target,
+//! The measured values of a reading by its kind: the number of rows of its residual, the residual, its motion with the target,
 //! and its covariance.
 //!
-//! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`crate::join::Value`], and of [`Measured`]
-//! here, with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of these places, and
-//! nothing else in the fit asks for the kind.
+//! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`crate::join::Value`], and of
+//! [`Measured`] here, with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of
+//! these places, and nothing else in the fit asks for the kind.
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
@@ -11,7 +11,7 @@ use super::Source;
 use crate::join::{MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
 use crate::kinematics::Twist;
 
-/// What was measured at a station, and how well; in the source's frame.
+/// The measured values of a station with their uncertainty, in the source's frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measured {
     /// The target's position.
@@ -23,7 +23,7 @@ pub enum Measured {
 /// A measured position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredPoint {
-    /// Where the target was seen, mm.
+    /// The measured position of the target, mm.
     pub position: Point3<f64>,
     /// Covariance of the position without the arm's share: instrument and scatter of the mean, mm².
     pub instrument: Matrix3<f64>,
@@ -34,15 +34,15 @@ pub struct MeasuredPoint {
 /// A measured orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredOrientation {
-    /// How the target was turned.
+    /// The measured orientation of the target.
     pub orientation: UnitQuaternion<f64>,
     /// Standard uncertainty per axis, rad.
     pub sd_rad: f64,
 }
 
 impl Measured {
-    /// What a fit takes of a reading of `source`: no orientation of a source that is asked for points alone, or of which nobody
-    /// says how well it knows orientations.
+    /// The values of a reading of `source` that a fit uses: no orientation from a source of points, or from one without a
+    /// stated uncertainty of orientations.
     pub(super) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
         let point = |point: &MeanPoint| MeasuredPoint::of(point, reading, source, repeatability_mm);
         match (&reading.value, source.reads) {
@@ -57,7 +57,7 @@ impl Measured {
         }
     }
 
-    /// Which kind of reading it is.
+    /// The kind of the reading.
     pub const fn kind(&self) -> ReadingKind {
         match self {
             Self::Point(_) => ReadingKind::Point,
@@ -65,21 +65,21 @@ impl Measured {
         }
     }
 
-    /// The position, where one was measured.
+    /// The position; `None` where none was measured.
     pub const fn point(&self) -> Option<&MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
         }
     }
 
-    /// The position, to be changed, where one was measured.
+    /// The position, for changes; `None` where none was measured.
     pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
         match self {
             Self::Point(point) | Self::Pose(point, _) => Some(point),
         }
     }
 
-    /// The orientation, where one was measured.
+    /// The orientation; `None` where none was measured.
     pub const fn turn(&self) -> Option<&MeasuredOrientation> {
         match self {
             Self::Point(_) => None,
@@ -87,7 +87,7 @@ impl Measured {
         }
     }
 
-    /// The same measurement without its orientation.
+    /// This measurement without its orientation.
     #[must_use]
     pub const fn without_turn(self) -> Self {
         match self {
@@ -95,7 +95,7 @@ impl Measured {
         }
     }
 
-    /// Measured minus `predicted`, the target's pose in the source's frame: one number a row.
+    /// Measured minus `predicted`, the target's pose in the source's frame: one number per row, mm and rad.
     pub fn residual(&self, predicted: &Isometry3<f64>) -> Vec<f64> {
         let away = |point: &MeasuredPoint| point.position.coords - predicted.translation.vector;
         let mut rows = Vec::with_capacity(self.kind().rows());
@@ -128,7 +128,7 @@ impl Measured {
     }
 }
 
-/// How the rows of a reading move by `amount` of a motion of the target, into `rows`, which are as many.
+/// Writes the change of a reading's rows by `amount` of a motion of the target into `rows`, one number per row.
 pub(in crate::fit) fn moved(kind: ReadingKind, twist: &Twist, amount: f64, rows: &mut [f64]) {
     match kind {
         ReadingKind::Point => put(&(twist.linear * amount), rows),
@@ -144,7 +144,7 @@ fn put(vector: &Vector3<f64>, rows: &mut [f64]) {
     rows.copy_from_slice(vector.as_slice());
 }
 
-/// Whether any orientation is measured: the kind whose rows hold those of all others.
+/// The kind with the most rows among all: a pose where any orientation is measured.
 pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) -> ReadingKind {
     let kinds = all.into_iter().map(Measured::kind);
     kinds

@@ -1,10 +1,10 @@
 //! Whitened residuals and Jacobian rows of a block of stations at a time, column by column.
 //!
-//! 1. The readings that one source has of one target in a session stand as columns: axis variables, measured positions, whitening
-//!    `L⁻¹` of `L Lᵀ`.
+//! 1. The readings of one source on one target in a session are stored as columns: axis variables, measured positions,
+//!    whitening `L⁻¹` of `L Lᵀ`.
 //! 2. A block of them passes the batched chain, which gives the predicted target and its motion per unknown.
-//! 3. Residual and columns are whitened, times the root of the station's weight; a block's end is filled with zero rows,
-//!    which say nothing.
+//! 3. Residual and columns are whitened and multiplied by the root of the station's weight; a block's end is filled with zero
+//!    rows, which have no effect.
 
 use nalgebra::{DMatrix, DMatrixView, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
@@ -18,9 +18,9 @@ use crate::kinematics::{BatchChain, BatchColumns};
 /// The readings of one channel as columns.
 #[derive(Debug)]
 pub struct Stations {
-    /// Where each station stands among the problem's observations.
+    /// The index of each station among the problem's observations.
     pub places: Vec<usize>,
-    /// Axis variables, `axes[j][i]`.
+    /// Axis variables, `axes[j][i]` of axis j at station i, rad.
     pub axes: Vec<Vec<f64>>,
     measured: [Vec<f64>; 3],
     /// The lower triangle of `L⁻¹`, row by row.
@@ -29,19 +29,19 @@ pub struct Stations {
     kind: ReadingKind,
 }
 
-/// Whitened rows of a block: one column for each unknown of its channel, and the residual behind them.
+/// Whitened rows of a block: one column for each unknown of its channel, and the residual as the last column.
 #[derive(Debug, Clone, Default)]
 pub struct BlockRows {
     unknowns: Vec<usize>,
     /// Length of a column.
     rows: usize,
     values: Vec<f64>,
-    /// The chain's columns before whitening, kept to be filled again.
+    /// The chain's columns before whitening; the memory is reused.
     columns: Vec<Column>,
 }
 
 impl Stations {
-    /// Those of `observations` that belong to `channel`.
+    /// The stations of those `observations` that belong to `channel`.
     pub fn of(channel: Channel, observations: &[Observation], axes: usize) -> Self {
         let own = |(_, o): &(usize, &Observation)| o.channel() == channel;
         let own: Vec<_> = observations.iter().enumerate().filter(own).collect();
@@ -101,12 +101,12 @@ impl Stations {
         }
     }
 
-    /// Whitened position residual of station i of these, predicted at `end`.
+    /// Whitened position residual of the station `i`, predicted at `end`.
     fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
         self.whiten(i, Vector3::from_fn(|row, _| self.measured[row][i]) - end)
     }
 
-    /// `L⁻¹` of station i times a vector.
+    /// `L⁻¹` of the station `i` times a vector.
     fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
         let w = |entry: usize| self.whitening[entry][i];
         Vector3::new(
@@ -159,7 +159,7 @@ impl BlockRows {
         }
         let out = columns
             .next()
-            .expect("the residual stands behind the unknowns");
+            .expect("the residual comes after the unknowns");
         whiten(&whitening, &away, out);
         match stations.kind {
             ReadingKind::Point => {}
@@ -170,7 +170,7 @@ impl BlockRows {
         }
     }
 
-    /// The rows of orientations, behind those of positions; zeros where none was measured.
+    /// The rows of orientations, after those of positions; zeros where none was measured.
     fn fill_turns<'a>(
         &mut self,
         observations: impl Iterator<Item = &'a Observation>,
@@ -203,12 +203,12 @@ impl BlockRows {
         }
     }
 
-    /// Which unknown each column is of; the residual's stands behind them.
+    /// The unknown of each column; the residual's column comes after them.
     pub fn unknowns(&self) -> &[usize] {
         &self.unknowns
     }
 
-    /// Column k.
+    /// The column `k`.
     pub fn column(&self, k: usize) -> &[f64] {
         &self.values[k * self.rows..(k + 1) * self.rows]
     }
@@ -225,7 +225,7 @@ impl BlockRows {
     }
 }
 
-/// Product of two columns, summed in eight strands, which the vector units take side by side.
+/// Product of two columns, summed in eight partial sums that the vector units compute in parallel.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     const STRANDS: usize = 8;
     let mut sums = [0.0; STRANDS];
@@ -240,7 +240,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     rest + sums.iter().sum::<f64>()
 }
 
-/// How the end is turned at pose i of a block.
+/// The orientation of the end at pose `i` of a block.
 fn turned_only(axes: &[[Block; 3]; 3], i: usize) -> UnitQuaternion<f64> {
     let rotation = Matrix3::from_fn(|row, column| axes[column][row][i]);
     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
@@ -257,7 +257,7 @@ fn whiten(w: &[Block; 6], [x, y, z]: &[Block; 3], out: &mut [f64]) {
     }
 }
 
-/// A block of these numbers, zeros behind their end.
+/// A block of these numbers, zeros after their end.
 fn filled(numbers: impl Iterator<Item = f64>) -> Block {
     let mut block = [0.0; BLOCK];
     for (place, number) in block.iter_mut().zip(numbers) {

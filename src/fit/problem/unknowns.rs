@@ -1,4 +1,4 @@
-//! What a fit looks for, and what is expected of it before any measurement.
+//! The unknowns of a fit and their prior.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -10,29 +10,29 @@ use crate::kinematics::{Motion, Parameter};
 /// One unknown of the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unknown {
-    /// What it belongs to.
+    /// The owner of the parameter: the arm, a source or a target.
     pub owner: Owner,
-    /// What it is.
+    /// The parameter.
     pub parameter: Parameter,
 }
 
-/// What an unknown belongs to.
+/// The owner of an unknown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
-    /// The arm, whatever the session.
+    /// The arm, in all sessions.
     Arm,
-    /// A session's source: where the base stands in its frame.
+    /// A session's source: the pose of the base in its frame.
     Source {
-        /// Which of the fit's sessions, from 0.
+        /// Index of the session in the fit, from 0.
         session: usize,
-        /// Which of its sources.
+        /// The session's source.
         source: SourceId,
     },
-    /// A session's target: where it sits at the flange.
+    /// A session's target: its pose on the flange.
     Target {
-        /// Which of the fit's sessions, from 0.
+        /// Index of the session in the fit, from 0.
         session: usize,
-        /// Which of its targets.
+        /// The session's target.
         target: TargetId,
     },
 }
@@ -62,7 +62,7 @@ impl Unknown {
     }
 }
 
-/// Which parameters a fit may change.
+/// The parameters that a fit may change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Freedom {
     /// Base and target frames alone.
@@ -73,22 +73,22 @@ pub enum Freedom {
     Geometry,
 }
 
-/// Where the target sits at the flange, as far as it is known before the fit.
+/// Position of the measured target on the flange known before the fit.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownTarget {
-    /// Along the flange's axes, mm.
+    /// Position along the flange's axes, mm.
     pub xyz_mm: [f64; 3],
     /// Standard uncertainty per axis, mm.
     pub sd_mm: f64,
 }
 
-/// What is expected of the unknowns before any measurement, as standard deviations; the rest is free.
+/// Priors of the unknowns, as standard deviations; unknowns without one are free.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Prior {
-    /// Of the geometry's lengths, mm; and of its angles, rad.
+    /// Standard deviations of the geometry's lengths, mm, and of its angles, rad.
     pub geometry: Option<(f64, f64)>,
-    /// Of the place of each target of every session, in their order; nothing is expected of targets behind the last.
+    /// Known position of each target of every session, in their order; `None`, and targets after the last, have no prior.
     pub targets: Vec<Option<KnownTarget>>,
 }
 

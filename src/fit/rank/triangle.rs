@@ -1,27 +1,27 @@
 //! The triangular factor R of the stacked Jacobian, so that singular values keep their digits (`JᵀJ` would square them).
 //!
-//! Rows come in blocks and leave nothing but R behind: Householder reflections of R's row k with the block's column k,
+//! Rows come in blocks and only R is kept: Householder reflections of R's row k with the block's column k,
 //! below which R has only zeros (the update of a QR factorisation by rows; Golub and Van Loan, Matrix Computations, 6.5.3).
 
 use nalgebra::DMatrix;
 
 use crate::fit::observation::rows::{BlockRows, dot};
 
-/// Rows taken in together: some thirty columns of them stay in the fastest cache.
+/// Number of rows processed together: some thirty columns of them fit into the fastest cache.
 const AT_ONCE: usize = 96;
 
-/// R of the rows taken so far.
+/// The factor R of all rows so far.
 #[derive(Debug, Clone)]
 pub struct Triangle {
     size: usize,
-    /// Row by row, zeros below the diagonal.
+    /// Entries row by row, zeros below the diagonal.
     entries: Vec<f64>,
-    /// The block being taken in, kept to be filled again.
+    /// The current block; its memory is reused.
     block: Vec<Vec<f64>>,
 }
 
 impl Triangle {
-    /// Of no rows at all.
+    /// The factor of no rows: zeros.
     pub fn new(size: usize) -> Self {
         Self {
             size,
@@ -30,7 +30,7 @@ impl Triangle {
         }
     }
 
-    /// Takes a block of whitened rows in; the residual takes no part.
+    /// Adds a block of whitened rows; the residual takes no part.
     pub fn take(&mut self, rows: &BlockRows) {
         let length = rows.column(0).len();
         let mut block = std::mem::take(&mut self.block);
@@ -48,7 +48,7 @@ impl Triangle {
         self.block = block;
     }
 
-    /// Takes rows in that stand as columns of one length, one for each unknown; what they hold afterwards means nothing.
+    /// Adds rows given as columns of one length, one for each unknown; their content afterwards is meaningless.
     fn take_columns(&mut self, block: &mut [Vec<f64>]) {
         for (k, row) in self.entries.chunks_exact_mut(self.size).enumerate() {
             let (done, later) = block.split_at_mut(k + 1);

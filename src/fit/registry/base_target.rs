@@ -1,4 +1,4 @@
-//! Base + target: the nominal arm, with the frames that fit it best.
+//! Base + target: the nominal arm with the best fitting frames.
 
 use super::{About, Corrects, Made, geometric};
 use crate::fit::model::Angles;

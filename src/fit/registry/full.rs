@@ -1,4 +1,4 @@
-//! The full error model: its line of the registry, and its answers to what every model is asked.
+//! The full error model: its entry in the registry, and its implementation of the common interface.
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
 
@@ -69,9 +69,9 @@ impl PoseModel for FullModel {
             .map_or_else(Matrix3::zeros, |open| {
                 self.covariances(&open.rows)[0] + open.alone
             });
-        // A command is given some day: where the base then stands is not known.
+        // A command is used in another session, whose base drift is not known.
         let drift = Matrix3::identity() * self.any_time_variance();
-        // And by which scale it was told: corrections are those of the mean scale of all sessions.
+        // Its scale is not known either: corrections are those of the mean scale of all sessions.
         let scale = self.any_scale_covariance(session, source, &prediction.position);
         Spread::Of(open + drift + scale)
     }

@@ -1,4 +1,4 @@
-//! The identified geometry, and with it base + target: a chain of which parameters were identified, in its frames.
+//! The identified geometry, and with it base + target: a chain with identified parameters, in its frames.
 
 use nalgebra::Point3;
 
@@ -21,7 +21,7 @@ pub(super) const ABOUT: About = About {
     load: Some(load),
 };
 
-/// A geometry that was identified, as it was saved: without what its fit says of itself.
+/// A saved identified geometry, without the covariance of its fit.
 #[derive(Debug, Clone)]
 pub struct IdentifiedGeometry {
     /// The identified chain from base to flange.
@@ -113,7 +113,7 @@ fn predict(chain: &Chain, frames: &[Frames], query: &Query<'_>) -> Prediction {
     }
 }
 
-/// What a geometry cannot explain is its error's variance, the same along each axis.
+/// The misfit of a geometry is the variance of its error, the same along each axis.
 fn unexplained(misfit_mm: f64) -> Spread {
     Spread::Isotropic(misfit_mm.powi(2))
 }

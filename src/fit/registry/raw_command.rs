@@ -1,4 +1,4 @@
-//! The command as it is.
+//! The raw command, without any correction.
 
 use super::{About, Corrects, Made};
 

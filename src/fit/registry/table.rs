@@ -1,4 +1,4 @@
-//! The compensation table: known of here by its words; what it predicts stands in [`crate::compensation::table`].
+//! The compensation table: only its names are here; its predictions are in [`crate::compensation::table`].
 
 use super::{About, Corrects, Made};
 

@@ -1,9 +1,9 @@
 //! Samples in order of time, piece by piece → the stationary stretches.
 //!
-//! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one, and says how many samples make
+//! 1. The first [`OPENING`] samples are gathered: their median interval is the usual one, and gives the number of samples in
 //!    a window.
-//! 2. From then on windows are judged as soon as their samples are there ([`Levels`]), and the samples let go.
-//! 3. At the end the threshold is chosen, and the stretches by it are the result.
+//! 2. From then on windows are judged as soon as their samples have come ([`Levels`]), and the samples are evicted.
+//! 3. At the end the threshold is chosen, and its stretches are the result.
 
 use super::levels::{Levels, Samples};
 use super::pairs;
@@ -14,19 +14,19 @@ use super::sums::Sums;
 use super::{Stationary, StationaryRule};
 use crate::units::{NS_PER_S, round_ns};
 
-/// Samples that tell the usual interval. A window is no longer than that: it would mean a broken clock, not a fast one.
+/// Number of samples from which the usual interval is found, and the longest window: a longer one would mean a broken clock.
 const OPENING: usize = 1 << 16;
-/// Samples that are looked at together, few enough to stay in the processor's cache.
+/// Number of samples processed together, few enough to stay in the processor's cache.
 const PIECE: usize = 2048;
-/// The least samples in which stationary can be told from motion.
+/// The least number of samples in which stationary is distinguished from motion.
 const MIN_WINDOW_SAMPLES: usize = 3;
 
-/// Finds the stationary stretches of samples that come in order of time.
+/// Finds the stationary stretches of samples given in order of time.
 #[derive(Debug, Clone)]
 pub struct Finder {
     rule: StationaryRule,
     ladder: Ladder,
-    /// The values of the samples that are still needed, one sample's behind the other's.
+    /// The values of the samples that are still needed, sample after sample.
     values: Vec<f64>,
     samples: Samples,
     quanta: Quanta,
@@ -35,28 +35,28 @@ pub struct Finder {
     first_ns: i64,
 }
 
-/// What follows from the usual interval.
+/// The state that depends on the usual interval.
 #[derive(Debug, Clone)]
 struct Pace {
     interval_ns: i64,
     gap_ns: i64,
     window: usize,
     levels: Levels,
-    /// The window that comes next, by its first sample.
+    /// The first sample of the next window.
     next: usize,
-    /// The largest motion in a window.
+    /// The largest motion in a window so far.
     top: f64,
 }
 
-/// The threshold was found, but not in time to keep its stretches.
+/// The threshold was found too late: its stretches were dropped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forgotten {
-    /// In the columns' unit.
+    /// The threshold, in the columns' unit.
     pub threshold: f64,
 }
 
 impl Finder {
-    /// For samples of so many columns.
+    /// A finder for samples of `columns` columns.
     pub fn new(columns: usize, rule: &StationaryRule) -> Self {
         Self {
             rule: *rule,
@@ -74,7 +74,7 @@ impl Finder {
         }
     }
 
-    /// Forgets all samples so far: they come again.
+    /// Drops all samples so far, before they are replayed.
     pub fn restart(&mut self) {
         *self = Self::new(self.samples.columns, &self.rule);
     }
@@ -131,7 +131,7 @@ impl Finder {
         })
     }
 
-    /// The threshold that is right for all samples so far.
+    /// The threshold for all samples so far.
     fn threshold(&self) -> f64 {
         let pace = self.pace.as_ref().expect("set before anything is judged");
         self.rule.threshold.unwrap_or_else(|| {
@@ -157,12 +157,12 @@ impl Finder {
         });
     }
 
-    /// Judges all windows whose samples are there, and lets go of what no later one needs.
+    /// Judges all windows whose samples have come, and evicts samples that no later window needs.
     fn judge(&mut self, is_last: bool) {
         let pace = self.pace.as_mut().expect("set before");
         let samples = &self.samples;
         let (first, held) = (samples.first, samples.stamps_ns.len());
-        // The last sample's neighbour is not there yet.
+        // The last sample's neighbour has not come yet.
         let end = (first + held - usize::from(!is_last) + 1).saturating_sub(pace.window);
         self.ranges.begin(end.saturating_sub(pace.next));
         for pair in 0..samples.sums.len() {
@@ -205,11 +205,11 @@ impl Finder {
 }
 
 impl Pace {
-    /// No stationary reaches across a break between two samples.
+    /// Marks the windows across a break between two samples as not stationary.
     fn mark_breaks(&self, samples: &Samples, ranges: &mut Ranges) {
         let gap_ns = self.gap_ns.unsigned_abs();
         for (place, pair) in samples.stamps_ns.windows(2).enumerate() {
-            // The sample before the first window is there too.
+            // The sample before the first window is kept too.
             if pair[1].abs_diff(pair[0]) > gap_ns
                 && let Some(before) = (samples.first + place).checked_sub(self.next)
             {

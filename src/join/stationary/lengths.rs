@@ -1,4 +1,4 @@
-//! How long stretches are, however many there are: how often each length occurs.
+//! The lengths of any number of stretches, stored as the count of each length.
 
 use std::collections::BTreeMap;
 
@@ -8,14 +8,14 @@ const SHORT: usize = 4096;
 /// Lengths of stretches, in samples.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Lengths {
-    /// How often each short length occurs.
+    /// Count of each short length.
     short: Vec<usize>,
-    /// How often each other length does.
+    /// Count of each other length.
     long: BTreeMap<usize, usize>,
 }
 
 impl Lengths {
-    /// One more stretch.
+    /// Adds one stretch.
     pub fn add(&mut self, length: usize) {
         if length >= SHORT {
             *self.long.entry(length).or_default() += 1;
@@ -27,8 +27,8 @@ impl Lengths {
         self.short[length] += 1;
     }
 
-    /// How many stretches count: those not shorter than half of the long ones (their 90 % quantile). Turning points of
-    /// moves look like stationary for a moment.
+    /// Number of stretches not shorter than half of the long ones (their 90 % quantile). Turning points of
+    /// moves look stationary for a moment.
     pub fn count(&self) -> usize {
         let all: usize = self.occurring().map(|(_, times)| times).sum();
         let mut before = 0;
@@ -43,7 +43,7 @@ impl Lengths {
         counting.map(|(_, times)| times).sum()
     }
 
-    /// Lengths and how often they occur, shortest first.
+    /// Lengths with their counts, shortest first.
     fn occurring(&self) -> impl Iterator<Item = (usize, usize)> {
         let short = self.short.iter().copied().enumerate();
         short.chain(self.long.iter().map(|(&length, &times)| (length, times)))

@@ -1,11 +1,11 @@
-//! The stationary stretches by each of many thresholds, found side by side.
+//! The stationary stretches of each of many thresholds, found at the same time.
 //!
 //! Windows come one by one, each with its *level*: the number of the lowest threshold by which it is stationary. Only where the
-//! level changes from one window to the next does anything begin or end, and only by the thresholds in between. A
-//! stretch that ended goes on when the next stationary window overlaps it.
+//! level changes from one window to the next do stretches begin or end, and only those of the thresholds in between. A
+//! stretch that ended continues when the next stationary window overlaps it.
 //!
-//! Most thresholds will not be the right one. When their stretches grow too many, only those by the thresholds near the
-//! one that would be right so far are kept, each time by fewer; of the others it is known how long they are.
+//! Most thresholds are not the final one. When their stretches become too many, only those of the thresholds near the
+//! best one so far are kept, fewer each time; of the others only the lengths are kept.
 
 use std::ops::Range;
 
@@ -13,23 +13,23 @@ use super::lengths::Lengths;
 use super::sums::{Sum, Sums, means};
 use super::{StationaryStretch, Stretch};
 
-/// Stretches that are kept before some are forgotten.
+/// The most stretches that are kept before some are dropped.
 const MOST_STRETCHES: usize = 50_000;
-/// Thresholds kept at first on either side of the one that would be right so far: two rungs of the ladder.
+/// Thresholds kept at first on either side of the best one so far: two rungs of the ladder.
 const NEAR: usize = 6;
-/// Thresholds kept on either side of it at last.
+/// The least number of thresholds kept on either side of it.
 const NEAREST: usize = 1;
 
-/// The samples that a window may ask for.
+/// The samples that a window may need.
 #[derive(Debug, Clone, Default)]
 pub struct Samples {
     /// Index of the first of them among all.
     pub first: usize,
-    /// ns.
+    /// Stamps of the samples, ns.
     pub stamps_ns: Vec<i64>,
-    /// One for each pair of columns.
+    /// Sums for each pair of columns.
     pub sums: Vec<Sums>,
-    /// How many columns there are.
+    /// Number of columns.
     pub columns: usize,
 }
 
@@ -38,19 +38,19 @@ impl Samples {
         self.stamps_ns[sample - self.first]
     }
 
-    /// The columns' sums of all that comes before a sample.
+    /// The columns' sums over all samples before `sample`.
     fn sums_before(&self, sample: usize, sums: &mut Vec<Sum>) {
         sums.clear();
         sums.extend(self.sums.iter().map(|s| s.before(sample - self.first)));
     }
 }
 
-/// The thresholds and what is stationary by each.
+/// The thresholds and the stationary stretches of each.
 #[derive(Debug, Clone)]
 pub struct Levels {
     thresholds: Vec<f64>,
     by: Vec<ByThreshold>,
-    /// Of the window before.
+    /// Level of the previous window.
     level: usize,
     window: usize,
     min_stretch_ns: i64,
@@ -59,7 +59,7 @@ pub struct Levels {
     most_stretches: usize,
 }
 
-/// What is stationary by one threshold.
+/// The stationary stretches of one threshold.
 #[derive(Debug, Clone, Default)]
 struct ByThreshold {
     open: Option<Open>,
@@ -69,7 +69,7 @@ struct ByThreshold {
     stretches: Vec<StationaryStretch>,
 }
 
-/// A stretch that may go on.
+/// A stretch that may continue.
 #[derive(Debug, Clone, Copy)]
 struct Open {
     first: usize,
@@ -78,7 +78,7 @@ struct Open {
     end: Option<End>,
 }
 
-/// Where it ends unless it goes on.
+/// The end of a stretch unless it continues.
 #[derive(Debug, Clone, Copy)]
 struct End {
     last: usize,
@@ -87,7 +87,7 @@ struct End {
 }
 
 impl Levels {
-    /// By these thresholds, sorted, in windows of so many samples.
+    /// Levels for these sorted thresholds, with windows of `window` samples.
     pub fn new(thresholds: Vec<f64>, window: usize, min_stretch_ns: i64) -> Self {
         Self {
             by: vec![ByThreshold::default(); thresholds.len()],
@@ -101,7 +101,7 @@ impl Levels {
         }
     }
 
-    /// Takes the windows that begin at sample `first` and behind it, and in which so much moves.
+    /// Processes the windows that begin at the sample `first` and after it, with `ranges` as their motions.
     pub fn windows(&mut self, first: usize, ranges: &[f64], samples: &Samples) {
         let mut next = 0;
         loop {
@@ -115,10 +115,10 @@ impl Levels {
         }
     }
 
-    /// Takes the window that begins at sample `first` and whose level is another than that of the window before.
+    /// Processes the window that begins at the sample `first` and whose level differs from that of the previous window.
     fn change(&mut self, first: usize, range: f64, samples: &Samples) {
         let level = self.level_of(range);
-        // Its last sample is the first one behind the window before.
+        // Its last sample is the first one after the previous window.
         let ended = |last| End {
             last,
             at_ns: samples.stamp_ns(last),
@@ -141,7 +141,7 @@ impl Levels {
         self.level = level;
     }
 
-    /// Windows in which more moves than the first, but not more than the second, are of the same level.
+    /// The limits of the current level: windows with a motion above the first and up to the second have it.
     fn bounds(&self) -> (f64, f64) {
         let (below, above) = self.thresholds.split_at(self.level);
         (
@@ -150,7 +150,7 @@ impl Levels {
         )
     }
 
-    /// The number of the lowest threshold that a range is within, which is seldom far from the one before.
+    /// The number of the lowest threshold that a range is within; the search begins at the previous level.
     fn level_of(&self, range: f64) -> usize {
         let (below, above) = self.thresholds.split_at(self.level);
         let down = below.iter().rev().take_while(|&&t| range <= t).count();
@@ -158,7 +158,7 @@ impl Levels {
         self.level - down + up
     }
 
-    /// Ends what is open at the last of all samples.
+    /// Ends open stretches at the last of all samples.
     pub fn finish(&mut self, last: usize, samples: &Samples) {
         let end = || End {
             last,
@@ -177,12 +177,12 @@ impl Levels {
         }
     }
 
-    /// Lengths of the stretches by a threshold, in samples less one.
+    /// Lengths of the stretches of a threshold, in samples less one.
     pub fn lengths(&self, threshold: f64) -> &Lengths {
         &self.by[self.place(threshold)].lengths
     }
 
-    /// The stretches by a threshold; `None` where they were forgotten.
+    /// The stretches of a threshold; `None` where they were dropped.
     pub fn take(&mut self, threshold: f64) -> Option<Vec<StationaryStretch>> {
         let place = self.place(threshold);
         let kept = self.kept.contains(&place);
@@ -199,7 +199,7 @@ impl Levels {
         stretches.sum::<usize>() > self.most_stretches
     }
 
-    /// Keeps only the stretches by the thresholds near this one.
+    /// Keeps only the stretches of the thresholds near this one.
     pub(super) fn forget_all_but(&mut self, threshold: f64) {
         let place = self.place(threshold);
         let near = place.saturating_sub(self.near)..place + self.near + 1;
@@ -211,7 +211,7 @@ impl Levels {
             }
             left += by.stretches.len();
         }
-        // The more is known, the less the threshold moves: the next time fewer are kept, if that would help.
+        // With more samples the threshold moves less: the next time fewer are kept.
         self.near = (self.near / 2).max(NEAREST);
         if self.near == NEAREST {
             self.most_stretches = self.most_stretches.max(2 * left);
@@ -230,7 +230,7 @@ impl ByThreshold {
         samples.sums_before(first, &mut self.sums_before);
     }
 
-    /// The window before was the last stationary one.
+    /// Ends a stretch at the previous window, the last stationary one.
     fn end(&mut self, end: End, min_stretch_ns: i64, samples: &Samples) {
         let open = self
             .open
@@ -242,7 +242,7 @@ impl ByThreshold {
         }
     }
 
-    /// Whether the window that begins at `first` overlaps the stretch; it then goes on.
+    /// Whether the window that begins at `first` overlaps the stretch, which then continues.
     fn goes_on(&mut self, first: usize) -> bool {
         let goes_on = |open: &&mut Open| open.end.is_none_or(|end| first <= end.last);
         let open = self.open.as_mut().filter(goes_on);
@@ -290,7 +290,7 @@ mod tests {
 
     const WINDOW: usize = 4;
 
-    /// The stretches by one threshold, straight from the definition.
+    /// The stretches of one threshold, computed directly from the definition.
     fn by_one(ranges: &[f64], threshold: f64, min_samples: usize) -> Vec<Stretch> {
         let mut found: Vec<Stretch> = Vec::new();
         for (first, &range) in ranges.iter().enumerate() {
@@ -305,7 +305,7 @@ mod tests {
         found
     }
 
-    /// Samples 10 ns apart whose one column counts them, and windows in which more or less moves.
+    /// Samples 10 ns apart whose one column counts them, and windows of different motions.
     fn scene() -> (Samples, Vec<f64>) {
         let count = 2000;
         let mut sums = Sums::default();
@@ -347,7 +347,7 @@ mod tests {
         let mut found = levels(&ranges, &samples, false);
         for threshold in (1..=40).map(f64::from) {
             let expected = by_one(&ranges, threshold, 6); // 60 ns
-            let stretches = found.take(threshold).expect("none is forgotten");
+            let stretches = found.take(threshold).expect("none is dropped");
             let places: Vec<Stretch> = stretches.iter().map(|stretch| stretch.stretch).collect();
             assert_eq!(places, expected, "{threshold}");
             for stretch in &stretches {
@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn of_stretches_forgotten_the_lengths_are_known() {
+    fn the_lengths_of_dropped_stretches_are_kept() {
         let (samples, ranges) = scene();
         let (all, mut near) = (
             levels(&ranges, &samples, false),

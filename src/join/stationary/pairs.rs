@@ -1,39 +1,39 @@
-//! Columns two by two: what is done to one value is done to both at once.
+//! Columns in pairs, so that the processor's vector units treat two values at once.
 
 /// The values of two columns at one sample.
 pub type Pair = [f64; 2];
 
-/// Each two added.
+/// Sums of the two values.
 #[inline]
 pub fn plus(a: Pair, b: Pair) -> Pair {
     [a[0] + b[0], a[1] + b[1]]
 }
 
-/// The difference between each two.
+/// Differences of the two values.
 #[inline]
 pub fn minus(a: Pair, b: Pair) -> Pair {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// The larger of each two.
+/// Larger values.
 #[inline]
 pub fn largest(a: Pair, b: Pair) -> Pair {
     [larger(a[0], b[0]), larger(a[1], b[1])]
 }
 
-/// The smaller of each two.
+/// Smaller values.
 #[inline]
 pub fn smallest(a: Pair, b: Pair) -> Pair {
     [smaller(a[0], b[0]), smaller(a[1], b[1])]
 }
 
-/// The largest difference between each two.
+/// The larger of the two differences `high − low`.
 #[inline]
 pub fn widest(high: Pair, low: Pair) -> f64 {
     larger(high[0] - low[0], high[1] - low[1])
 }
 
-/// Values are numbers: what `f64::max` does about others would cost as much again.
+/// The larger of two numbers. Values are never NaN, so the cost of `f64::max`'s check is saved.
 #[inline]
 pub fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
@@ -44,12 +44,12 @@ fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// How many pairs so many columns make.
+/// Number of pairs for `columns` columns.
 pub const fn count(columns: usize) -> usize {
     columns.div_ceil(2)
 }
 
-/// One pair of the columns at each sample, whose values stand one sample behind the other; a pair that is not full has its
+/// One pair of the columns at each sample, from values stored sample after sample; an incomplete pair has its
 /// column twice.
 pub fn of(values: &[f64], columns: usize, pair: usize) -> impl Iterator<Item = Pair> {
     let (a, b) = (2 * pair, (2 * pair + 1).min(columns - 1));

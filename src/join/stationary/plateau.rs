@@ -1,21 +1,21 @@
-//! The threshold, read from the number of stretches at each rung of a ladder of thresholds.
+//! The threshold, found from the number of stretches at each rung of a ladder of thresholds.
 
 use crate::join::pattern::MIN_PAIRS;
 
 /// Ratio of neighbouring thresholds on the ladder.
 const LADDER_RATIO: f64 = 1.5;
-/// Rungs of the ladder: from the resolution of an encoder (1e-7 rad) to a million turns, of a tracker beyond its reach.
+/// Number of rungs: from the resolution of an encoder (1e-7 rad) to a million turns, and beyond the reach of a tracker.
 const RUNGS: usize = 80;
-/// Stretch counts within this share of each other belong to one plateau: some tiny moves may drown.
+/// Counts of stretches within this share of each other belong to one plateau: some tiny moves may be lost.
 const PLATEAU_TOLERANCE: f64 = 0.02;
-/// A plateau this many rungs wide (a factor of 3.4) is no accident.
+/// Least width of a good plateau, rungs (a factor of 3.4).
 const PLATEAU_RUNGS: usize = 4;
-/// The ladder ends this far above the largest motion: where samples were taken only while stationary, breaks in time alone end
-/// the stretches, and that is a plateau too.
+/// Factor from the largest motion to the ladder's end: where samples were taken only while stationary, breaks in time alone
+/// end the stretches, and that is a plateau too.
 const ABOVE_ALL: f64 = 10.0;
-/// How far above its start the threshold stands in a wide plateau.
+/// Factor from the start of a wide plateau to the threshold.
 const ABOVE_PLATEAU_START: f64 = 6.0;
-/// A quantised value of a stationary joint flickers between neighbours, and noise may reach one further.
+/// Quanta below the ladder's start: a quantised value of a stationary joint flickers between neighbours, noise may add one.
 const FLICKER: f64 = 2.5;
 
 /// The rungs, lowest first.
@@ -43,7 +43,7 @@ impl Ladder {
         all
     }
 
-    /// The threshold by a plateau of `count`, the number of stretches at a rung; the ladder's first rung above the
+    /// The threshold from the plateau of `count`, the number of stretches at a rung; the ladder's first rung above the
     /// flicker of `quantum` where nothing ever moves. `top` is the largest motion.
     pub fn choose(&self, quantum: f64, top: f64, count: impl Fn(usize) -> usize) -> f64 {
         let flicker = FLICKER * quantum;
@@ -68,8 +68,8 @@ impl Ladder {
     }
 }
 
-/// First and last rung of the plateau to stand on: the lowest of those at least [`PLATEAU_RUNGS`] wide that have the
-/// dwells of a session and half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
+/// First and last rung of the plateau to use: the lowest of those at least [`PLATEAU_RUNGS`] wide that have the
+/// dwells of a session and at least half of those of the widest; otherwise the widest. Turning points of moves make plateaus of
 /// their own above the right one, columns frozen for a while below it.
 fn chosen_plateau(counts: &[usize]) -> Option<(usize, usize)> {
     let plateaus: Vec<(usize, usize)> = (0..counts.len())
@@ -86,7 +86,7 @@ fn chosen_plateau(counts: &[usize]) -> Option<(usize, usize)> {
     Some(*plateaus.iter().find(good).unwrap_or(widest))
 }
 
-/// The last rung from `first` on with like counts.
+/// The last rung from `first` on with similar counts.
 fn plateau_end(counts: &[usize], first: usize) -> usize {
     let allowed = (counts[first] as f64 * PLATEAU_TOLERANCE).max(1.0);
     let alike = |&&count: &&usize| count >= 2 && (count.abs_diff(counts[first]) as f64) <= allowed;

@@ -1,16 +1,16 @@
-//! The step between neighbouring values of a quantised column, found while its values come by.
+//! The step between neighbouring values of a quantised column, found while its values are processed.
 
 use super::pairs::larger;
 
-/// Steps up to this many quanta tell whether a column is quantised; at least so many of them are needed.
+/// Steps up to this many quanta show whether a column is quantised; at least this number of them is needed.
 const QUANTA: f64 = 20.0;
 const MIN_QUANTISED_STEPS: usize = 8;
-/// Samples that are looked at together: most steps are not small.
+/// Number of samples checked together: most steps are not small.
 const TOGETHER: usize = 16;
-/// A step this much smaller than the least one so far is another quantum, not its rounding.
+/// A step below this share of the least one so far is a smaller quantum, not its rounding.
 const SMALLER: f64 = 0.99;
 
-/// What the steps of each column look like.
+/// The steps of each column.
 #[derive(Debug, Clone)]
 pub struct Quanta {
     of_columns: Vec<Steps>,
@@ -18,11 +18,11 @@ pub struct Quanta {
     before: Vec<f64>,
 }
 
-/// What the steps of one column look like, from the first of the smallest ones on.
+/// The steps of one column, since the first of the smallest ones.
 #[derive(Debug, Clone)]
 struct Steps {
     least: f64,
-    /// Steps of a few quanta, and those of them that are whole ones.
+    /// Numbers of steps of a few quanta, and of those that are whole quanta.
     small: usize,
     whole: usize,
 }
@@ -38,7 +38,7 @@ impl Default for Steps {
 }
 
 impl Quanta {
-    /// Of so many columns.
+    /// No steps yet, of `columns` columns.
     pub fn of(columns: usize) -> Self {
         Self {
             of_columns: vec![Steps::default(); columns],
@@ -46,7 +46,7 @@ impl Quanta {
         }
     }
 
-    /// Takes the next samples, their values one sample behind the other.
+    /// Adds the next samples, their values sample after sample.
     pub fn push(&mut self, values: &[f64]) {
         let columns = self.of_columns.len();
         let Some((first, later)) = values.split_at_checked(columns) else {
@@ -64,7 +64,7 @@ impl Quanta {
         self.before.extend(&values[values.len() - columns..]);
     }
 
-    /// Whether a step may be a small one of its column.
+    /// Whether any step may be a small one of its column.
     fn some_are_small(&self, before: &[f64], after: &[f64]) -> bool {
         let reach = self.of_columns.iter().map(Steps::reach).fold(0.0, larger);
         let steps = before.iter().zip(after);
@@ -76,7 +76,7 @@ impl Quanta {
         small > 0
     }
 
-    /// Takes the steps from values to those a sample later.
+    /// Adds the steps from one sample's values to the next sample's.
     fn steps(&mut self, before: &[f64], after: &[f64]) {
         let columns = self.of_columns.len();
         let samples = before
@@ -98,7 +98,7 @@ impl Quanta {
 }
 
 impl Steps {
-    /// Below this a step counts.
+    /// Steps below this count.
     fn reach(&self) -> f64 {
         QUANTA * self.least
     }

@@ -1,7 +1,7 @@
-//! How much moves within a window, for every window of a piece of the samples.
+//! The motion within a window, for every window of a piece of the samples.
 //!
-//! The largest and the smallest value of a window are found as van Herk and Gil and Werman do: samples are cut into
-//! blocks as long as a window, and a window is the end of one block and the beginning of the next.
+//! The largest and the smallest value of a window are found by the method of van Herk and of Gil and Werman: samples are cut
+//! into blocks as long as a window, and a window is the end of one block and the beginning of the next.
 
 use super::pairs::{Pair, larger, largest, smallest, widest};
 
@@ -16,7 +16,7 @@ pub struct Ranges {
 }
 
 impl Ranges {
-    /// Begins with so many windows in which nothing moves.
+    /// Begins with `windows` windows without motion.
     pub fn begin(&mut self, windows: usize) {
         self.of_windows.clear();
         self.of_windows.resize(windows, 0.0);
@@ -39,7 +39,7 @@ impl Ranges {
         let (high, low) = self.to_block_end[0];
         *range = larger(*range, widest(high, low));
         for (block, values) in self.smooth.chunks(samples).enumerate().skip(1) {
-            // The window that ends with the block's first value, and those behind it.
+            // The window that ends with the block's first value, and those after it.
             let first = (block - 1) * samples + 1;
             let to_block_end = &self.to_block_end[first..];
             let ranges = &mut self.of_windows[first..];
@@ -66,7 +66,7 @@ impl Ranges {
         }
     }
 
-    /// Windows that reach across a break in time hold no stationary.
+    /// Marks windows across a break in time as not stationary.
     pub(super) fn break_at(&mut self, sample_before: usize, samples: usize) {
         let end = (sample_before + 1).min(self.of_windows.len());
         let first = (sample_before + 2).saturating_sub(samples).min(end);
@@ -114,7 +114,7 @@ mod tests {
         let pairs = |values: [f64; 6]| values.into_iter().map(|value| [value, 0.1 * value]);
         let mut ranges = Ranges::default();
         ranges.begin(4);
-        // The median of three makes 1 1 2 2 2 2 of it: the spike of 9 goes.
+        // The median of three gives 1 1 2 2 2 2: the spike of 9 is removed.
         ranges.widen(pairs([1.0, 1.0, 9.0, 2.0, 2.0, 2.0]), 3, (true, true));
         assert_eq!(ranges.of_windows, [1.0, 1.0, 0.0, 0.0]);
         ranges.widen(pairs([0.0; 6]), 3, (true, true));
@@ -129,7 +129,7 @@ mod tests {
         );
     }
 
-    /// The same by looking at each window by itself.
+    /// The ranges, computed for each window separately.
     fn one_by_one(smooth: &[f64], samples: usize) -> Vec<f64> {
         let range = |window: &[f64]| {
             let high = window.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_piece_gives_the_windows_of_the_whole() {
-        // Slow enough that the median of three of each is the middle one.
+        // Slow enough that the median of each three values is the middle one.
         let column: Vec<f64> = (0..100).map(|k| (f64::from(k) * 0.01).sin()).collect();
         let pairs =
             |samples: std::ops::Range<usize>| column[samples].iter().map(|&value| [value; 2]);

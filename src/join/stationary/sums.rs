@@ -1,4 +1,4 @@
-//! Sums of columns up to each sample, so exact that the mean of any stretch follows from two of them.
+//! Sums of columns up to each sample, so exact that the mean of any stretch can be computed from two of them.
 
 use super::pairs::{Pair, minus, plus};
 
@@ -6,7 +6,7 @@ use super::pairs::{Pair, minus, plus};
 #[derive(Debug, Clone)]
 pub struct Sums(Vec<Sum>);
 
-/// The sums up to one sample, in two parts: the second is what the first one's rounding leaves.
+/// The sums up to one sample, in two parts: the second is the rounding error of the first.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sum {
     high: Pair,
@@ -14,7 +14,7 @@ pub struct Sum {
 }
 
 impl Default for Sums {
-    /// Of no sample.
+    /// The sums of no sample.
     fn default() -> Self {
         Self(vec![Sum::default()])
     }
@@ -34,7 +34,7 @@ impl Sums {
         }));
     }
 
-    /// Forgets the sums up to the first samples.
+    /// Removes the sums up to the first `samples` samples.
     pub(super) fn drop_front(&mut self, samples: usize) {
         self.0.drain(..samples);
     }
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mean_is_exact_behind_a_million_other_values() {
+    fn a_mean_is_exact_after_a_million_other_values() {
         let mut sums = Sums::default();
         sums.push((0..1_000_000).map(|k| [(f64::from(k) * 0.37).sin(); 2]));
         let values = [0.1, 0.2, 0.3, 0.1, 0.1];
