@@ -1,7 +1,7 @@
-//! TOML of the README and the guide: each piece is taken where it stands in a whole file.
+//! The README and the guide: their TOML is taken where it stands in a whole file, and links lead to files.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use posegrid::geometry::Placement;
 use posegrid::kinematics::RobotFile;
@@ -87,4 +87,21 @@ fn a_key_that_is_not_there_is_found() {
     let piece = "[report]\ntool_place = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n";
     let error = read(piece).unwrap_err().to_string();
     assert!(error.contains("tool_place"), "{error}");
+}
+
+#[test]
+fn the_readme_is_short_and_its_links_lead_to_files() {
+    let readme = fs::read_to_string("README.md").expect("part of the project");
+    let lines = readme.lines().count();
+    assert!(lines <= 250, "{lines} lines: move something into src/guide");
+    let links = readme.split("](").skip(1);
+    let links: Vec<_> = links.filter_map(|rest| rest.split(')').next()).collect();
+    let files = links.iter().filter(|link| !link.starts_with("https://"));
+    let missing: Vec<_> = files.filter(|file| !Path::new(file).exists()).collect();
+    assert!(links.len() > 10 && missing.is_empty(), "{missing:?}");
+    let guide = fs::read_dir("src/guide").expect("part of the project");
+    for chapter in guide.map(|entry| entry.expect("listed").path()) {
+        let chapter = chapter.to_str().expect("UTF-8");
+        assert!(links.contains(&chapter), "{chapter} is not in the README");
+    }
 }
