@@ -14,8 +14,8 @@
 //! a model says of it is little more than its prior (milliradians), while arms are off by a few tenths of one, and normals
 //! of drilled holes may be off by ten. What the turn does to the tool point is in ê.
 //!
-//! Nothing is extrapolated: a target, or a command on the way, that the nodes do not surround or whose joint angles were
-//! not measured is refused.
+//! Nothing is extrapolated: a target that the nodes do not surround or whose joint angles were not measured is refused. A
+//! target near the rim of a table has a command that its correction takes a little beyond: the error there is that at the rim.
 
 mod fixed_point;
 pub mod identified;
@@ -24,7 +24,7 @@ pub mod refused;
 pub mod table;
 pub mod validity;
 
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
 pub use identified::{ArmModel, IdentifiedArm};
 pub use refused::{Reason, Refused};
@@ -32,7 +32,7 @@ pub use table::{CompensationTable, Known, Misfit, Terms};
 pub use validity::{Conditions, Term, UsedWith, Validity};
 
 pub use crate::fit::Gap;
-use crate::fit::{At, PoseModel};
+use crate::fit::{At, PoseModel, SourceId};
 use crate::geometry::{Command, Position};
 
 /// Where the controller's own tool point shall be: a position, joint angles, or both.
@@ -92,23 +92,6 @@ pub enum Exception {
     Configuration,
     /// Something else than the table is valid for.
     Term(Term),
-}
-
-impl Exception {
-    /// The word for tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::JointRange => "joint_range",
-            Self::Configuration => "configuration",
-            Self::Term(Term::Tool) => "tool",
-            Self::Term(Term::Payload) => "payload",
-            Self::Term(Term::Mounting) => "mounting",
-            Self::Term(Term::Base) => "base",
-            Self::Term(Term::ControllerModel) => "controller_model",
-            Self::Term(Term::AbsoluteAccuracy) => "absolute_accuracy",
-            Self::Term(Term::Temperature) => "temperature",
-        }
-    }
 }
 
 /// Joint angles in the arm's order, rad.
@@ -175,7 +158,7 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     let admitted = table.terms().admit(target);
     let corrected = admitted.and_then(|()| {
         let wanted = target.position.ok_or(Reason::NoPosition)?;
-        by_pose(table, target, &wanted)
+        by_pose(table, target, &wanted, |command| table.at_rim(command))
     });
     corrected.map_err(|reason| Refused {
         target: target.name.clone(),
@@ -183,16 +166,18 @@ pub fn compensate(table: &CompensationTable, target: &Target) -> Result<Correcte
     })
 }
 
-/// By a model that answers for tool poses.
+/// By a model that answers for tool poses. A command on the way is asked for at the place that `near` gives for it.
 fn by_pose(
     model: &dyn PoseModel,
     target: &Target,
     wanted: &Position<Command>,
+    near: impl Fn(&Point3<f64>) -> Point3<f64>,
 ) -> Result<Corrected, Reason> {
     let mut first = true;
     let converged = fixed_point::converge(wanted.point(), |command| {
+        let place = if first { *command } else { near(command) };
         let predicted = model.predict(&At::Tool {
-            position: *command,
+            position: place,
             orientation: target.orientation,
         });
         let gap = if first {
@@ -202,8 +187,8 @@ fn by_pose(
         };
         first = false;
         let predicted = predicted.map_err(gap)?;
-        let covariance = model.spread(0, &predicted).covariance();
-        Ok((predicted.error_from(command), covariance))
+        let covariance = model.spread(0, SourceId::ONLY, &predicted).covariance();
+        Ok((predicted.error_from(&place), covariance))
     })?;
     Ok(Corrected {
         target: *wanted,

@@ -58,7 +58,7 @@ impl Figures {
             } else {
                 0.0
             },
-            median: percentile(&sorted, 0.5),
+            median: median(&sorted)?,
             p95: percentile(&sorted, 0.95),
             p99: percentile(&sorted, 0.99),
             max,
@@ -79,9 +79,24 @@ pub fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The median of `values`; `None` of an empty set.
+/// The median of `values`, of an even number the mean of the middle two; `None` of an empty set.
 pub fn median(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| percentile(&ascending(values), 0.5))
+    median_in_place(&mut values.to_vec())
+}
+
+/// The median of `values`, which are reordered; `None` of an empty set.
+pub fn median_in_place(values: &mut [f64]) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    let is_odd = values.len() % 2 == 1;
+    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    if is_odd {
+        return Some(upper);
+    }
+    let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Some(f64::midpoint(lower, upper))
 }
 
 /// Distribution-free upper bound on the share `coverage.share` of the errors' population.

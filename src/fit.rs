@@ -3,7 +3,7 @@
 //! Inputs are the paired stations of one or more sessions of one arm; output is a [`Calibration`]. Steps
 //! ([`crate::method::identification`]):
 //! 1. stations become [`Observation`]s with a covariance each ([`observation`]);
-//! 2. starting frames from a closed-form alignment, then base and target alone ([`start`]);
+//! 2. starting frames from a closed-form alignment, then bases and targets alone ([`start`]);
 //! 3. the structural rank on the nominal arm ([`rank`]);
 //! 4. Levenberg–Marquardt on the whitened residuals ([`problem`], [`solve`], [`loss`]);
 //! 5. covariance and observability at the solution.
@@ -15,6 +15,7 @@
 
 pub mod commanded;
 pub mod error_frame;
+pub mod frames;
 pub mod full;
 mod gap;
 pub mod holdout;
@@ -29,6 +30,8 @@ pub mod registry;
 pub mod same_arm;
 pub mod saved;
 pub mod scale;
+#[cfg(test)]
+mod several;
 pub mod solve;
 pub mod start;
 mod tool_errors;
@@ -38,20 +41,25 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use error_frame::ErrorFrame;
+pub use error_frame::{ErrorBase, ErrorFrame, SurveyedBase};
+pub use frames::{Channel, FramePair, Frames, SourceId, TargetId};
 pub use gap::{Gap, Refusal};
 pub use holdout::Blocks;
 pub use identifiability::Identifiability;
 pub use loss::Loss;
 pub use model::{Angles, At, PoseModel, Prediction};
 pub use models::{Models, TrainingSettings};
-pub use observation::{Noise, Observation, TrackerUncertainty, add_commands, observations};
-pub use problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
+pub use observation::{
+    Measured, MeasuredOrientation, MeasuredPoint, Noise, Observation, Source, TrackerUncertainty,
+    add_commands, observations,
+};
+pub use problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
 pub use rank::{Observability, Structure};
 pub use registry::{Corrects, IdentifiedGeometry, Model};
 pub use solve::{Convergence, Solution};
 pub use tool_errors::ToolErrors;
 
+use crate::join::Several;
 use crate::kinematics::{Arm, Chain};
 
 /// Above this condition number the identification is ill posed (Schröer's rule; [`crate::method::identification`]).
@@ -104,7 +112,7 @@ impl FitSettings {
         let sizes = (self.prior_length_mm, self.prior_angle_mrad * 1e-3);
         Prior {
             geometry: (sizes.0 > 0.0 && sizes.1 > 0.0).then_some(sizes),
-            target: self.target,
+            targets: vec![self.target],
         }
     }
 }
@@ -125,6 +133,31 @@ pub enum FitError {
         /// Stations it would need.
         needed: usize,
     },
+    /// A target that no observation names, though one behind it is named.
+    #[error(
+        "no reading of session {session} (the first is 0) is of target {target}, though others name later targets: number targets \
+         without gaps"
+    )]
+    UnseenTarget {
+        /// The session's place in the fit.
+        session: usize,
+        /// The target's place in the session.
+        target: usize,
+    },
+    /// One stated place and several targets.
+    #[error(
+        "[fit] target says where one target sits, but session {session} (the first is 0) has {targets}: leave it out, or keep the \
+         readings of one target"
+    )]
+    KnownTargetOfSeveral {
+        /// The session's place in the fit.
+        session: usize,
+        /// Its targets.
+        targets: usize,
+    },
+    /// Several sources or targets where a step is for one of each.
+    #[error(transparent)]
+    Several(#[from] Several),
     /// Stations on a point or a line do not determine a base frame.
     #[error(
         "the measured stations of session {session} (the first is 0) lie in one place or on a line (spread {spread_mm:.3} mm across \
@@ -184,20 +217,20 @@ impl Calibration {
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// # let stations = &joined.stations;
 /// use posegrid::fit::{FitSettings, Freedom, identify, observations};
 ///
-/// let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
 /// let settings = FitSettings::default();
-/// let before = identify(&plan.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
-/// let after = identify(&plan.arm, &seen, 1, Freedom::Geometry, &settings)?;
+/// let before = identify(&configuration.arm, &seen, 1, Freedom::BaseAndTarget, &settings)?;
+/// let after = identify(&configuration.arm, &seen, 1, Freedom::Geometry, &settings)?;
 /// assert!(after.misfit_mm < before.misfit_mm, "training errors: no verdict, see `report`");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -220,7 +253,13 @@ pub fn identify_from(
     freedom: Freedom,
     settings: &FitSettings,
 ) -> Calibration {
-    let problem = Problem::new(observations, arm.chain(), starts, freedom, settings.prior());
+    let problem = Problem::new(
+        observations,
+        arm.chain(),
+        starts,
+        freedom,
+        &settings.prior(),
+    );
     let size = problem.unknowns().len();
     let nominal_structure = Structure::of(&problem, &DVector::zeros(size));
     let solution = solve::solve(&problem, settings.loss, nominal_structure.rank);

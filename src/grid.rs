@@ -1,15 +1,18 @@
-//! Grid: stations and an error model → judged steps, and the table of the largest step that holds.
+//! Grid: stations and an error model → judged steps, and the table of the one chosen.
 //!
 //! Inputs are stations with their errors and folds, one error model per fold and one of all stations; output is one
 //! [`Judged`] row per step, node source, interpolation and judgement, and the chosen [`Table`]. Steps
 //! ([`crate::method::grids`]):
 //! 1. the box, the tool orientation and the arm configuration of the table ([`settings`]);
-//! 2. nodes of each step, placed by inverse kinematics; refused where the arm cannot serve ([`node`]);
+//! 2. nodes of each step over the whole box ([`lattice`]), placed by inverse kinematics; refused where the arm cannot serve
+//!    ([`node`]);
 //! 3. the session's own nodes, where it was measured on a grid ([`measured`]);
-//! 4. every step judged on stations that took no part ([`judge`]);
-//! 5. the largest step whose bound, and that of all smaller steps, is within the tolerance ([`choose`]).
+//! 4. every step judged on stations that took no part ([`judge`]), with what its table answers for ([`covered`]);
+//! 5. of model nodes the largest step that is hardly worse than the model itself, of measured ones the largest whose bound, and
+//!    that of all smaller steps, is within the tolerance ([`choose`]).
 
 pub mod choose;
+pub mod covered;
 pub mod interpolation;
 pub mod judge;
 pub mod lattice;
@@ -22,18 +25,20 @@ mod table;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
-pub use choose::{Choice, Tolerance};
+pub use choose::{Choice, Picked, Tolerance};
+pub use covered::Covered;
 pub use interpolation::Interpolation;
 pub use judge::HeldOut;
-pub use lattice::{Lattice, WorkBox};
+pub use lattice::{Lattice, NoLattice, WorkBox};
 pub use measured::{MeasuredGrid, NotOnGrid};
 pub use node::{GridStation, PlacedGrid, Reach, Refusal};
-pub use settings::GridSettings;
+pub use settings::{GridSettings, Rule};
 
 use crate::figures::Figures;
 use crate::fit::ToolErrors;
 use crate::kinematics::Configuration;
 use crate::progress::Progress;
+use rows::Judging;
 
 /// Where node values come from.
 #[derive(
@@ -90,6 +95,10 @@ pub struct Judged {
     pub judgement: Judgement,
     /// The test session whose stations judged; `None` where held-out blocks did.
     pub of_test: Option<String>,
+    /// Where the nodes of its table are, in the base frame; `None` for local cells and where there is no table.
+    pub lattice: Option<Lattice>,
+    /// Pitch along each axis of the base frame, mm; `None` where the step does not fit.
+    pub pitch_mm: Option<[f64; 3]>,
     /// Nodes of the grid; for local cells, the eight of each cell.
     pub nodes: usize,
     /// Refused nodes by reason.
@@ -98,6 +107,8 @@ pub struct Judged {
     pub cells: usize,
     /// Refused cells by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
+    /// What its table answers for; `None` where it has no table.
+    pub covered: Option<Covered>,
     /// What is left on held-out stations.
     pub held_out: HeldOut,
     /// Figures of what is left; `None` without any station.
@@ -108,6 +119,9 @@ pub struct Judged {
     pub bound: Option<f64>,
     /// The same of the session's own stations as they were measured.
     pub bound_of_session: Option<f64>,
+    /// The bound, with between-session variation as `bound` has it, of what the model itself leaves on the same stations without
+    /// a grid, mm; `None` for measured nodes and with too few stations.
+    pub model_bound: Option<f64>,
     /// The verdict; for local cells it informs and decides nothing.
     pub verdict: Verdict,
     /// Whether this row's table was chosen.
@@ -153,10 +167,14 @@ pub struct Table {
 pub struct Grids {
     /// Every step, source, interpolation and judgement.
     pub judged: Vec<Judged>,
-    /// The chosen table.
-    pub table: Table,
+    /// The chosen table; `None` where no step gives one.
+    pub table: Option<Table>,
     /// Why it was chosen and what it holds.
     pub choice: Choice,
+    /// The arm configuration of all tables, for six-axis arms.
+    pub configuration: Option<Configuration>,
+    /// The power of interpolation by inverse distance.
+    pub idw_power: f64,
     /// Expanded uncertainty (k = 2) of the measurement that judged, mm.
     pub guard_mm: f64,
 }
@@ -169,23 +187,6 @@ pub enum GridError {
         "no paired station is left to build a grid on; look at the rejects for what was left out"
     )]
     NoStations,
-    /// A step that fits into the box along no axis or only some: a row that says so, and an error where it is every step.
-    #[error(
-        "step {step_mm} mm does not fit into the box of {sizes} mm: every step has to fit at least once along each \
-         axis; choose smaller steps_mm or a larger box"
-    )]
-    StepTooLarge {
-        /// The step.
-        step_mm: f64,
-        /// The box's sizes.
-        sizes: String,
-    },
-    /// Neither source could give a table.
-    #[error("no source could give a table: {reason}")]
-    NoTable {
-        /// Why.
-        reason: String,
-    },
 }
 
 /// Everything grids are built and judged on.
@@ -202,20 +203,26 @@ pub struct GridInput<'a> {
 }
 
 impl Grids {
+    /// The row of the chosen table; `None` where no step gives one.
+    pub fn chosen(&self) -> Option<&Judged> {
+        Some(&self.judged[self.choice.row?])
+    }
+
     /// Judges the chosen table by a test session: by those of its stations that the table answers for. Its row is added to the
-    /// others; the choice stays as it is.
+    /// others; the choice stays as it is. Nothing is added where there is no table.
     pub fn judge_by_session(
         &mut self,
         session: &str,
         stations: &[GridStation],
         model: &ToolErrors<'_>,
         tolerance: &Tolerance,
-    ) -> &Judged {
-        let held_out = self.table.judged_by(stations, model);
-        let chosen = &self.judged[self.choice.row];
+    ) {
+        let (Some(table), Some(chosen)) = (&self.table, self.chosen()) else {
+            return;
+        };
+        let held_out = table.judged_by(stations, model);
         let row = rows::session_row(chosen, session, held_out, tolerance, self.guard_mm);
         self.judged.push(row);
-        &self.judged[self.judged.len() - 1]
     }
 }
 
@@ -228,58 +235,36 @@ pub fn grids(
     progress: &dyn Progress,
 ) -> Result<Grids, GridError> {
     let plan = settings.plan(input.stations)?;
-    let like: Vec<&GridStation> = input
-        .stations
-        .iter()
-        .filter(|station| station.configuration == plan.configuration)
-        .collect();
+    let has_configuration = |station: &&GridStation| station.configuration == plan.configuration;
+    let like: Vec<&GridStation> = input.stations.iter().filter(has_configuration).collect();
+    let judging = Judging {
+        input,
+        tolerance,
+        settings,
+        plan: &plan,
+        reach,
+        like: &like,
+        own: &MeasuredGrid::of(input.stations),
+    };
     progress.begin("grid steps", settings.steps_mm.len() as u64);
     let mut judged = Vec::new();
     for &step_mm in &settings.steps_mm {
-        let grid = Lattice::new(&plan.bounds, [step_mm; 3])
-            .map(|lattice| PlacedGrid::new(reach, lattice, plan.orientation, &like))
-            .ok_or_else(|| plan.too_large(step_mm));
-        let cells = judge::local_cells(reach, input.stations, [step_mm; 3]);
-        for &interpolation in &settings.interpolations {
-            if settings.sources.contains(&Source::Model) {
-                judged.push(rows::local_row(
-                    input,
-                    step_mm,
-                    &cells,
-                    interpolation,
-                    settings,
-                    tolerance,
-                ));
-                judged.push(rows::table_row(
-                    input,
-                    step_mm,
-                    grid.as_ref(),
-                    &plan,
-                    interpolation,
-                    settings,
-                    tolerance,
-                ));
-            }
-            if settings.sources.contains(&Source::Measured) {
-                judged.push(rows::measured_row(
-                    input,
-                    step_mm,
-                    interpolation,
-                    settings,
-                    tolerance,
-                ));
-            }
-        }
+        judged.extend(judging.of_step(step_mm));
         progress.advance(1);
     }
     progress.end();
-    let choice = choose::choose(&judged)?;
-    judged[choice.row].chosen = true;
-    let table = table::table(input, reach, &plan, &like, &judged[choice.row], settings)?;
+    let choice = choose::choose(&judged, settings);
+    let mut table = None;
+    if let Some(row) = choice.row {
+        judged[row].chosen = true;
+        table = table::table(&judging, &judged[row]);
+    }
     Ok(Grids {
         judged,
         table,
         choice,
+        configuration: plan.configuration,
+        idw_power: settings.idw_power,
         guard_mm: input.guard_mm,
     })
 }

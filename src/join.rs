@@ -8,7 +8,7 @@
 //! 3. [`decide`]: the one under which the nominal arm ([`placement`]) can have been where the target was seen.
 //! 4. [`clock`]: offset and drift on the matched edges.
 //! 5. [`settle`]: how long the target rings. [`pair`], [`average`]: a verdict for each dwell, means after settling; [`disposition`]: one for each reading.
-//! 6. [`command`]: the commanded pose in force during each dwell.
+//! 6. [`reading`]: what a station holds of each instrument. [`command`]: the commanded pose in force during each dwell.
 
 pub mod average;
 pub mod clock;
@@ -23,6 +23,7 @@ pub mod observe;
 pub mod pair;
 pub mod pattern;
 pub mod placement;
+pub mod reading;
 pub mod readings;
 #[cfg(test)]
 mod scene;
@@ -44,6 +45,10 @@ use crate::kinematics::Arm;
 use crate::units::{ClockModel, Controller, NS_PER_S, Stamp, Tracker};
 
 pub use error::JoinError;
+pub use reading::{
+    MeanOrientation, MeanPoint, Reading, ReadingKind, Several, SourceId, TargetId, Value,
+    one_source_and_target,
+};
 pub use settings::JoinSettings;
 
 /// The session's stations, its clocks, and everything that did not become part of a station.
@@ -87,17 +92,28 @@ pub struct Station {
     pub joint_samples: usize,
     /// The command in force during the dwell.
     pub command: Option<Command>,
-    /// What the tracker saw, unless the dwell is unmeasured.
-    pub attained: Option<Attained>,
+    /// What the instruments read, in the order of sources and targets; none of a dwell that is not paired.
+    pub readings: Vec<Reading>,
     /// The verdict.
     pub pairing: Pairing,
 }
 
 impl Station {
-    /// What the tracker saw of a paired dwell; `None` of any other.
-    pub fn measured(&self) -> Option<&Attained> {
-        let attained = self.attained.as_ref();
-        attained.filter(|_| self.pairing == Pairing::Paired)
+    /// What the instruments read of a paired dwell; nothing of any other.
+    pub fn measured(&self) -> &[Reading] {
+        match self.pairing {
+            Pairing::Paired => &self.readings,
+            Pairing::Unmeasured(_) | Pairing::Ambiguous => &[],
+        }
+    }
+
+    /// The reading of a paired dwell in a session of one source and one target; `None` of any other dwell. Whoever asks has had
+    /// sessions with several refused by [`one_source_and_target`].
+    pub fn one_reading(&self) -> Option<&Reading> {
+        match self.measured() {
+            [one] => Some(one),
+            [] | [_, _, ..] => None,
+        }
     }
 }
 
@@ -108,31 +124,6 @@ pub struct Command {
     pub position: Point3<f64>,
     /// Where the message has one.
     pub orientation: Option<UnitQuaternion<f64>>,
-}
-
-/// The mean of a dwell's readings, in the tracker frame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Attained {
-    /// Mean position, mm.
-    pub position: Point3<f64>,
-    /// Mean orientation on SO(3), where the target is a 6-DoF one.
-    pub orientation: Option<UnitQuaternion<f64>>,
-    /// Standard deviation of a single reading per tracker axis, mm (n − 1).
-    pub scatter_mm: [f64; 3],
-    /// Standard deviation of a single orientation reading (rotation vector norm per axis, root mean square), rad.
-    pub orientation_scatter_rad: Option<f64>,
-    /// Mean of the tracker's own stated position covariance (xx xy xz yy yz zz, mm²), where it states one.
-    pub stated_covariance: Option<[f64; 6]>,
-    /// Readings kept in the mean.
-    pub kept: usize,
-    /// Readings that fell into the dwell, settling and outliers included.
-    pub readings: usize,
-    /// First and last kept reading.
-    pub first: Stamp<Tracker>,
-    /// Last kept reading.
-    pub last: Stamp<Tracker>,
-    /// Temperature nearest in time, °C.
-    pub temperature_c: Option<f64>,
 }
 
 /// What became of a dwell of the arm.
@@ -229,14 +220,14 @@ pub struct JoinInput {
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
-/// let paired = joined.stations.iter().filter(|station| station.attained.is_some()).count();
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
+/// let paired = joined.stations.iter().filter(|station| !station.measured().is_empty()).count();
 /// assert!(paired > 50);
 /// // The two clocks of this session drift apart by less than a thousandth.
 /// assert!(joined.clock.model.drift.abs() < 1e-3);
@@ -355,7 +346,7 @@ fn stations(
     let occasions: Vec<_> = dwells.iter().map(occasion).collect();
     let commands = command::in_force(commands, &occasions)?;
     let station = |(number, (dwell, command)): (usize, (&ArmDwell, Option<Command>))| {
-        let (pairing, attained) = evidence.verdict(dwell, dispositions)?;
+        let (pairing, reading) = evidence.verdict(dwell, dispositions)?;
         Ok(Station {
             number,
             start: dwell.start,
@@ -363,7 +354,7 @@ fn stations(
             joints: dwell.joints.clone(),
             joint_samples: dwell.samples,
             command,
-            attained,
+            readings: reading.into_iter().collect(),
             pairing,
         })
     };

@@ -53,14 +53,18 @@
 //! - *An arm*: a file in `pipelines/robots/` and no code. Another convention than standard Denavit–Hartenberg is a variant of
 //!   [`kinematics::arm::Convention`] and the elements it makes; nothing behind [`kinematics::Chain`] changes.
 //! - *An instrument*: another laser tracker is `[tracker] uncertainty` in the pipeline file. One that measures points or poses
-//!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that measures distances has no place yet: a
-//!   station has one measured point or pose ([`join::Attained`]).
+//!   in another way needs its covariance beside [`fit::TrackerUncertainty`]. One that reads something else, a distance say, is a
+//!   variant of [`join::ReadingKind`], [`join::Value`] and [`fit::Measured`]; its residual, its rows and its covariance stand in
+//!   [`fit::observation`], one at a time and in blocks. A second instrument in a session is a further source, and a further
+//!   reflector a further target: the fit takes several of each ([`fit::Frames`], [`join::Reading`]). The join makes readings of one
+//!   source on one target ([`join::SourceId::ONLY`]); what comes after the fit, and the tables, are for one of each and refuse
+//!   several ([`join::Several`]).
 //! - *A model*: a file in `src/fit/registry/` that implements [`fit::PoseModel`] and says what the rest has to know of it
 //!   ([`fit::registry::About`]); its line in [`fit::registry`]; and its word in the allowed values of the columns of models in
 //!   `schemas/` (`accuracy`, `residuals`, `semivariograms`, `calibrations`). Evaluation, figures, pages and `compensate` ask the
 //!   registry. A further part of the full error model is a block of columns ([`fit::full::layout`]), what they do at a pose
 //!   ([`fit::full::design`]) and how large they are ([`fit::full::components`]).
-//! - *A log format*: an encoding of messages is a plan in [`io::message`] that reads wanted fields from a payload. A message type
+//! - *A log format*: an encoding of messages is a reader in [`io::message`] that takes wanted fields from a payload. A message type
 //!   needs no code but field paths in the pipeline file. Another container than MCAP is a source of records beside those in
 //!   [`io::log`].
 //! - *A table*: a schema in `schemas/`, and one file in [`io::tables`] with the struct of its rows ([`io::table::Row`]), which a

@@ -1,11 +1,11 @@
-//! The pipeline: a file becomes a checked plan, a plan becomes pieces of work, and each piece is one run.
+//! The pipeline: a file becomes a checked configuration, a configuration becomes pieces of work, and each piece is one run.
 
+pub mod configuration;
 pub mod damage;
 mod driven;
 pub mod fetch;
 pub mod file;
 pub mod history;
-pub mod plan;
 pub mod planning;
 mod promise;
 pub mod publish;

@@ -13,7 +13,7 @@ fn held_out(arm: &Arm, train: &[Observation], test: &[Observation], freedom: Fre
     let calibration =
         fit::identify(arm, train, 1, freedom, &FitSettings::default()).expect("a fit");
     let chain = &calibration.chain;
-    let frames = calibration.frames[0];
+    let frames = calibration.frames[0].one().expect("one source and target");
     println!(
         "{frames:?} {:?} {:?}",
         calibration.solution.cost, calibration.solution.convergence
@@ -21,7 +21,7 @@ fn held_out(arm: &Arm, train: &[Observation], test: &[Observation], freedom: Fre
     let error = |observation: &Observation| {
         let flange = chain.nominal(&observation.axes);
         let target = flange * frames.flange_from_target.origin().point();
-        (observation.position - frames.tracker_from_base.isometry() * target).norm()
+        (common::position(observation) - frames.tracker_from_base.isometry() * target).norm()
     };
     Figures::of(&test.iter().map(error).collect::<Vec<_>>()).expect("stations to judge by")
 }

@@ -5,7 +5,7 @@ mod common;
 use common::NOISE;
 use common::trained::{base_refitted, predictions, random_sessions, trained};
 use nalgebra::{Point3, Vector3};
-use posegrid::fit::full::{FullModel, Known, Query};
+use posegrid::fit::full::{FullModel, Query};
 use posegrid::fit::{self, FitSettings, Freedom, Observation};
 
 #[test]
@@ -37,7 +37,8 @@ fn gross_outliers_hardly_move_the_answer_and_stand_out() {
     // Every twentieth station is 2 mm off, in a direction of its own.
     for observation in a.iter_mut().filter(|o| o.station.is_multiple_of(20)) {
         let turn = f64::from(u32::try_from(observation.station).expect("a small number"));
-        observation.position +=
+        let point = observation.measured.point_mut().expect("a position");
+        point.position +=
             Vector3::new(turn.sin(), turn.cos(), (1.7 * turn).sin()).normalize() * 2.0;
     }
     let model = trained(&arm, &a, 1, &FitSettings::default());
@@ -91,26 +92,6 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
             "{apart} mm: a nanometre is what tables of the curves may cost"
         );
     }
-    let queries: Vec<Query<'_>> = b[..200]
-        .iter()
-        .map(|o| Query {
-            known: o
-                .settling_error
-                .as_ref()
-                .map_or(Known::Commanded, Known::Both),
-            lever: Vector3::new(1.0, 2.0, 3.0),
-            station: None,
-            ..Query::of(o)
-        })
-        .collect();
-    // Tables of the posterior give its covariances.
-    for (query, estimate) in queries.iter().zip(many.bulk(Some(0)).estimates(&queries)) {
-        let predicted = many.predict(query);
-        let covariance = many.covariances(&predicted.rows)[0] + predicted.approach;
-        let apart = (estimate.covariance - covariance).norm();
-        assert!(apart < 1e-3 * covariance.norm(), "{apart} of {covariance}");
-        assert!((estimate.position - predicted.position).norm() < 1e-6);
-    }
     let few_figures = base_refitted(&predictions(&few, &b), &b);
     // The same ten stations with the nominal arm, base and target alone.
     let nominal = fit::identify(
@@ -121,7 +102,7 @@ fn ten_stations_give_a_sound_answer_that_knows_how_little_it_knows() {
         &FitSettings::default(),
     )
     .expect("a fit");
-    let target = *nominal.frames[0].flange_from_target.origin().point();
+    let target = *nominal.frames[0].targets()[0].origin().point();
     let of_nominal: Vec<Point3<f64>> = b
         .iter()
         .map(|o| arm.chain().nominal(&o.axes) * target)

@@ -86,13 +86,13 @@ fn left(arm: &Arm, models: &Models, test: &[Observation]) -> [f64; 3] {
         Figures::of(&distances).expect("stations").mean
     };
     let by = |calibration: &fit::Calibration, o: &Observation| {
-        let frames = &calibration.frames[o.session];
+        let frames = calibration.frames[o.session].pair(o.source, o.target);
         let flange = arm.chain().forward(&o.axes, &calibration.geometry);
         let target = flange * frames.flange_from_target.origin().point();
-        (o.position - frames.tracker_from_base.isometry() * target).norm()
+        (common::position(o) - frames.tracker_from_base.isometry() * target).norm()
     };
     [
-        mean(&|o| (o.position - full.position(&Query::of(o))).norm()),
+        mean(&|o| (common::position(o) - full.position(&Query::of(o))).norm()),
         mean(&|o| by(&models.geometric, o)),
         mean(&|o| by(&models.base_target, o)),
     ]

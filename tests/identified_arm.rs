@@ -57,7 +57,9 @@ fn identified(arm: &Arm, session: &Simulated) -> IdentifiedArm {
     IdentifiedArm {
         table_id: "00ff".to_owned(),
         arm: arm.clone(),
-        frames: models.base_target.frames[0],
+        frames: models.base_target.frames[0]
+            .one()
+            .expect("one source and target"),
         flange_from_tool: Transform::claim(tool),
         command_from_base: Transform::identity(),
         model: ArmModel {

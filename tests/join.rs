@@ -172,7 +172,7 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
             "station {}",
             station.number
         );
-        let Some(attained) = &station.attained else {
+        let Some(reading) = station.one_reading() else {
             assert!(
                 truth.unmeasured.contains(&station.number),
                 "{} {}",
@@ -184,10 +184,11 @@ fn check_stations(truth: &Truth, joined: &Joined, rows: &[Row]) {
         };
         assert_eq!(station.pairing, Pairing::Paired);
         assert!(!truth.unmeasured.contains(&station.number));
-        let left_out = 1.0 / attained.kept as f64 - 1.0 / attained.readings as f64;
+        let point = reading.value.point().expect("the tracker reads positions");
+        let left_out = 1.0 / reading.kept as f64 - 1.0 / reading.taken as f64;
         for axis in 0..3 {
-            let off = (attained.position[axis] - row.position_mm[axis]).abs();
-            let allowed = (3.0 * attained.scatter_mm[axis] * left_out.sqrt()).max(0.01);
+            let off = (point.position[axis] - row.position_mm[axis]).abs();
+            let allowed = (3.0 * point.scatter_mm[axis] * left_out.sqrt()).max(0.01);
             worst = (
                 worst.0.max(off),
                 worst.1.max(off / allowed),

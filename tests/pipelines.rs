@@ -8,8 +8,8 @@ use std::time::{Duration, SystemTime};
 
 use assert_cmd::Command;
 use posegrid::kinematics::RobotFile;
+use posegrid::pipeline::configuration::{Configuration, ConfigurationError, Overrides, Why};
 use posegrid::pipeline::file::PipelineFile;
-use posegrid::pipeline::plan::{Overrides, Plan, PlanError, Why};
 use posegrid::pipeline::planning::Planning;
 
 /// TOML files of a folder, by name.
@@ -51,49 +51,69 @@ fn every_pipeline_file_makes_a_plan_of_six_steps_or_more() {
             assert!(planning.settings.grid.steps_mm.len() >= 6);
             continue;
         }
-        let plan = Plan::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
-        assert!(plan.stages.grid.steps_mm.len() >= 6, "{}", path.display());
-        assert_eq!(plan.remarks, Vec::<&str>::new(), "{}", path.display());
+        let configuration =
+            Configuration::load(&path, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(
+            configuration.stages.grid.steps_mm.len() >= 6,
+            "{}",
+            path.display()
+        );
+        assert_eq!(
+            configuration.remarks,
+            Vec::<&str>::new(),
+            "{}",
+            path.display()
+        );
     }
 }
 
 #[test]
 fn the_settings_of_a_run_do_not_know_where_it_ran() {
     let cell = Cell::new(&[]);
-    let plan = cell.plan(&Overrides::default()).expect("a good file");
-    let elsewhere = Cell::new(&[])
-        .plan(&Overrides::default())
+    let configuration = cell
+        .configuration(&Overrides::default())
         .expect("a good file");
-    assert_eq!(plan.settings, elsewhere.settings);
+    let elsewhere = Cell::new(&[])
+        .configuration(&Overrides::default())
+        .expect("a good file");
+    assert_eq!(configuration.settings, elsewhere.settings);
     for hidden in [cell.folder(), "arm.toml", "cell-3", "controller.mcap"] {
         assert!(
-            !plan.settings.contains(hidden),
+            !configuration.settings.contains(hidden),
             "{hidden} in {}",
-            plan.settings
+            configuration.settings
         );
     }
     let stricter = Cell::new(&[("mm = 0.5", "mm = 0.4")]);
-    let stricter = stricter.plan(&Overrides::default()).expect("a good file");
-    assert_ne!(plan.settings, stricter.settings);
+    let stricter = stricter
+        .configuration(&Overrides::default())
+        .expect("a good file");
+    assert_ne!(configuration.settings, stricter.settings);
 }
 
 #[test]
 fn sessions_are_the_folders_with_both_logs_and_others_are_reported() {
-    let plan = Cell::new(&[]).plan(&Overrides::default()).expect("good");
-    let names: Vec<_> = plan
+    let configuration = Cell::new(&[])
+        .configuration(&Overrides::default())
+        .expect("good");
+    let names: Vec<_> = configuration
         .pieces
         .iter()
         .map(|piece| piece.session.as_str())
         .collect();
     assert_eq!(names, ["mon", "tue"]);
-    let left: Vec<_> = plan
+    let left: Vec<_> = configuration
         .left_out
         .iter()
         .map(|left| left.name.as_str())
         .collect();
     assert_eq!(left, ["none"], "it has neither log");
-    assert_eq!(plan.set_aside.len(), 1, "it has a controller's log only");
-    let half = &plan.set_aside[0];
+    assert_eq!(
+        configuration.set_aside.len(),
+        1,
+        "it has a controller's log only"
+    );
+    let half = &configuration.set_aside[0];
     assert_eq!((half.session.as_str(), half.before), ("half", 0));
     assert_eq!(
         half.why,
@@ -106,12 +126,12 @@ fn pools_learn_from_each_all_or_everything_until() {
     let pieces = |pool: &str| {
         let pool = format!("folder = \"cell\"\npool = \"{pool}\"");
         let cell = Cell::new(&[("folder = \"cell\"", &pool)]);
-        let plan = cell.plan(&Overrides::default()).expect("good");
-        let piece = |p: &posegrid::pipeline::plan::WorkPiece| {
+        let configuration = cell.configuration(&Overrides::default()).expect("good");
+        let piece = |p: &posegrid::pipeline::configuration::WorkPiece| {
             let training: Vec<_> = p.training.iter().map(|s| s.name.clone()).collect();
             format!("{}: {}", p.session, training.join(" "))
         };
-        plan.pieces.iter().map(piece).collect::<Vec<_>>()
+        configuration.pieces.iter().map(piece).collect::<Vec<_>>()
     };
     assert_eq!(pieces("each"), ["mon: mon", "tue: tue"]);
     assert_eq!(pieces("all"), ["pooled: mon tue"]);
@@ -127,35 +147,40 @@ fn a_tool_tip_is_stated_in_the_frame_of_the_tool_or_the_flange() {
             "[report]\ntool_tip = {{ frame = \"{frame}\", xyz_mm = [5, 0, 200] }}\n[tolerance]"
         );
         let cell = Cell::new(&[("target_is_tool = true", tool), ("[tolerance]", &report)]);
-        let plan = cell.plan(&Overrides::default()).expect("good");
-        let tip = plan.stages.tool_tip.expect("stated");
+        let configuration = cell.configuration(&Overrides::default()).expect("good");
+        let tip = configuration.stages.tool_tip.expect("stated");
         format!("{:.3} {:.3} {:.3}", tip.x, tip.y, tip.z)
     };
     assert_eq!(tip("tool"), "10.000 5.000 300.000");
     assert_eq!(tip("flange"), "5.000 0.000 200.000");
-    let none = Cell::new(&[]).plan(&Overrides::default()).expect("good");
+    let none = Cell::new(&[])
+        .configuration(&Overrides::default())
+        .expect("good");
     assert_eq!(none.stages.tool_tip, None);
 }
 
 #[test]
 fn a_test_session_is_not_learnt_from() {
     let test = |sessions: &[&str]| {
-        Cell::new(&[]).plan(&Overrides {
+        Cell::new(&[]).configuration(&Overrides {
             sessions: sessions.iter().map(ToString::to_string).collect(),
             test: vec!["tue".to_owned()],
             lake: None,
         })
     };
-    let plan = test(&[]).expect("good");
-    assert_eq!(plan.pieces.len(), 1);
-    assert_eq!(plan.pieces[0].training[0].name, "mon");
-    assert_eq!(plan.pieces[0].test[0].name, "tue");
+    let configuration = test(&[]).expect("good");
+    assert_eq!(configuration.pieces.len(), 1);
+    assert_eq!(configuration.pieces[0].training[0].name, "mon");
+    assert_eq!(configuration.pieces[0].test[0].name, "tue");
     let both = test(&["tue"]).expect_err("learnt from and judging");
-    assert!(matches!(both, PlanError::NamedTwice { .. }), "{both}");
+    assert!(
+        matches!(both, ConfigurationError::NamedTwice { .. }),
+        "{both}"
+    );
 }
 
 /// Each change to a good file, and what the message has to hold.
-const BAD: [(&str, &str, &[&str]); 26] = [
+const BAD: [(&str, &str, &[&str]); 27] = [
     (
         "[tolerance]",
         "[report]\ntool_tip = { frame = \"tool\", xyz_mm = [0, 0, 200] }\n[tolerance]",
@@ -207,8 +232,13 @@ const BAD: [(&str, &str, &[&str]); 26] = [
     ),
     (
         "steps_mm = [50, 100]",
-        "steps_mm = [50, 250]",
-        &["[grid] steps_mm = 250", "300 × 400 × 200 mm"],
+        "steps_mm = [50, 100]\nwithin = -0.05",
+        &["[grid] within = -0.05"],
+    ),
+    (
+        "steps_mm = [50, 100]",
+        "steps_mm = [50, 100]\nchoose = \"largest\"",
+        &["unknown variant `largest`", "`within` or `fewest-nodes`"],
     ),
     (
         "steps_mm = [50, 100]",
@@ -296,7 +326,7 @@ const BAD: [(&str, &str, &[&str]); 26] = [
 fn a_bad_file_is_reported_what_is_wrong_where_and_what_would_do() {
     for (good, bad, told) in BAD {
         let cell = Cell::new(&[(good, bad)]);
-        let error = cell.plan(&Overrides::default());
+        let error = cell.configuration(&Overrides::default());
         let error = error.expect_err(bad).to_string();
         for part in told {
             assert!(error.contains(part), "{bad}: no {part:?} in: {error}");
@@ -328,7 +358,7 @@ fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
         ("[limits]\nchunk_bytes = 0", "[limits] chunk_bytes = 0"),
     ] {
         let cell = Cell::new(&[("[tolerance]", &format!("{section}\n[tolerance]"))]);
-        let error = cell.plan(&Overrides::default());
+        let error = cell.configuration(&Overrides::default());
         let error = error.expect_err(section).to_string();
         assert!(error.contains(key), "{section}: {error}");
     }
@@ -338,7 +368,7 @@ fn settings_of_other_sections_are_checked_before_a_log_is_opened() {
 fn fields_of_messages_are_checked_and_taken_over() {
     let with = |topic: &str, keys: &str| {
         let topic = format!("topic = \"{topic}\"");
-        Cell::new(&[(&topic, &format!("{topic}\n{keys}"))]).plan(&Overrides::default())
+        Cell::new(&[(&topic, &format!("{topic}\n{keys}"))]).configuration(&Overrides::default())
     };
     for (topic, fields, told) in [
         ("/p", "x = \"a\"", "[tracker] fields = 1 of x, y, z"),
@@ -361,18 +391,21 @@ fn fields_of_messages_are_checked_and_taken_over() {
             .to_string();
         assert!(error.contains(told), "{fields}: {error}");
     }
-    let plan = with(
+    let configuration = with(
         "/p",
         "frame = \"laser\"\nfields = { x = \"a\", y = \"b[1]\", z = \"c\" }",
     );
-    let plan = plan.expect("a good file");
+    let configuration = configuration.expect("a good file");
     assert_eq!(
-        plan.mapping.tracker.fields.position(),
+        configuration.mapping.tracker.fields.position(),
         Some(["a", "b[1]", "c"])
     );
-    assert_eq!(plan.mapping.tracker.frame.as_deref(), Some("laser"));
+    assert_eq!(
+        configuration.mapping.tracker.frame.as_deref(),
+        Some("laser")
+    );
     // What is read of a message decides a result, so it is part of a run's name.
-    assert!(plan.settings.contains("b[1]") && plan.settings.contains("laser"));
+    assert!(configuration.settings.contains("b[1]") && configuration.settings.contains("laser"));
 }
 
 #[test]
@@ -570,8 +603,8 @@ impl Cell {
         Self { root, file }
     }
 
-    fn plan(&self, overrides: &Overrides) -> Result<Plan, PlanError> {
-        Plan::load(&self.file, overrides)
+    fn configuration(&self, overrides: &Overrides) -> Result<Configuration, ConfigurationError> {
+        Configuration::load(&self.file, overrides)
     }
 
     fn folder(&self) -> &str {

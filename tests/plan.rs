@@ -50,12 +50,12 @@ fn settings() -> FitSettings {
 /// expected to have, the base is where the nominal arm sees it.
 fn chosen(arm: &Arm, session: &[Observation], count: usize) -> Vec<usize> {
     let settings = settings();
-    let frames = start::frames(arm, session, 1, &settings).expect("a session")[0];
+    let frames = start::frames(arm, session, 1, &settings).expect("a session");
     let poses: Vec<Vec<f64>> = session.iter().map(|o| o.axes.clone()).collect();
     let full = FullSettings::default();
     let up = Some(Vector3::z_axis());
     let prior = settings.prior();
-    let model = FullModel::expected(arm, &frames, &poses, poses.len(), prior, &full, up);
+    let model = FullModel::expected(arm, &frames[0], &poses, poses.len(), &prior, &full, up);
     let candidate = |o: &Observation| Candidate {
         axes: o.axes.clone(),
         noise: model.noise(o),
@@ -368,7 +368,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         &Quiet,
     )
     .expect("a sound session");
-    let chosen = &found.grids.judged[found.grids.choice.row];
+    let chosen = found.grids.chosen().expect("a table");
     let bound = chosen.bound.expect("216 stations are enough");
     let of_session = chosen.bound_of_session.expect("the same stations");
     println!(
@@ -376,7 +376,7 @@ fn within_the_chosen_bound(planning: &Planning, number: u64, order: Order) -> Fr
         chosen.step_mm,
         chosen.source.name()
     );
-    let table = &found.grids.table;
+    let table = found.grids.table.as_ref().expect("a table");
     let placed = placer.grid(table.lattice, table.orientation);
     let error = |node: &TableNode| {
         let error = node.error.map(|(error, _)| error);
@@ -423,13 +423,14 @@ fn joined(arm: &Arm, settings: &PlanSettings, recording: &Recording) -> JoinedSe
 
 fn stage_settings(settings: &PlanSettings) -> StageSettings {
     StageSettings {
-        noise: settings.noise,
+        noise: settings.noise.clone(),
         fit: settings.fit.clone(),
         full: settings.full.clone(),
         up: settings.up,
         flange_from_tool: Some(settings.flange_from_target),
         base_from_command: nalgebra::Isometry3::identity(),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: settings.grid.clone(),
         tolerance: settings.tolerance,

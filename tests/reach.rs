@@ -4,12 +4,13 @@
 
 mod common;
 
-use common::NOISE;
 use common::trained::{observed, predictions, random_sessions, trained};
+use common::{NOISE, position};
 use nalgebra::{Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::full::{FullModel, Query};
-use posegrid::fit::{FitSettings, KnownTarget, Noise, Observation, TrackerUncertainty};
+use posegrid::fit::{FitSettings, KnownTarget, Noise, Observation};
+use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
 use posegrid::report::refit::{Placed, refit};
 
@@ -28,14 +29,10 @@ fn settings(orientations: bool) -> FitSettings {
 }
 
 fn with_orientations() -> Noise {
-    Noise {
-        tracker: TrackerUncertainty {
-            orientation_rad: Some(130e-6),
-            ..NOISE.tracker
-        },
-        orientations: true,
-        ..NOISE
-    }
+    let mut noise = NOISE.clone();
+    noise.sources[0].reads = ReadingKind::Pose;
+    noise.sources[0].uncertainty.orientation_rad = Some(130e-6);
+    noise
 }
 
 /// Sessions as one pool, numbered in their order.
@@ -56,7 +53,7 @@ fn figures(errors: impl Iterator<Item = Vector3<f64>>) -> Figures {
 
 /// What is left on stations of sessions that the model was trained on.
 fn own_session(model: &FullModel, test: &[Observation]) -> Figures {
-    let left = |o: &Observation| o.position - model.position(&Query::of(o));
+    let left = |o: &Observation| position(o) - model.position(&Query::of(o));
     figures(test.iter().map(left))
 }
 
@@ -65,11 +62,11 @@ fn unseen_session(arm: &Arm, model: &FullModel, test: &[Observation]) -> Figures
     let predicted = predictions(model, test);
     let placed = |(position, o): (Point3<f64>, &Observation)| Placed {
         position,
-        flange: model.frames()[0].tracker_from_base.isometry().rotation
+        flange: model.frames()[0].sources()[0].isometry().rotation
             * arm.chain().nominal(&o.axes).rotation,
     };
     let placed: Vec<Placed> = predicted.into_iter().zip(test).map(placed).collect();
-    let measured: Vec<Point3<f64>> = test.iter().map(|o| o.position).collect();
+    let measured: Vec<Point3<f64>> = test.iter().map(position).collect();
     let found = refit(&measured, &placed, true).expect("stations in space");
     figures(measured.iter().zip(&placed).map(|(measured, placed)| {
         found.base_from_tracker * measured - (placed.position + placed.flange * found.target_shift)

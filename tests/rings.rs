@@ -18,7 +18,7 @@ const MAY_USE: &[(&str, &str)] = &[
     ("progress", ""),
     // The stages, in the order of the data.
     ("ingest", "units"),
-    ("join", "geometry ingest kinematics units"),
+    ("join", "figures geometry ingest kinematics units"),
     ("fit", "figures geometry join kinematics linalg units"),
     ("similarity", ""),
     ("grid", "figures fit join kinematics progress"),
@@ -36,7 +36,7 @@ const MAY_USE: &[(&str, &str)] = &[
         "io",
         "compensation figures fit geometry grid history ingest join kinematics manifest plan progress report similarity units",
     ),
-    ("page", "fit grid io manifest report similarity units"),
+    ("page", "fit grid io manifest plan report similarity units"),
     // What puts it all to work.
     (
         "pipeline",

@@ -8,9 +8,9 @@ use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::layout::Block;
 use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::scale::{FreeScale, ScaleEvidence, ScaleVerdict};
-use posegrid::fit::{self, FitSettings, Freedom, Observation};
+use posegrid::fit::{self, FitSettings, Freedom, Observation, SourceId};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
 use posegrid::io::tables::{GridBasis, PublishContext, RunRows};
 use posegrid::kinematics::Arm;
@@ -53,7 +53,7 @@ fn session(
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: common::NOISE,
+        noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {
             harmonics: 8,
@@ -63,7 +63,8 @@ fn settings() -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![100.0],
@@ -73,6 +74,8 @@ fn settings() -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 2.0,
@@ -210,7 +213,7 @@ fn trained(
         observations,
         &start.frames,
         &start.geometry,
-        fit.prior(),
+        &fit.prior(),
         full,
         Some(Vector3::z_axis()),
     )
@@ -283,7 +286,7 @@ fn sessions_of_one_arm_differ_by_their_scales_and_their_column_is_its_derivative
     let predicted = model.predict(&command);
     assert!(predicted.rows.column(column).amax() == 0.0);
     let spread = model
-        .any_scale_covariance(1, &predicted.position)
+        .any_scale_covariance(1, SourceId::ONLY, &predicted.position)
         .trace()
         .sqrt();
     let expected = 50e-6 * (predicted.position.coords - middle).norm();

@@ -9,9 +9,9 @@ use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{FitSettings, KnownTarget, Noise, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::{JoinedSession, Outcome};
-use posegrid::join::{JoinSettings, join};
+use posegrid::join::{JoinSettings, ReadingKind, join};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
@@ -41,18 +41,20 @@ fn joined(name: &str, arm: &Arm) -> Option<JoinedSession> {
 
 fn settings() -> StageSettings {
     StageSettings {
-        noise: Noise {
-            tracker: TrackerUncertainty {
-                range_um: 10.0,
-                range_um_per_m: 0.3,
-                transverse_um: 15.0,
-                transverse_um_per_m: 6.0,
-                divisor: 2.0,
-                orientation_rad: Some(130e-6),
+        noise: Noise::of_one(
+            posegrid::fit::Source {
+                reads: ReadingKind::Pose,
+                uncertainty: TrackerUncertainty {
+                    range_um: 10.0,
+                    range_um_per_m: 0.3,
+                    transverse_um: 15.0,
+                    transverse_um_per_m: 6.0,
+                    divisor: 2.0,
+                    orientation_rad: Some(130e-6),
+                },
             },
-            repeatability_mm: 0.03,
-            orientations: true,
-        },
+            0.03,
+        ),
         fit: FitSettings {
             orientations: true,
             target: Some(KnownTarget {
@@ -65,7 +67,8 @@ fn settings() -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(isometry_from_rpy([0.0, 0.0, 109.0], [0.0, 0.0, FRAC_PI_2])),
         base_from_command: isometry_from_rpy([0.0; 3], [0.0, 0.0, PI]),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![50.0, 75.0, 100.0, 150.0, 200.0, 300.0],
@@ -75,6 +78,8 @@ fn settings() -> StageSettings {
             interpolations: vec![Interpolation::Idw, Interpolation::Trilinear],
             sources: vec![Source::Measured, Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 0.5,
@@ -150,7 +155,7 @@ fn the_grid_session_has_steps_that_hold_and_some_that_do_not() {
         full < 0.07 && geometric > 0.4,
         "full error model {full:.4} mm, geometry {geometric:.4} mm"
     );
-    let chosen = &outcome.grids.judged[outcome.grids.choice.row];
+    let chosen = outcome.grids.chosen().expect("a table");
     assert_eq!(chosen.verdict, Verdict::Meets);
     assert!(
         chosen.held_out.counted().poses >= 59,

@@ -16,7 +16,8 @@ use posegrid::io::table::{self, Columns, ROW_GROUP_ROWS, Table};
 use posegrid::io::tables::PublishError;
 use posegrid::io::tables::logs::LogTable;
 use posegrid::io::tables::runs::Ending;
-use posegrid::io::tables::words::TableVerdict;
+use posegrid::io::tables::words::{CorrectingTable, TableVerdict};
+use posegrid::io::targets::Form;
 use posegrid::join::JoinInput;
 use posegrid::join::stationary::Stationary;
 use posegrid::manifest::{RunKey, Work, canonical};
@@ -92,8 +93,8 @@ fn published() -> impl Iterator<Item = &'static TableSchema> {
 fn correction() -> Correction {
     Correction {
         key: hostile_work().key(),
-        corrected_by: "compensation".to_owned(),
-        form: "krl".to_owned(),
+        corrected_by: CorrectingTable::Compensation,
+        form: Form::Krl,
         version: "0.1.0".to_owned(),
         targets_digest: "00".to_owned(),
         file_digest: "ff".to_owned(),

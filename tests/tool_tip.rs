@@ -5,12 +5,14 @@ mod common;
 use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::full::FullSettings;
+use posegrid::fit::{ErrorBase, SurveyedBase};
 use posegrid::fit::{FitSettings, Noise};
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance, Verdict};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance, Verdict};
 use posegrid::io::tables::outcome::Outcome;
+use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
-use posegrid::pipeline::stages::{self, RawCommandBase, StageSettings};
+use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
 use posegrid::report::evaluate::RefitSettings;
 use posegrid::report::{Accuracy, Angles, Model, Point, Split};
@@ -45,9 +47,9 @@ fn session(arm: &Arm, count: usize, six_dof: bool) -> Simulated {
 fn settings(simulated: &Simulated) -> StageSettings {
     let cell = &simulated.truth.settings.cell;
     let surveyed = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
-    let mut noise: Noise = common::NOISE;
-    noise.orientations = true;
-    noise.tracker.orientation_rad = Some(30e-6);
+    let mut noise: Noise = common::NOISE.clone();
+    noise.sources[0].reads = ReadingKind::Pose;
+    noise.sources[0].uncertainty.orientation_rad = Some(30e-6);
     StageSettings {
         noise,
         fit: FitSettings {
@@ -63,7 +65,12 @@ fn settings(simulated: &Simulated) -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: Some(RawCommandBase::Surveyed(surveyed)),
+        base: Some(ErrorBase::Surveyed(SurveyedBase {
+            tracker_from_base: surveyed,
+            sd_mm: None,
+            sd_rad: None,
+        })),
+        target_is_tool: Some(true),
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![250.0],
@@ -73,6 +80,8 @@ fn settings(simulated: &Simulated) -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: Tolerance {
             mm: 1.0,

@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::messages::Printable;
 use super::run::{near, work};
+use crate::fit::ErrorBase;
 use crate::kinematics::Arm;
-use crate::pipeline::plan::{Overrides, Plan, PlanError};
-use crate::pipeline::stages::RawCommandBase;
+use crate::pipeline::configuration::{Configuration, ConfigurationError, Overrides};
 
 /// Check a pipeline file and show what it would do, without opening a log.
 #[derive(Debug, Clone, Args)]
@@ -22,22 +22,26 @@ pub struct CheckArgs {
     pub pipeline: PathBuf,
 }
 
-/// The plan of a pipeline file, as text.
-pub fn check(args: &CheckArgs) -> Result<String, PlanError> {
-    Plan::load(&args.pipeline, &Overrides::default()).map(|plan| described(&plan))
+/// The plan of a pipeline file, in words.
+pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
+    Configuration::load(&args.pipeline, &Overrides::default())
+        .map(|configuration| described(&configuration))
 }
 
-fn described(plan: &Plan) -> String {
-    let mut text = arm(&plan.arm);
+fn described(configuration: &Configuration) -> String {
+    let mut text = arm(&configuration.arm);
     let mut line = |name: &str, value: &str| {
         writeln!(text, "{name:<12} {value}").expect("a string");
     };
-    let robot = plan.robot.as_deref().unwrap_or("as the logs name it");
+    let robot = configuration
+        .robot
+        .as_deref()
+        .unwrap_or("as the logs name it");
     line("robot", &Printable(robot).to_string());
-    for (name, value) in conventions(plan) {
+    for (name, value) in conventions(configuration) {
         line(name, &value);
     }
-    let grid = &plan.stages.grid;
+    let grid = &configuration.stages.grid;
     let joined = |steps: Vec<String>| steps.join(", ");
     line(
         "steps",
@@ -59,7 +63,7 @@ fn described(plan: &Plan) -> String {
             |bounds| format!("{:?} to {:?} mm", bounds.low_mm, bounds.high_mm),
         ),
     );
-    let tolerance = &plan.stages.tolerance;
+    let tolerance = &configuration.stages.tolerance;
     line(
         "tolerance",
         &format!(
@@ -73,32 +77,32 @@ fn described(plan: &Plan) -> String {
         "damage",
         &format!(
             "a session has no result when a log lost more than {} % of its bytes",
-            100.0 * plan.max_lost_share
+            100.0 * configuration.max_lost_share
         ),
     );
     line(
         "rejects",
         &format!(
             "exit code 3 when more than {} % of a topic's messages cannot be used",
-            100.0 * plan.max_rejected_share
+            100.0 * configuration.max_rejected_share
         ),
     );
-    line("tables", &near(&plan.lake).display().to_string());
+    line("tables", &near(&configuration.lake).display().to_string());
     text += "\n";
-    text += &work(plan);
-    text += &split(plan);
-    for left in &plan.left_out {
+    text += &work(configuration);
+    text += &split(configuration);
+    for left in &configuration.left_out {
         writeln!(text, "left out: {}: {}", Printable(&left.name), left.reason).expect("a string");
     }
-    for remark in &plan.remarks {
+    for remark in &configuration.remarks {
         writeln!(text, "note: {remark}").expect("a string");
     }
     text
 }
 
 /// Sessions whose logs are split into several files.
-fn split(plan: &Plan) -> String {
-    let sessions = plan
+fn split(configuration: &Configuration) -> String {
+    let sessions = configuration
         .pieces
         .iter()
         .flat_map(|piece| piece.training.iter().chain(&piece.test));
@@ -152,11 +156,11 @@ fn arm(arm: &Arm) -> String {
     text
 }
 
-/// The conventions that no log states: name and value.
-fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
+/// What no log states.
+fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
-    let controller = &plan.mapping.controller;
-    let tracker = &plan.mapping.tracker;
+    let controller = &configuration.mapping.controller;
+    let tracker = &configuration.mapping.tracker;
     let angle = format!("{:?}", controller.unit).to_lowercase();
     let length = format!("{:?}", tracker.unit).to_lowercase();
     let mut named = vec![
@@ -166,24 +170,22 @@ fn conventions(plan: &Plan) -> Vec<(&'static str, String)> {
         ),
         ("tracker", topic(&tracker.topic, tracker.time, &length)),
     ];
-    if let Some(commanded) = &plan.mapping.commanded {
+    if let Some(commanded) = &configuration.mapping.commanded {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
         named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
-    named.push((
-        "raw command",
-        match plan.stages.raw_command {
-            None => "not compared with",
-            Some(RawCommandBase::Fitted) => {
-                "compared with, the base as the model base + target fits it"
-            }
-            Some(RawCommandBase::Surveyed(_)) => "compared with, with the surveyed base",
+    told.push((
+        "error frame",
+        match configuration.stages.base {
+            None => "base as base + target fit it; no errors against the raw command ([tracker] tracker_from_base is not given)",
+            Some(ErrorBase::Fitted) => "base as base + target fit it: set the robot's base to it",
+            Some(ErrorBase::Surveyed(_)) => "surveyed base",
         }
         .to_owned(),
     ));
     named.push((
         "up",
-        plan.stages.up.map_or_else(
+        configuration.stages.up.map_or_else(
             || "not given".to_owned(),
             |up| format!("[{}, {}, {}] in the base frame", up.x, up.y, up.z),
         ),

@@ -11,7 +11,9 @@ use super::messages::{self, Printable};
 use super::progress::Bars;
 use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
-use crate::io::export::{ExportError, curves_json, nodes_csv, residuals_mcap, urdf};
+use crate::io::export::{
+    ExportError, ExportErrorKind, curves_json, nodes_csv, residuals_mcap, urdf,
+};
 use crate::io::table;
 use crate::io::whole_file::write_whole;
 
@@ -77,7 +79,7 @@ pub fn main(args: &ExportArgs, bars: &Bars) -> u8 {
 pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
     let taken = args.out.iter().find(|out| out.exists());
     if let Some(out) = taken {
-        return Err(ExportError::Exists(out.clone()));
+        return Err(ExportErrorKind::Exists.at(out));
     }
     // The whole result is made first: a table that turns out wrong leaves no half of it on a pipe.
     let mut made = Vec::new();
@@ -86,10 +88,7 @@ pub fn run(args: &ExportArgs) -> Result<Vec<u8>, ExportError> {
         return Ok(made);
     };
     let written = write_whole(out, |sink| sink.write_all(&made));
-    written.map_err(|source| ExportError::NotWritten {
-        path: out.clone(),
-        source,
-    })?;
+    written.map_err(|source| ExportErrorKind::NotWritten(source).at(out))?;
     Ok(Vec::new())
 }
 
@@ -108,15 +107,15 @@ impl ExportArgs {
             (ExportFormat::Mcap, Some("residuals")) => {
                 residuals_mcap::write(path, &self.stations, sink)
             }
-            (format, other) => Err(ExportError::OtherTable {
-                path: path.to_owned(),
+            (format, other) => Err(ExportErrorKind::OtherTable {
                 found: other.map_or_else(
                     || "no table of posegrid".to_owned(),
                     |name| format!("table {name:?}"),
                 ),
                 format: format.name(),
                 needs: format.tables(),
-            }),
+            }
+            .at(path)),
         }
     }
 }
@@ -143,7 +142,11 @@ impl ExportFormat {
 
 const fn exit_code(error: &ExportError) -> u8 {
     match error {
-        ExportError::Write(_) | ExportError::NotWritten { .. } => NO_RESULT,
+        ExportError::Write(_)
+        | ExportError::At {
+            kind: ExportErrorKind::NotWritten(_),
+            ..
+        } => NO_RESULT,
         _ => BAD_USAGE,
     }
 }

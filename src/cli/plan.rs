@@ -17,6 +17,7 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT, NOT_MET};
 use crate::ingest::AngleUnit;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Word as _;
 use crate::io::targets::write_csv;
 use crate::io::whole_file::write_whole;
 use crate::pipeline::planning::{Planned, Planning, PlanningError, SoFar};
@@ -242,6 +243,9 @@ fn steps(text: &mut String, plan: &SamplingPlan, settings: &PlanSettings) {
         if let Some(row) = best {
             let name = format!("{} mm, {}", row.step_mm, row.source.name());
             *text += &line(&name, row.poses, &row.outcomes);
+        } else {
+            let same = "comes to the same pitches as a smaller one, which is judged";
+            writeln!(text, "  {:<17} {same}", format!("{step_mm} mm")).expect("a string");
         }
     }
     let largest = match plan.step.map(|row| &plan.steps[row]) {
@@ -262,7 +266,7 @@ fn designs(text: &mut String, plan: &SamplingPlan) {
     let mut rows: Vec<_> = plan.designs.iter().collect();
     rows.sort_by_key(|row| (row.kind, row.poses));
     for row in rows {
-        let name = row.kind.name().replace('_', " ");
+        let name = row.kind.word().replace('_', " ");
         *text += &line(&name, row.poses, &row.outcomes);
     }
     text.push('\n');

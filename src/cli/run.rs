@@ -1,6 +1,6 @@
 //! `posegrid run`: every session found or named, through all stages, into the lake.
 //!
-//! 1. The pipeline file becomes a list of pieces of work ([`Plan`]); sessions that wait or cannot be used are set aside.
+//! 1. The pipeline file becomes a list of pieces of work ([`Configuration`]); sessions that wait or cannot be used are set aside.
 //! 2. The lake is locked (`alone`), so that of two batches at once one works; leftovers of killed runs are removed.
 //! 3. Pieces run on `--jobs` threads (`work`); whatever goes wrong with one stays with it.
 //! 4. A line for each session, text for each new result, and the totals are the summary (`summary`). Where it cannot be
@@ -24,7 +24,7 @@ use super::streams::Undelivered;
 use super::{BAD_USAGE, DONE, NO_RESULT};
 use crate::io::lake::Lake;
 use crate::io::store::Place;
-use crate::pipeline::plan::{Overrides, Plan};
+use crate::pipeline::configuration::{Configuration, Overrides};
 use alone::Turn;
 use stop::Stop;
 
@@ -75,8 +75,8 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
         test: args.test.clone(),
         lake: args.lake.clone(),
     };
-    let plan = match Plan::load(&args.pipeline, &overrides) {
-        Ok(plan) => plan,
+    let configuration = match Configuration::load(&args.pipeline, &overrides) {
+        Ok(configuration) => configuration,
         Err(error) => {
             tracing::error!("{error}");
             return if error.is_worth_a_retry() {
@@ -86,26 +86,26 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
             };
         }
     };
-    tell(&plan);
+    tell(&configuration);
     if args.dry_run {
-        let written = messages::result(work(&plan), bars);
-        return written.map_or_else(Undelivered::exit_code, |()| DONE);
+        let told = messages::result(work(&configuration), bars);
+        return told.map_or_else(Undelivered::exit_code, |()| DONE);
     }
-    batch(&plan, args, bars)
+    batch(&configuration, args, bars)
 }
 
-/// Logs what a person should know before the work starts.
-fn tell(plan: &Plan) {
-    for left in &plan.left_out {
+/// What is worth knowing before the work.
+fn tell(configuration: &Configuration) {
+    for left in &configuration.left_out {
         tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);
     }
-    for remark in &plan.remarks {
+    for remark in &configuration.remarks {
         tracing::info!("{remark}");
     }
 }
 
-/// Does all the work of a plan, with the lake locked.
-fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
+/// All the work of a configuration, with the lake to ourselves.
+fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
     let stop = match Stop::on_signals() {
         Ok(stop) => stop,
         Err(error) => {
@@ -113,7 +113,7 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
             return NO_RESULT;
         }
     };
-    let lake = match Lake::at(&plan.lake) {
+    let lake = match Lake::at(&configuration.lake) {
         Ok(lake) => lake,
         Err(error) => {
             tracing::error!("{}", Printable(&error.to_string()));
@@ -126,10 +126,10 @@ fn batch(plan: &Plan, args: &RunArgs, bars: &Bars) -> u8 {
         Turn::NotOurs => return stop.exit_code().unwrap_or(NO_RESULT),
     };
     clean(&lake);
-    let (endings, without) = work::all(plan, args.jobs, bars, &stop);
-    let mut set_aside = [plan.set_aside.clone(), without].concat();
+    let (endings, without) = work::all(configuration, args.jobs, bars, &stop);
+    let mut set_aside = [configuration.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let written = messages::result(summary::summary(plan, &endings, &set_aside), bars);
+    let told = messages::result(summary::summary(configuration, &endings, &set_aside), bars);
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
 }

@@ -62,29 +62,13 @@ pub struct SimulateArgs {
 /// Why no session was made.
 #[derive(Debug, Error)]
 pub enum SimulateCommandError {
-    /// The robot file cannot be read.
-    #[error("{}: {source}; give the path of a robot file, for example pipelines/robots/ur10.toml", path.display())]
-    Read {
-        /// Path of the robot file.
+    /// What is wrong with a file that is read or written.
+    #[error("{}: {kind}", path.display())]
+    File {
+        /// The file, or the folder.
         path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// The robot file is not one.
-    #[error("{}: {source}", path.display())]
-    Parse {
-        /// Path of the robot file.
-        path: PathBuf,
-        /// Place and cause in the file.
-        source: Box<toml::de::Error>,
-    },
-    /// The robot file's arm is wrong.
-    #[error("{}: {source}", path.display())]
-    Arm {
-        /// Path of the robot file.
-        path: PathBuf,
-        /// Why.
-        source: ArmError,
+        /// What is wrong with it.
+        kind: SimulateFileError,
     },
     /// The settings cannot be simulated.
     #[error(transparent)]
@@ -92,36 +76,34 @@ pub enum SimulateCommandError {
     /// The poses to measure cannot be read.
     #[error(transparent)]
     Poses(#[from] TargetsError),
-    /// A pose without joint angles.
-    #[error(
-        "{}: target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them",
-        path.display()
-    )]
-    NoJoints {
-        /// The file of poses.
-        path: PathBuf,
-        /// Name of the target.
-        target: String,
-    },
     /// The folder holds a session already.
     #[error("{} exists already; choose another --out, or remove it first", .0.display())]
     Exists(PathBuf),
-    /// A file cannot be written.
-    #[error("{}: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: WriteCause,
-    },
 }
 
-/// Why a file was not written.
+/// What is wrong with a file that a simulated session is made of, or written to.
 #[derive(Debug, Error)]
-pub enum WriteCause {
+pub enum SimulateFileError {
+    /// The robot file cannot be read.
+    #[error("{0}; give the path of a robot file, for example pipelines/robots/ur10.toml")]
+    Read(io::Error),
+    /// The robot file is not one: where and why.
+    #[error(transparent)]
+    Parse(Box<toml::de::Error>),
+    /// The robot file's arm is wrong.
+    #[error(transparent)]
+    Arm(ArmError),
+    /// A pose without joint angles.
+    #[error(
+        "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
+    )]
+    NoJoints {
+        /// The target.
+        target: String,
+    },
     /// The folder or the disk refused.
     #[error("{0}; check the space and the permissions of the folder")]
-    Io(#[from] io::Error),
+    Write(#[from] io::Error),
     /// The recording does not fit into a log.
     #[error(transparent)]
     Log(#[from] LogWriteError),
@@ -130,7 +112,17 @@ pub enum WriteCause {
     Json(#[from] serde_json::Error),
 }
 
-/// The session that was made, for a person to read.
+impl SimulateFileError {
+    /// This problem of the file at `path`.
+    fn at(self, path: &Path) -> SimulateCommandError {
+        SimulateCommandError::File {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+}
+
+/// What was made, for a person to read.
 #[derive(Debug, Clone)]
 pub struct SimulatedSession {
     /// Folder of the files.
@@ -181,10 +173,8 @@ pub fn run(args: &SimulateArgs) -> Result<SimulatedSession, SimulateCommandError
         return Err(SimulateCommandError::Exists(path));
     }
     let simulated = simulate(&arm, &settings)?;
-    fs::create_dir_all(&args.out).map_err(|source| SimulateCommandError::Write {
-        path: args.out.clone(),
-        source: source.into(),
-    })?;
+    fs::create_dir_all(&args.out)
+        .map_err(|source| SimulateFileError::Write(source).at(&args.out))?;
     args.write(&arm, &simulated)?;
     Ok(SimulatedSession {
         out: args.out.clone(),
@@ -198,27 +188,18 @@ fn listed(path: &Path) -> Result<Vec<Vec<f64>>, SimulateCommandError> {
         .into_iter()
         .map(|(target, joints)| {
             let joints = joints.map(|joints| joints.angles);
-            joints.ok_or_else(|| SimulateCommandError::NoJoints {
-                path: path.to_owned(),
-                target,
-            })
+            joints.ok_or_else(|| SimulateFileError::NoJoints { target }.at(path))
         });
     joints.collect()
 }
 
 fn read_arm(path: &Path) -> Result<Arm, SimulateCommandError> {
-    let text = input::text(path, Bound::SETTINGS).map_err(|source| SimulateCommandError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
-    let file: RobotFile = toml::from_str(&text).map_err(|source| SimulateCommandError::Parse {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })?;
-    file.arm().map_err(|source| SimulateCommandError::Arm {
-        path: path.to_owned(),
-        source,
-    })
+    let text = input::text(path, Bound::SETTINGS)
+        .map_err(|source| SimulateFileError::Read(source).at(path))?;
+    let file: RobotFile = toml::from_str(&text)
+        .map_err(|source| SimulateFileError::Parse(Box::new(source)).at(path))?;
+    file.arm()
+        .map_err(|source| SimulateFileError::Arm(source).at(path))
 }
 
 impl SimulateArgs {
@@ -287,10 +268,10 @@ impl SimulateArgs {
 /// Writes a file under a temporary name and renames it: a file with its own name is whole.
 fn written(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteCause>,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), SimulateFileError>,
 ) -> Result<(), SimulateCommandError> {
     let partial = path.with_extension("partial");
-    let attempt = || -> Result<(), WriteCause> {
+    let attempt = || -> Result<(), SimulateFileError> {
         let mut sink = BufWriter::new(File::create(&partial)?);
         write(&mut sink)?;
         sink.flush()?;
@@ -299,9 +280,6 @@ fn written(
     attempt().map_err(|source| {
         // The first error is the one to report; a partial file left behind has a name that says so.
         let _ = fs::remove_file(&partial);
-        SimulateCommandError::Write {
-            path: path.to_owned(),
-            source,
-        }
+        source.at(path)
     })
 }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::fixed_point::converge;
 use super::pose::{Poses, Wanted};
 use super::{Corrected, Exception, JointCommand, Reason, Refused, Target, Validity};
-use crate::fit::{ErrorFrame, Frames, Model, PoseModel, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, Model, PoseModel, ToolErrors};
 use crate::geometry::{Base, Command, Flange, Position, Tool, Transform};
 use crate::grid::Reach;
 use crate::kinematics::Arm;
@@ -33,8 +33,8 @@ pub struct IdentifiedArm {
     pub table_id: String,
     /// The nominal arm.
     pub arm: Arm,
-    /// Base and target as the nominal arm fits them: the error reference frame.
-    pub frames: Frames,
+    /// Base and target as the nominal arm fits them: the error reference frame. Errors are of one tool point, so of one source and one target.
+    pub frames: FramePair,
     /// The controller's own tool at the flange.
     pub flange_from_tool: Transform<Flange, Tool>,
     /// The frame of commands.

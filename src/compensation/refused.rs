@@ -138,30 +138,6 @@ pub enum Reason {
     },
 }
 
-impl Reason {
-    /// The word for tables.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Target(gap) | Self::Command(gap) => gap.name(),
-            Self::Configuration { .. }
-            | Self::NoConfiguration
-            | Self::Unmeasured { .. }
-            | Self::NeverMeasured { .. }
-            | Self::Arm(InverseError::ConfigurationChanged { .. }) => "configuration",
-            Self::NoPosition => "no_position",
-            Self::NoOrientation => "no_orientation",
-            Self::Joints { .. } => "joints",
-            Self::Apart { .. } => "apart",
-            Self::JointRange { .. } => "joint_range",
-            Self::Arm(InverseError::NotReachable { .. }) => "out_of_reach",
-            Self::Arm(InverseError::LimitReached { .. }) => "joint_limits",
-            Self::Arm(InverseError::NearSingularity { .. }) => "singularity",
-            Self::Tool { .. } => "tool",
-            Self::NoConvergence { .. } => "no_convergence",
-        }
-    }
-}
-
 /// What to try where a model has no prediction at a target.
 const fn advice(gap: &Gap) -> &'static str {
     match gap {

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::{Reason, Target, Validity};
 use crate::fit::model::{Open, Spread};
-use crate::fit::{At, Frames, Gap, PoseModel, Prediction};
+use crate::fit::{At, Frames, Gap, PoseModel, Prediction, SourceId};
 use crate::geometry::{Base, Command, Position, Transform};
 use crate::grid::lattice::InCell;
 use crate::grid::node::on_one_branch;
@@ -54,6 +54,10 @@ pub struct CompensationTable {
     lattice: Lattice,
     nodes: Vec<Result<Known, Refusal>>,
 }
+
+/// A command of a target inside the box may lie beyond the rim by this share of the pitch. The error changes over a whole pitch by
+/// no more than a cell can follow, so over this share of it by next to nothing.
+const BEYOND_RIM: f64 = 0.1;
 
 /// Why nodes and a lattice make no table.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -230,6 +234,21 @@ impl CompensationTable {
         })
     }
 
+    /// The place nearest to a command (mm) in the box, where that is beyond the rim by no more than a correction may be; else the
+    /// command itself.
+    pub(super) fn at_rim(&self, command: &Point3<f64>) -> Point3<f64> {
+        let place =
+            *(self.command_from_base.inverse() * Position::<Command>::claim(*command)).point();
+        let beyond = self.beyond(&place);
+        let most = Vector3::from(self.lattice.step) * BEYOND_RIM;
+        let is_near = (0..3).all(|axis| beyond[axis].abs() <= most[axis]);
+        if is_near && beyond.norm() > 0.0 {
+            *(self.command_from_base * Position::<Base>::claim(place - beyond)).point()
+        } else {
+            *command
+        }
+    }
+
     fn vertices(&self, cell: &InCell) -> Result<[&Known; 8], Gap> {
         let refused = cell
             .vertices
@@ -250,19 +269,23 @@ impl CompensationTable {
     }
 
     fn outside(&self, place: &Point3<f64>) -> Gap {
+        Gap::Outside {
+            beyond_mm: self.command_from_base.isometry().rotation * self.beyond(place),
+        }
+    }
+
+    /// By how much a place in the base frame is beyond the box along each axis, mm; 0 inside.
+    fn beyond(&self, place: &Point3<f64>) -> Vector3<f64> {
         let Lattice {
             origin,
             step,
             counts,
         } = self.lattice;
-        let beyond = Vector3::from_fn(|axis, _| {
+        Vector3::from_fn(|axis, _| {
             let high = (counts[axis] - 1) as f64 * step[axis];
             let inside = place[axis] - origin[axis];
             inside - inside.clamp(0.0, high)
-        });
-        Gap::Outside {
-            beyond_mm: self.command_from_base.isometry().rotation * beyond,
-        }
+        })
     }
 }
 
@@ -293,7 +316,7 @@ impl PoseModel for CompensationTable {
         })
     }
 
-    fn spread(&self, _: usize, prediction: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, prediction: &Prediction) -> Spread {
         let open = prediction.open.as_ref();
         Spread::Of(open.map_or_else(Matrix3::zeros, |open| open.alone))
     }

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::fit::model::{Known as Angles, Query};
+use crate::fit::{SourceId, TargetId};
 use crate::geometry::{Base, Transform};
 use crate::grid::{self, Interpolation, Lattice, Refusal, Source, TableNode};
 
@@ -115,7 +116,7 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
     assert!((found.error.unwrap() - expected).norm() < 1e-12);
     assert!((found.position - Point3::new(751.0, 20.0, 450.0) - expected).norm() < 1e-12);
     // Eight positive weights that sum to one: the variance of every node.
-    let covariance = table.spread(0, &found).covariance();
+    let covariance = table.spread(0, SourceId::ONLY, &found).covariance();
     assert!((covariance - Matrix3::identity() * 0.0004).abs().max() < 1e-15);
     assert!(matches!(
         table.predict(&at(751.0, 6.0)),
@@ -130,6 +131,8 @@ fn a_table_answers_for_tool_poses_of_its_orientation_inside_its_box_and_for_noth
         known: Angles::Commanded,
         lever: Vector3::zeros(),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     });
@@ -202,16 +205,31 @@ fn a_target_outside_is_refused_by_how_far() {
 }
 
 #[test]
-fn a_command_that_leaves_the_box_is_refused_though_the_target_is_inside() {
-    // ê is +1 mm along x at the low rim: the command would have to be 0.7 mm outside.
+fn a_command_that_its_correction_takes_beyond_the_rim_has_the_error_there() {
+    // ê is +1 mm along x at the low rim: the command is 0.7 mm outside.
+    let near_rim = target(600.3, 0.0, 500.0);
+    let found = compensate(&table(Interpolation::Trilinear, stretch), &near_rim).expect("inside");
+    assert!((found.correction - Vector3::new(-1.0, 0.0, 0.5)).norm() < 1e-9);
+    // The frame of commands does not matter.
+    let turned = Isometry3::new(Vector3::new(10.0, 20.0, 30.0), Vector3::z() * FRAC_PI_2);
+    let table = table_in(turned, &grid_table(Interpolation::Trilinear, stretch));
+    let place = turned * Point3::new(600.3, 0.0, 500.0);
+    let there = compensate(&table, &target(place.x, place.y, place.z)).expect("inside");
+    let expected = turned.rotation * Vector3::new(-1.0, 0.0, 0.5);
+    assert!((there.correction - expected).norm() < 1e-9, "{there:?}");
+}
+
+#[test]
+fn a_command_far_beyond_the_rim_is_refused_though_the_target_is_inside() {
+    // A tenth of the pitch is 10 mm; ê is +12 mm along x.
     let found = refusal(
-        &table(Interpolation::Trilinear, stretch),
+        &table(Interpolation::Trilinear, |_| Vector3::new(12.0, 0.0, 0.0)),
         &target(600.3, 0.0, 500.0),
     );
     let Reason::Command(Gap::Outside { beyond_mm }) = found else {
         panic!("{found:?}");
     };
-    assert!((beyond_mm.x + 0.7).abs() < 0.01, "{beyond_mm}");
+    assert!((beyond_mm.x + 11.7).abs() < 0.01, "{beyond_mm}");
     assert!(beyond_mm.yz().norm() < 1e-12);
 }
 
@@ -264,12 +282,18 @@ fn targets_that_ask_for_what_the_table_is_not_for_are_refused() {
         ..inside.clone()
     };
     assert!(compensate(&table, &tool("drill")).is_ok());
-    assert_eq!(refusal(&table, &tool("rivet")).name(), "tool");
+    assert!(matches!(
+        refusal(&table, &tool("rivet")),
+        Reason::Tool { .. }
+    ));
     let flipped = Target {
         configuration: Some("wrist-".to_owned()),
         ..inside.clone()
     };
-    assert_eq!(refusal(&table, &flipped).name(), "configuration");
+    assert!(matches!(
+        refusal(&table, &flipped),
+        Reason::Configuration { .. }
+    ));
 }
 
 #[test]

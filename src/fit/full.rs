@@ -11,7 +11,6 @@
 
 pub mod approach;
 mod before;
-pub mod bulk;
 mod columns;
 pub mod components;
 pub mod curves;
@@ -36,10 +35,12 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, UnitQuaternion, UnitVector3, V
 
 use rayon::prelude::*;
 
+use super::frames::{Channel, Frames, PerChannel};
 pub use super::model::{Known, Query};
 use super::observation::Observation;
-use super::problem::{Frames, Freedom, Prior, Problem, Unknown};
+use super::problem::{Freedom, Prior, Problem, Unknown, is_turned};
 use super::scale::ScaleEvidence;
+use crate::join::{ReadingKind, SourceId};
 use crate::kinematics::{Arm, ChainView, HeldChain, Parameter, Twist};
 use approach::{Against, ApproachOffsets};
 use components::Part;
@@ -91,8 +92,8 @@ pub struct FullModel {
 /// What predictions read and follows from the rest of the model.
 #[derive(Debug)]
 struct Ready {
-    /// The measurement chain of each session.
-    chains: Vec<HeldChain>,
+    /// The measurement chain of each channel.
+    chains: PerChannel<HeldChain>,
     /// The joint curves.
     curves: Tabulated,
 }
@@ -106,7 +107,7 @@ impl Ready {
     ) -> Self {
         let chains = problem.held(offsets);
         Self {
-            curves: Tabulated::new(layout, mean, chains.len()),
+            curves: Tabulated::new(layout, mean, problem.starts().len()),
             chains,
         }
     }
@@ -134,14 +135,12 @@ impl FullModel {
         observations: &[Observation],
         frames: &[Frames],
         geometry: &[f64],
-        prior: Prior,
+        prior: &Prior,
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let up = up.map(UnitVector3::into_inner);
-        let turned = observations
-            .iter()
-            .any(|observation| observation.orientation.is_some());
+        let turned = is_turned(observations);
         let build = |observations| {
             Problem::with_target_turn(
                 observations,
@@ -201,14 +200,16 @@ impl FullModel {
     /// Predicts a point at a pose.
     pub fn predict(&self, query: &Query<'_>) -> Predicted {
         let view = self.viewed(query);
-        let rows = self.pose(query, &view).rows(&self.layout, 3);
+        let rows = self
+            .pose(query, &view)
+            .rows(&self.layout, ReadingKind::Point);
         let moved: DVector<f64> = &rows * &self.mean;
         let (shift, approach) = self.stands(query, &view.joints);
         let moved = Vector3::new(moved[0], moved[1], moved[2]) + shift;
         let position = Point3::from(view.end.translation.vector + moved);
         Predicted {
             position,
-            flange: view.end.rotation * self.target_from_flange(query.session),
+            flange: view.end.rotation * self.target_from_flange(query),
             rows,
             approach,
         }
@@ -218,16 +219,15 @@ impl FullModel {
     /// by, which [`Predicted::flange`] leaves out.
     pub fn flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
         let view = self.viewed(query);
-        let moved = self.pose(query, &view).rows(&self.layout, 6) * &self.mean;
+        let rows = self.pose(query, &view);
+        let moved = rows.rows(&self.layout, ReadingKind::Pose) * &self.mean;
         let against = self.against(query);
         let approach = against.map_or_else(Vector3::zeros, |against| {
             let joints = view.joints.iter().zip(&against.mean);
             joints.map(|(twist, mean)| twist.angular * *mean).sum()
         });
         let turn = Vector3::new(moved[3], moved[4], moved[5]) + approach;
-        UnitQuaternion::from_scaled_axis(turn)
-            * view.end.rotation
-            * self.target_from_flange(query.session)
+        UnitQuaternion::from_scaled_axis(turn) * view.end.rotation * self.target_from_flange(query)
     }
 
     /// The predicted point alone, in the tracker's frame, mm: many times as fast.
@@ -252,8 +252,12 @@ impl FullModel {
 
     /// The point at the offsets that rows are taken at, and how it moves.
     fn viewed(&self, query: &Query<'_>) -> ChainView {
-        let lever = self.target_from_flange(query.session) * query.lever;
-        let mut view = self.ready.chains[query.session].view_of(query.axes, &lever);
+        let lever = self.target_from_flange(query) * query.lever;
+        let mut view = self
+            .ready
+            .chains
+            .of(query.channel())
+            .view_of(query.axes, &lever);
         if !query.own {
             let is_base = |place: usize| {
                 matches!(self.problem.unknowns()[place].parameter, Parameter::Base(_))
@@ -264,13 +268,14 @@ impl FullModel {
     }
 
     /// How the flange's axes lie in the target's.
-    fn target_from_flange(&self, session: usize) -> UnitQuaternion<f64> {
-        let flange_from_target = self.frames[session].flange_from_target.isometry();
-        flange_from_target.rotation.inverse()
+    fn target_from_flange(&self, query: &Query<'_>) -> UnitQuaternion<f64> {
+        let flange_from_target = self.frames[query.session].flange_from_target(query.target);
+        flange_from_target.isometry().rotation.inverse()
     }
 
     fn pose<'v>(&self, query: &Query<'v>, view: &'v ChainView) -> PoseView<'v> {
-        let base = self.frames[query.session].tracker_from_base.isometry();
+        let base = self.frames[query.session].tracker_from_base(query.source);
+        let base = base.isometry();
         let root = base.rotation;
         PoseView {
             unknowns: &view.unknowns,
@@ -377,7 +382,12 @@ impl FullModel {
 
     /// Covariance of one measured position besides what the model leaves open, at full weight, mm², tracker frame.
     pub fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        let view = self.ready.chains[0].view(&observation.axes);
+        // The noise is asked of sessions that took no part too: it lies in the frame of the first session's source.
+        let channel = Channel {
+            session: 0,
+            ..observation.channel()
+        };
+        let view = self.ready.chains.of(channel).view(&observation.axes);
         let covariance = self.repeatability.covariance(observation, &view.joints);
         Matrix3::from_fn(|row, column| covariance[(row, column)]) * self.tails.inflation()
     }
@@ -419,9 +429,14 @@ impl FullModel {
         self.scale_sd
     }
 
-    /// Covariance of a point by the scale of some day, tracker frame, mm².
-    pub fn any_scale_covariance(&self, session: usize, point: &Point3<f64>) -> Matrix3<f64> {
-        let base = self.frames[session].tracker_from_base.isometry();
+    /// Covariance of a point by the scale of some day, in the source's frame, mm².
+    pub fn any_scale_covariance(
+        &self,
+        session: usize,
+        source: SourceId,
+        point: &Point3<f64>,
+    ) -> Matrix3<f64> {
+        let base = self.frames[session].tracker_from_base(source).isometry();
         let away = (point - base * self.middles[session]) * self.scale_sd;
         away * away.transpose()
     }

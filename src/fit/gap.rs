@@ -75,18 +75,6 @@ impl Refusal {
 }
 
 impl Gap {
-    /// The word for tables.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::NoJoints => "joints",
-            Self::NoPosition => "no_position",
-            Self::Orientation { .. } => "orientation",
-            Self::Outside { .. } => "outside",
-            Self::Node { .. } => "refused_node",
-            Self::Branches => "branches",
-        }
-    }
-
     /// Why a node has no value where the model that fills it has none.
     pub const fn refusal(&self) -> Refusal {
         match self {

@@ -16,8 +16,6 @@ const CONFOUNDED: f64 = 0.9;
 pub enum Identifiability {
     /// The poses determine it.
     Identifiable,
-    /// The settings hold it fixed.
-    Fixed,
     /// No pose moves with it.
     MovesNothing,
     /// It is the same motion as others, whatever the noise.

@@ -11,10 +11,11 @@ use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
 use super::commanded::SettlingError;
+use super::frames::{Channel, Frames};
 use super::full::PartEvidence;
 use super::gap::Gap;
 use super::observation::Observation;
-use super::problem::Frames;
+use crate::join::{SourceId, TargetId};
 use crate::kinematics::Arm;
 
 /// A model of an arm's errors.
@@ -22,24 +23,24 @@ use crate::kinematics::Arm;
 /// ```
 /// # use std::path::Path;
 /// # use posegrid::io::log::{SessionLogs, read_session};
-/// # use posegrid::pipeline::plan::{Overrides, Plan};
+/// # use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// # use posegrid::progress::Quiet;
-/// # let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// # let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// # let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// # let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// # let read = read_session(&logs, &plan.mapping, plan.limits, &plan.join.arm_rule(), &mut (), &Quiet)?;
-/// # let joined = posegrid::join::join(&read.input, &plan.arm, &plan.join)?;
+/// # let read = read_session(&logs, &configuration.mapping, configuration.limits, &configuration.join.arm_rule(), &mut (), &Quiet)?;
+/// # let joined = posegrid::join::join(&read.input, &configuration.arm, &configuration.join)?;
 /// # let stations = &joined.stations;
 /// use posegrid::fit::model::{At, PoseModel, Query};
 /// # use posegrid::fit::{FitSettings, Freedom, identify, observations};
-/// # let seen = observations(0, stations, &plan.arm, &plan.stages.noise);
+/// # let seen = observations(0, stations, &configuration.arm, &configuration.stages.noise);
 /// # let (freedom, settings) = (Freedom::Geometry, FitSettings::default());
-/// # let model = identify(&plan.arm, &seen, 1, freedom, &settings)?;
+/// # let model = identify(&configuration.arm, &seen, 1, freedom, &settings)?;
 ///
 /// // Where the geometry has the reflector at the first station, in the tracker's frame, and how far that may be off.
 /// let prediction = model.predict(&At::Joints(Query::of(&seen[0])))?;
-/// let left = seen[0].position - prediction.position;
-/// let covariance = model.spread(0, &prediction).covariance();
+/// let left = seen[0].point().expect("the tracker reads points").position - prediction.position;
+/// let covariance = model.spread(0, seen[0].source, &prediction).covariance();
 /// assert!(left.norm() < 1.0 && covariance.trace().sqrt() < 1.0, "mm");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -65,8 +66,8 @@ pub trait PoseModel: Any + Debug + Send + Sync {
         Ok(self.predict(&At::Joints(*query))?.flange)
     }
 
-    /// What a prediction may be wrong by for a command that is given some day; in its frame.
-    fn spread(&self, session: usize, prediction: &Prediction) -> Spread;
+    /// What a prediction in the frame of a session's source may be wrong by for a command that is given some day; in that frame.
+    fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread;
 
     /// Covariance of predictions by the model's unknowns: three rows of [`Open::rows`] for each, mm².
     fn covariances(&self, rows: &DMatrix<f64>) -> Vec<Matrix3<f64>> {
@@ -75,7 +76,10 @@ pub trait PoseModel: Any + Debug + Send + Sync {
 
     /// Covariance of one measured position besides what the model leaves open, mm², tracker frame.
     fn noise(&self, observation: &Observation) -> Matrix3<f64> {
-        observation.position_factor * observation.position_factor.transpose()
+        let point = observation.point();
+        point.map_or_else(Matrix3::zeros, |point| {
+            point.factor * point.factor.transpose()
+        })
     }
 
     /// Variance per axis of what the base moves by in a session that the model never saw, mm²; 0 of a model that knows no drift.
@@ -139,6 +143,10 @@ pub struct Query<'q> {
     pub lever: Vector3<f64>,
     /// The session whose frames are used.
     pub session: usize,
+    /// The source in whose frame the answer is.
+    pub source: SourceId,
+    /// The target that the point is predicted by.
+    pub target: TargetId,
     /// Whether the session's own parts apply (base as fitted, drift, scale, changes); otherwise the base is the nominal one and
     /// predictions are those for any session.
     pub own: bool,
@@ -225,8 +233,19 @@ impl<'q> Query<'q> {
             known: Known::of(observation),
             lever: Vector3::zeros(),
             session: observation.session,
+            source: observation.source,
+            target: observation.target,
             own: true,
             station: Some(observation.station),
+        }
+    }
+
+    /// The source and the target by whose frames the point is predicted.
+    pub const fn channel(&self) -> Channel {
+        Channel {
+            session: self.session,
+            source: self.source,
+            target: self.target,
         }
     }
 }

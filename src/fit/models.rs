@@ -64,7 +64,7 @@ pub fn train(
             observations,
             frames,
             geometry,
-            settings.fit.prior(),
+            &settings.fit.prior(),
             settings.full,
             settings.up,
         )

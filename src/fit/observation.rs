@@ -1,18 +1,24 @@
-//! Paired stations → observations: what was measured, and how well.
+//! Readings of paired stations → observations: what was measured, and how well.
 //!
 //! The covariance of a measured position is the tracker's (ranging along the beam, transverse across it,
 //! [`crate::method::uncertainty`]), plus the arm's repeatability, plus what the scatter of the readings leaves in their
-//! mean: `scatter²/n`.
+//! mean: `scatter²/n`. What a fit makes of each kind of reading stands in [`measured`] and [`rows`].
+
+pub mod measured;
+pub mod rows;
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::commanded::{Commanded, SettlingError};
-use crate::join::{Attained, Pairing, Station};
+use super::frames::Channel;
+use crate::join::{Reading, ReadingKind, SourceId, Station, TargetId};
 use crate::kinematics::Arm;
 use crate::units::MM_PER_M;
+
+pub use measured::{Measured, MeasuredOrientation, MeasuredPoint};
 
 /// A tracker's uncertainty as its data sheet states it: limits, to be divided by `divisor` for a standard uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -50,80 +56,130 @@ impl TrackerUncertainty {
     }
 }
 
-/// What a fit needs of one paired station.
+/// What a fit needs of one reading of a paired station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// Which of the fit's sessions, from 0.
     pub session: usize,
+    /// Which of the session's sources measured.
+    pub source: SourceId,
+    /// Which of the session's targets it saw.
+    pub target: TargetId,
     /// The station's number in its session.
     pub station: usize,
     /// The number of the station that its pose is named by: visits of one pose have one.
     pub pose: usize,
     /// Axis variables of the chain (the joint map applied), rad.
     pub axes: Vec<f64>,
-    /// Measured target position in the tracker frame, mm.
-    pub position: Point3<f64>,
-    /// Covariance of the measured position without the arm's share: tracker and scatter of the mean, mm².
-    pub instrument: Matrix3<f64>,
-    /// Lower triangle L of the position's whole covariance `L Lᵀ`, repeatability included, mm.
-    pub position_factor: Matrix3<f64>,
-    /// Measured target orientation in the tracker frame with its standard uncertainty per axis, rad.
-    pub orientation: Option<(UnitQuaternion<f64>, f64)>,
+    /// What was measured, in the source's frame, and how well.
+    pub measured: Measured,
     /// What the station fell short of its command, where the log has commanded poses.
     pub settling_error: Option<SettlingError>,
 }
 
 impl Observation {
-    /// A station that is still to be measured, with the instrument's covariance there (mm²).
+    /// A station of a session with one source and one target that is still to be measured, with the instrument's covariance there
+    /// (mm²).
     pub fn planned(axes: Vec<f64>, position: Point3<f64>, instrument: Matrix3<f64>) -> Self {
         Self {
             session: 0,
+            source: SourceId::ONLY,
+            target: TargetId::ONLY,
             station: 0,
             pose: 0,
             axes,
-            position,
-            instrument,
-            position_factor: Matrix3::identity(),
-            orientation: None,
+            measured: Measured::Point(MeasuredPoint {
+                position,
+                instrument,
+                factor: Matrix3::identity(),
+            }),
             settling_error: None,
         }
     }
+
+    /// Its source and target.
+    pub const fn channel(&self) -> Channel {
+        Channel {
+            session: self.session,
+            source: self.source,
+            target: self.target,
+        }
+    }
+
+    /// The measured position, where one was measured.
+    pub const fn point(&self) -> Option<&MeasuredPoint> {
+        self.measured.point()
+    }
+}
+
+/// An instrument, as far as a fit asks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Source {
+    /// What is taken of its readings: a pose's orientation only from a source of poses.
+    pub reads: ReadingKind,
+    /// How well it measures.
+    pub uncertainty: TrackerUncertainty,
 }
 
 /// What is known of the measurement besides the readings.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Noise {
-    /// The tracker's.
-    pub tracker: TrackerUncertainty,
+    /// The instruments of each session, in the order of [`SourceId`].
+    pub sources: Vec<Source>,
     /// The arm's repeatability per axis as a standard deviation, mm.
     pub repeatability_mm: f64,
-    /// Whether orientations are taken into the fit where the log has them.
-    pub orientations: bool,
 }
 
-/// The paired stations of one session as observations, in station order.
+impl Noise {
+    /// Of a session that one instrument measured.
+    pub fn of_one(source: Source, repeatability_mm: f64) -> Self {
+        Self {
+            sources: vec![source],
+            repeatability_mm,
+        }
+    }
+
+    /// One of the instruments.
+    ///
+    /// # Panics
+    /// When there is no such source.
+    pub fn source(&self, source: SourceId) -> &Source {
+        &self.sources[source.0]
+    }
+
+    /// Whether orientations are taken into the fit where they were read.
+    pub fn takes_orientations(&self) -> bool {
+        let mut sources = self.sources.iter();
+        sources.any(|source| source.reads == ReadingKind::Pose)
+    }
+}
+
+/// The readings of one session's paired stations as observations, in station order; those of sources that `noise` does not know
+/// are left out.
 pub fn observations(
     session: usize,
     stations: &[Station],
     arm: &Arm,
     noise: &Noise,
 ) -> Vec<Observation> {
-    stations
-        .iter()
-        .filter(|station| station.pairing == Pairing::Paired)
-        .filter_map(|station| Some((station, station.attained.as_ref()?)))
-        .map(|(station, attained)| Observation {
+    let observation = |station: &Station, reading: &Reading| {
+        let source = noise.sources.get(reading.source.0)?;
+        Some(Observation {
             session,
+            source: reading.source,
+            target: reading.target,
             station: station.number,
             pose: station.number,
             axes: arm.axes(&station.joints),
-            position: attained.position,
-            instrument: instrument(attained, noise),
-            position_factor: position_factor(attained, noise),
-            orientation: orientation(attained, noise),
+            measured: Measured::of(reading, source, noise.repeatability_mm),
             settling_error: None,
         })
-        .collect()
+    };
+    let of = |station| {
+        let readings = Station::measured(station).iter();
+        readings.filter_map(move |reading| observation(station, reading))
+    };
+    stations.iter().flat_map(of).collect()
 }
 
 /// Gives observations what their stations' commands say: what they fell short of, and which pose they visit.
@@ -146,39 +202,6 @@ pub fn add_commands(observations: &mut [Observation], stations: &[Station], comm
         observation.settling_error = settling_error.cloned();
         observation.pose = *pose;
     }
-}
-
-fn instrument(attained: &Attained, noise: &Noise) -> Matrix3<f64> {
-    let mut covariance = attained.stated_covariance.map_or_else(
-        || noise.tracker.covariance(&attained.position),
-        |[xx, xy, xz, yy, yz, zz]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-    );
-    for axis in 0..3 {
-        covariance[(axis, axis)] += attained.scatter_mm[axis].powi(2) / attained.kept.max(1) as f64;
-    }
-    covariance
-}
-
-fn position_factor(attained: &Attained, noise: &Noise) -> Matrix3<f64> {
-    let covariance =
-        instrument(attained, noise) + Matrix3::identity() * noise.repeatability_mm.powi(2);
-    let isotropic = || Matrix3::identity() * noise.repeatability_mm.max(1e-3);
-    covariance
-        .cholesky()
-        .map_or_else(isotropic, |factor| factor.l())
-}
-
-fn orientation(attained: &Attained, noise: &Noise) -> Option<(UnitQuaternion<f64>, f64)> {
-    let instrument = noise
-        .tracker
-        .orientation_rad
-        .filter(|_| noise.orientations)?;
-    let of_mean =
-        attained.orientation_scatter_rad.unwrap_or(0.0).powi(2) / attained.kept.max(1) as f64;
-    Some((
-        attained.orientation?,
-        instrument.mul_add(instrument, of_mean).sqrt(),
-    ))
 }
 
 #[cfg(test)]

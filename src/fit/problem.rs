@@ -1,41 +1,51 @@
 //! The identification problem: residuals of all observations and their identification Jacobian.
 //!
 //! `p_tracker = tracker_from_base · A_1(q_1) … A_n(q_n) · flange_from_target` ([`crate::method::kinematics`]). Geometry is
-//! shared by all sessions of an arm; each session has its own base and target frames, and they are always part of the fit.
+//! shared by all sessions of an arm; each session has its own base in the frame of each of its sources and its own place of each
+//! of its targets, and they are always part of the fit. An observation is predicted by the chain of its channel: from its source to
+//! its target.
 
-mod rows;
 mod unknowns;
 
-use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry3};
 use rayon::prelude::*;
 
+use super::frames::{FramePair, Frames, PerChannel};
 use super::observation::Observation;
+use super::observation::measured::widest;
+use super::observation::rows::{BlockRows, Stations};
 use crate::geometry::Transform;
+use crate::join::{ReadingKind, SourceId, TargetId};
 use crate::kinematics::batch::BLOCK;
 use crate::kinematics::{
     Axis, BatchChain, BatchColumns, Chain, Element, HeldChain, Motion, Parameter,
 };
 
-use rows::Stations;
-pub use rows::{BlockRows, dot};
-pub use unknowns::{Frames, Freedom, KnownTarget, Prior, Unknown};
+pub use unknowns::{Freedom, KnownTarget, Owner, Prior, Unknown};
 
 /// Observations and the chains that predict them, with a vector of unknown offsets.
 #[derive(Debug)]
 pub struct Problem<'a> {
     observations: &'a [Observation],
-    chains: Vec<Chain>,
+    /// The measurement chain of each channel.
+    channels: PerChannel<Measuring>,
     unknowns: Vec<Unknown>,
-    /// For each session, where each free parameter of its chain stands in the vector of unknowns.
-    columns: Vec<Vec<Option<usize>>>,
     starts: Vec<Frames>,
-    /// The observations of each session as columns.
-    stations: Vec<Stations>,
-    /// Session and first station of each block; fixed, so that sums do not depend on the number of threads.
+    /// Place of the channel and first station of each block; fixed, so that sums do not depend on the number of threads.
     blocks: Vec<(usize, usize)>,
     /// Offsets that the prior expects, and its precision: `Σ precision (x − expected)²` is added to the cost.
     expected: DVector<f64>,
     precision: DVector<f64>,
+}
+
+/// The chain between a source and a target, and what was measured through it.
+#[derive(Debug)]
+struct Measuring {
+    chain: Chain,
+    /// Where each free parameter of the chain stands in the vector of unknowns.
+    columns: Vec<Option<usize>>,
+    /// The observations as columns.
+    stations: Stations,
 }
 
 /// The weighted normal equations at a point.
@@ -56,11 +66,9 @@ impl<'a> Problem<'a> {
         arm: &Chain,
         starts: &[Frames],
         freedom: Freedom,
-        prior: Prior,
+        prior: &Prior,
     ) -> Self {
-        let turned = observations
-            .iter()
-            .any(|observation| observation.orientation.is_some());
+        let turned = is_turned(observations);
         Self::with_target_turn(observations, arm, starts, freedom, prior, turned)
     }
 
@@ -70,48 +78,23 @@ impl<'a> Problem<'a> {
         arm: &Chain,
         starts: &[Frames],
         freedom: Freedom,
-        prior: Prior,
+        prior: &Prior,
         turned: bool,
     ) -> Self {
-        let chains: Vec<_> = starts
-            .iter()
-            .map(|frames| measurement_chain(arm, frames, turned))
-            .collect();
-        let mut unknowns = Vec::new();
-        if freedom == Freedom::Geometry {
-            unknowns.extend(arm.parameters().into_iter().map(|parameter| Unknown {
-                session: None,
-                parameter,
-            }));
-        }
-        for (session, chain) in chains.iter().enumerate() {
-            let frames = chain
-                .parameters()
-                .into_iter()
-                .filter(|parameter| match parameter {
-                    Parameter::Base(_) => true,
-                    Parameter::Target(_) => freedom != Freedom::Base,
-                    Parameter::Link { .. } => false,
-                });
-            unknowns.extend(frames.map(|parameter| Unknown {
-                session: Some(session),
-                parameter,
-            }));
-        }
-        let columns = chains.iter().enumerate().map(|(session, chain)| {
+        let unknowns = unknowns(arm, starts, freedom, turned);
+        let channels = PerChannel::new(starts, |channel| {
+            let pair = starts[channel.session].pair(channel.source, channel.target);
+            let chain = measurement_chain(arm, &pair, turned);
             let place = |parameter: &Parameter| {
-                let session = (!matches!(parameter, Parameter::Link { .. })).then_some(session);
-                unknowns.iter().position(|unknown| {
-                    *unknown
-                        == Unknown {
-                            session,
-                            parameter: *parameter,
-                        }
-                })
+                let wanted = Unknown::of(channel, *parameter);
+                unknowns.iter().position(|unknown| *unknown == wanted)
             };
-            chain.parameters().iter().map(place).collect()
+            Measuring {
+                columns: chain.parameters().iter().map(place).collect(),
+                stations: Stations::of(channel, observations, arm.joint_count()),
+                chain,
+            }
         });
-        let columns = columns.collect();
         let priors = unknowns.iter().map(|unknown| prior.of(*unknown, starts));
         let priors: Vec<_> = priors
             .map(|prior| prior.map_or((0.0, 0.0), |(mean, sd)| (mean, sd.powi(-2))))
@@ -120,20 +103,16 @@ impl<'a> Problem<'a> {
             DVector::from_iterator(priors.len(), priors.iter().map(pick))
         };
         let (expected, precision) = (column(|prior| prior.0), column(|prior| prior.1));
-        let stations: Vec<_> = (0..starts.len())
-            .map(|session| Stations::of(session, observations, arm.joint_count()))
-            .collect();
-        let blocks = stations.iter().enumerate().flat_map(|(session, own)| {
-            let firsts = (0..own.places.len()).step_by(BLOCK);
-            firsts.map(move |first| (session, first))
+        let blocks = channels.each().iter().enumerate();
+        let blocks = blocks.flat_map(|(place, channel)| {
+            let firsts = (0..channel.stations.places.len()).step_by(BLOCK);
+            firsts.map(move |first| (place, first))
         });
         let blocks = blocks.collect();
         Self {
             observations,
-            chains,
-            columns,
+            channels,
             starts: starts.to_vec(),
-            stations,
             blocks,
             expected,
             precision,
@@ -181,63 +160,37 @@ impl<'a> Problem<'a> {
     pub(super) fn row_count(&self) -> usize {
         self.observations
             .iter()
-            .map(|o| if o.orientation.is_some() { 6 } else { 3 })
+            .map(|o| o.measured.kind().rows())
             .sum()
     }
 
-    /// Each session's measurement chain, from the tracker's frame to the target, at `offsets`.
-    pub fn held(&self, offsets: &DVector<f64>) -> Vec<HeldChain> {
-        let held = |session: usize| {
-            let local = self.local_offsets(session, offsets);
-            HeldChain::new(&self.chains[session], &local, &self.columns[session])
-        };
-        (0..self.chains.len()).map(held).collect()
+    /// Each channel's measurement chain, from the source's frame to the target, at `offsets`.
+    pub fn held(&self, offsets: &DVector<f64>) -> PerChannel<HeldChain> {
+        PerChannel::new(&self.starts, |channel| {
+            let own = self.channels.of(channel);
+            HeldChain::new(&own.chain, &own.local(offsets), &own.columns)
+        })
     }
 
     /// Whitened residual norm of each observation.
     pub fn norms(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let mut norms = vec![0.0; self.observations.len()];
-        for (session, stations) in self.stations.iter().enumerate() {
-            let chain = self.batch(session, offsets);
-            let squared = self.squared_norms(&chain, stations);
-            for (&place, squared) in stations.places.iter().zip(squared) {
+        for own in self.channels.each() {
+            let squared = own
+                .stations
+                .squared_norms(&own.batch(offsets), self.observations);
+            for (&place, squared) in own.stations.places.iter().zip(squared) {
                 norms[place] = squared.sqrt();
             }
         }
         norms
     }
 
-    fn squared_norms(&self, chain: &BatchChain, stations: &Stations) -> Vec<f64> {
-        let count = stations.places.len();
-        if !stations.turned {
-            let [x, y, z] = chain.positions(&stations.axes);
-            let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
-            let squared = |i: usize| stations.whitened(i, end(i)).norm_squared();
-            return (0..count).map(squared).collect();
-        }
-        let poses = chain.poses(&stations.axes);
-        let squared = |i: usize| {
-            let observation = &self.observations[stations.places[i]];
-            let end = poses.isometry(i);
-            let position = stations.whitened(i, end.translation.vector);
-            let turn = residual(observation, &end)
-                .rotation
-                .zip(observation.orientation);
-            let turn = turn.map_or(0.0, |(turn, (_, sd))| (turn / sd).norm_squared());
-            position.norm_squared() + turn
-        };
-        (0..count).map(squared).collect()
-    }
-
     /// Root mean square of measured minus predicted position over all observations, per axis, mm.
     pub fn misfit_mm(&self, offsets: &DVector<f64>) -> f64 {
         let mut sum = 0.0;
-        for (session, stations) in self.stations.iter().enumerate() {
-            let [x, y, z] = self.batch(session, offsets).positions(&stations.axes);
-            for (i, &place) in stations.places.iter().enumerate() {
-                let predicted = Vector3::new(x[i], y[i], z[i]);
-                sum += (self.observations[place].position.coords - predicted).norm_squared();
-            }
+        for own in self.channels.each() {
+            own.stations.add_squares(&own.batch(offsets), &mut sum);
         }
         (sum / (3 * self.observations.len().max(1)) as f64).sqrt()
     }
@@ -291,35 +244,22 @@ impl<'a> Problem<'a> {
     fn fill(
         &self,
         rows: &mut BlockRows,
-        (session, first): (usize, usize),
+        (place, first): (usize, usize),
         chains: &[BatchColumns],
         weights: &[f64],
     ) {
-        let stations = &self.stations[session];
-        rows.fill(
-            &chains[session],
-            self.observations,
-            weights,
-            stations,
-            first,
-        );
+        let stations = &self.channels.each()[place].stations;
+        rows.fill(&chains[place], self.observations, weights, stations, first);
     }
 
     fn with_columns(&self, offsets: &DVector<f64>) -> Vec<BatchColumns> {
-        let at = |session: usize| {
-            let local = self.local_offsets(session, offsets);
-            BatchColumns::new(&self.chains[session], &local, &self.columns[session])
-        };
-        (0..self.chains.len()).map(at).collect()
-    }
-
-    fn batch(&self, session: usize, offsets: &DVector<f64>) -> BatchChain {
-        BatchChain::new(&self.chains[session], &self.local_offsets(session, offsets))
+        let at = |own: &Measuring| BatchColumns::new(&own.chain, &own.local(offsets), &own.columns);
+        self.channels.each().iter().map(at).collect()
     }
 
     /// The frames of each session once `offsets` are taken into them.
     pub fn frames(&self, offsets: &DVector<f64>) -> Vec<Frames> {
-        (0..self.chains.len())
+        (0..self.starts.len())
             .map(|session| self.session_frames(session, offsets))
             .collect()
     }
@@ -327,8 +267,10 @@ impl<'a> Problem<'a> {
     /// The geometry's offsets in the order of the arm's own chain; zeros where geometry was held.
     pub fn geometry(&self, offsets: &DVector<f64>) -> Vec<f64> {
         let is_link = |parameter: &Parameter| matches!(parameter, Parameter::Link { .. });
-        let chain = &self.chains[0];
-        let places = chain.parameters().into_iter().zip(&self.columns[0]);
+        let Some(any) = self.channels.each().first() else {
+            return Vec::new();
+        };
+        let places = any.chain.parameters().into_iter().zip(&any.columns);
         places
             .filter(|(parameter, _)| is_link(parameter))
             .map(|(_, place)| place.map_or(0.0, |place| offsets[place]))
@@ -336,43 +278,96 @@ impl<'a> Problem<'a> {
     }
 
     fn session_frames(&self, session: usize, offsets: &DVector<f64>) -> Frames {
-        let offset = |parameter| {
-            let unknown = Unknown {
-                session: Some(session),
-                parameter,
-            };
+        let offset = |owner, parameter| {
+            let unknown = Unknown { owner, parameter };
             let place = self.unknowns.iter().position(|u| *u == unknown);
             place.map_or(0.0, |place| offsets[place])
         };
-        let moved = |of: fn(Motion) -> Parameter, motions: fn(Axis) -> Motion| {
+        let moved = |owner, of: fn(Motion) -> Parameter, motions: fn(Axis) -> Motion| {
             Axis::ALL.iter().fold(Isometry3::identity(), |end, &axis| {
-                end * motions(axis).by(offset(of(motions(axis))))
+                end * motions(axis).by(offset(owner, of(motions(axis))))
             })
         };
         let start = &self.starts[session];
-        let base =
-            moved(Parameter::Base, Motion::Translation) * moved(Parameter::Base, Motion::Rotation);
-        let shift = moved(Parameter::Target, Motion::Translation);
-        let turn = moved(Parameter::Target, Motion::Rotation);
-        Frames {
-            tracker_from_base: Transform::claim(start.tracker_from_base.isometry() * base),
+        let sources = start.sources().iter().enumerate().map(|(source, start)| {
+            let source = SourceId(source);
+            let owner = Owner::Source { session, source };
+            let base = moved(owner, Parameter::Base, Motion::Translation)
+                * moved(owner, Parameter::Base, Motion::Rotation);
+            Transform::claim(start.isometry() * base)
+        });
+        let targets = start.targets().iter().enumerate().map(|(target, start)| {
+            let target = TargetId(target);
+            let owner = Owner::Target { session, target };
+            let shift = moved(owner, Parameter::Target, Motion::Translation);
+            let turn = moved(owner, Parameter::Target, Motion::Rotation);
             // The shift is along the flange's axes, the turn about the target's own.
-            flange_from_target: Transform::claim(
-                shift * start.flange_from_target.isometry() * turn,
-            ),
-        }
+            Transform::claim(shift * start.isometry() * turn)
+        });
+        Frames::new(sources.collect(), targets.collect())
+            .expect("as many of each as the frames it started from")
+    }
+}
+
+impl Measuring {
+    fn batch(&self, offsets: &DVector<f64>) -> BatchChain {
+        BatchChain::new(&self.chain, &self.local(offsets))
     }
 
-    fn local_offsets(&self, session: usize, offsets: &DVector<f64>) -> Vec<f64> {
-        self.columns[session]
+    /// The offsets of the chain's own free parameters.
+    fn local(&self, offsets: &DVector<f64>) -> Vec<f64> {
+        self.columns
             .iter()
             .map(|place| place.map_or(0.0, |place| offsets[place]))
             .collect()
     }
 }
 
+/// Whether any orientation is measured, so that a target's own orientation is looked for.
+pub(super) fn is_turned(observations: &[Observation]) -> bool {
+    match widest(observations.iter().map(|o| &o.measured)) {
+        ReadingKind::Point => false,
+        ReadingKind::Pose => true,
+    }
+}
+
+/// The unknowns in the order of the vector: the arm's, then session by session the base of each source and the place of each
+/// target.
+fn unknowns(arm: &Chain, starts: &[Frames], freedom: Freedom, turned: bool) -> Vec<Unknown> {
+    let mut unknowns = Vec::new();
+    if freedom == Freedom::Geometry {
+        unknowns.extend(arm.parameters().into_iter().map(|parameter| Unknown {
+            owner: Owner::Arm,
+            parameter,
+        }));
+    }
+    let shifts = Axis::ALL.map(Motion::Translation);
+    let turns = Axis::ALL.map(Motion::Rotation);
+    let of_target = if turned { &turns[..] } else { &[] };
+    for (session, frames) in starts.iter().enumerate() {
+        for source in (0..frames.sources().len()).map(SourceId) {
+            let owner = Owner::Source { session, source };
+            unknowns.extend(shifts.iter().chain(&turns).map(|motion| Unknown {
+                owner,
+                parameter: Parameter::Base(*motion),
+            }));
+        }
+        if freedom == Freedom::Base {
+            continue;
+        }
+        for target in (0..frames.targets().len()).map(TargetId) {
+            let owner = Owner::Target { session, target };
+            unknowns.extend(shifts.iter().chain(of_target).map(|motion| Unknown {
+                owner,
+                parameter: Parameter::Target(*motion),
+            }));
+        }
+    }
+    unknowns
+}
+
 /// `tracker_from_base · (six small motions) · arm · (three small shifts) · flange_from_target · (three small turns)`.
-fn measurement_chain(arm: &Chain, frames: &Frames, turned: bool) -> Chain {
+fn measurement_chain(arm: &Chain, frames: &FramePair, turned: bool) -> Chain {
     let free = |of: fn(Motion) -> Parameter, motion| Element::Free {
         motion,
         nominal: 0.0,
@@ -389,23 +384,4 @@ fn measurement_chain(arm: &Chain, frames: &Frames, turned: bool) -> Chain {
         after.extend(turns(Parameter::Target));
     }
     arm.extended(before, after)
-}
-
-/// Measured minus predicted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Residual {
-    /// Position, mm.
-    pub position: Vector3<f64>,
-    /// Orientation as a rotation vector, rad, where it was measured.
-    pub rotation: Option<Vector3<f64>>,
-}
-
-/// Measured minus predicted target of one observation.
-pub fn residual(observation: &Observation, predicted: &Isometry3<f64>) -> Residual {
-    let turn =
-        |measured: UnitQuaternion<f64>| (measured * predicted.rotation.inverse()).scaled_axis();
-    Residual {
-        position: observation.position.coords - predicted.translation.vector,
-        rotation: observation.orientation.map(|(measured, _)| turn(measured)),
-    }
 }

@@ -13,7 +13,7 @@ mod table;
 
 use super::model::{Angles, PoseModel};
 use super::models::{Models, Training};
-use super::saved::SavedError;
+use super::saved::{SavedError, SavedHead};
 pub use geometric::IdentifiedGeometry;
 
 /// Makes [`Model`] of a line for each: the variant, and the file that says what it is.
@@ -99,7 +99,15 @@ pub enum Made {
 }
 
 /// Reads a saved model; its misfit per axis (mm) stands beside the text, where it has one.
-pub type Load = fn(&str, Option<f64>) -> Result<Box<dyn PoseModel>, SavedError>;
+pub type Load = fn(&str, Option<f64>) -> Result<Loaded, SavedError>;
+
+/// A model that was read back.
+pub struct Loaded {
+    /// The arm and the sessions that it is of.
+    pub head: SavedHead,
+    /// The model.
+    pub model: Box<dyn PoseModel>,
+}
 
 impl Model {
     /// The model of a table's word.

@@ -3,7 +3,7 @@
 //! Inputs: the full error model of a pool, the base + target fit and the observations of the same pool. Output: per session, what
 //! the shared arm leaves of its stations beside what the nominal arm leaves, and a verdict.
 //!
-//! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew; the median distance left.
+//! 1. Shared arm: the model's prediction without the session's own changes, its base aligned anew with each source; the median distance left.
 //! 2. Nominal arm: base and target fitted; the median distance left.
 //! 3. What one arm may leave: the instrument's noise, and a change of every joint [`CHANGES`] times as large as expected
 //!    between sessions. The model's own noise is not asked: in a pool of two arms it has grown to hide them.
@@ -24,6 +24,7 @@ use super::full::{FullModel, Query};
 use super::observation::Observation;
 use crate::figures::median;
 use crate::geometry::align;
+use crate::join::SourceId;
 use crate::kinematics::Arm;
 
 /// A shared arm that leaves more than this share of what the nominal arm leaves is not the session's arm.
@@ -112,22 +113,28 @@ pub fn fits(
         let weighted = observations.iter().zip(&full.weights);
         let (own, weights): (Vec<&Observation>, Vec<f64>) =
             weighted.filter(|(o, _)| o.session == session).unzip();
-        let stations: Vec<Shared> = own
-            .iter()
-            .map(|o| Shared::of(full, o, change_rad))
-            .collect();
-        let measured: Vec<Point3<f64>> = own.iter().map(|o| o.position).collect();
-        let predicted: Vec<Point3<f64>> = stations.iter().map(|s| s.position).collect();
+        let stations = own.iter().map(|o| Shared::of(full, o, change_rad));
+        let stations: Vec<Shared> = stations.collect::<Option<_>>()?;
         let allowed: Vec<f64> = stations.iter().map(|s| s.allowed_mm).collect();
         let frames = &nominal.frames[session];
         let left_by_nominal = |o: &&Observation| {
-            let target = arm.chain().nominal(&o.axes) * frames.flange_from_target.origin().point();
-            (o.position - frames.tracker_from_base.isometry() * target).norm()
+            let own = frames.pair(o.source, o.target);
+            let target = arm.chain().nominal(&o.axes) * own.flange_from_target.origin().point();
+            Some((o.point()?.position - own.tracker_from_base.isometry() * target).norm())
         };
+        let nominal: Option<Vec<f64>> = own.iter().map(left_by_nominal).collect();
+        let sources = (0..frames.sources().len()).map(SourceId);
+        let shared = sources.map(|source| {
+            let own = stations.iter().zip(&weights);
+            let own = own.filter(|(station, _)| station.source == source);
+            let (own, weights): (Vec<&Shared>, Vec<f64>) = own.unzip();
+            aligned_distances(&own, &weights)
+        });
+        let shared: Option<Vec<Vec<f64>>> = shared.collect();
         Some(SharedFit {
             session,
-            shared_mm: median(&aligned_distances(&predicted, &measured, &weights)?)?,
-            nominal_mm: median(&own.iter().map(left_by_nominal).collect::<Vec<_>>())?,
+            shared_mm: median(&shared?.concat())?,
+            nominal_mm: median(&nominal?)?,
             allowed_mm: median(&allowed)?,
         })
     };
@@ -154,9 +161,9 @@ pub fn unseen(
         let moved = differential.joints.iter();
         let moved = moved.map(|twist| (twist.linear + twist.angular.cross(&lever)).norm_squared());
         let change = (CHANGES * change_rad).powi(2) * moved.sum::<f64>();
-        (o.instrument.trace() + change).sqrt()
+        Some((o.point()?.instrument.trace() + change).sqrt())
     };
-    let allowed: Vec<f64> = observations.iter().map(allowed).collect();
+    let allowed: Vec<f64> = observations.iter().map(allowed).collect::<Option<_>>()?;
     Some(SharedFit {
         session: 0,
         shared_mm: left_mm.identified,
@@ -183,12 +190,16 @@ impl LeftBy {
 
 /// One station as the shared arm has it.
 struct Shared {
-    position: Point3<f64>,
+    source: SourceId,
+    measured: Point3<f64>,
+    predicted: Point3<f64>,
     allowed_mm: f64,
 }
 
 impl Shared {
-    fn of(full: &FullModel, o: &Observation, change_rad: f64) -> Self {
+    /// `None` of an observation without a position.
+    fn of(full: &FullModel, o: &Observation, change_rad: f64) -> Option<Self> {
+        let point = o.point()?;
         let predicted = full.predict(&Query::of(o));
         let mut position = predicted.position;
         let mut changed = 0.0;
@@ -207,20 +218,20 @@ impl Shared {
             }
         }
         let change = (CHANGES * change_rad).powi(2) * changed;
-        Self {
-            position,
-            allowed_mm: (o.instrument.trace() + change).sqrt(),
-        }
+        Some(Self {
+            source: o.source,
+            measured: point.position,
+            predicted: position,
+            allowed_mm: (point.instrument.trace() + change).sqrt(),
+        })
     }
 }
 
-/// Distances that are left once measured positions are aligned with predicted ones; `None` where they are too few.
-fn aligned_distances(
-    predicted: &[Point3<f64>],
-    measured: &[Point3<f64>],
-    weights: &[f64],
-) -> Option<Vec<f64>> {
-    let base = align(predicted, measured, weights)?;
-    let distances = measured.iter().zip(predicted);
+/// Distances that are left once one source's measured positions are aligned with predicted ones; `None` where they are too few.
+fn aligned_distances(stations: &[&Shared], weights: &[f64]) -> Option<Vec<f64>> {
+    let measured: Vec<Point3<f64>> = stations.iter().map(|s| s.measured).collect();
+    let predicted: Vec<Point3<f64>> = stations.iter().map(|s| s.predicted).collect();
+    let base = align(&predicted, &measured, weights)?;
+    let distances = measured.iter().zip(&predicted);
     Some(distances.map(|(m, p)| (base * m - p).norm()).collect())
 }

@@ -7,8 +7,9 @@ use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Calibration, Frames, Unknown};
+use super::{Calibration, Frames, Owner, Unknown};
 use crate::geometry::Transform;
+use crate::join::Several;
 use crate::kinematics::{Arm, ArmError, Chain, Element, Joint, LinkQuantity, Motion, Parameter};
 
 /// Version of the JSON texts; raised by every change that an older reader would not understand.
@@ -69,6 +70,9 @@ pub enum SavedError {
         "the saved model has no covariance of its own, and no misfit (misfit_mm) stands beside it"
     )]
     NoMisfit,
+    /// Several sources or targets where a step is for one of each.
+    #[error("the saved model has {0}")]
+    Several(#[from] Several),
     /// Joints that make no arm.
     #[error("the saved model is damaged: {0}")]
     Arm(#[from] ArmError),
@@ -158,10 +162,20 @@ pub struct SavedPlacement {
 pub struct SavedSession {
     /// The session's name.
     pub session: String,
-    /// Where the base stands in the tracker's frame.
-    pub tracker_from_base: SavedPlacement,
-    /// Where the target sits at the flange.
-    pub flange_from_target: SavedPlacement,
+    /// Where the base stands in the frame of each source.
+    pub tracker_from_base: SavedPlacements,
+    /// Where each target sits at the flange.
+    pub flange_from_target: SavedPlacements,
+}
+
+/// One placement, or several in a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum SavedPlacements {
+    /// Of a session with one source, or one target.
+    One(SavedPlacement),
+    /// Of each, in their order.
+    Several(Vec<SavedPlacement>),
 }
 
 /// One unknown.
@@ -170,8 +184,16 @@ pub struct SavedSession {
 pub struct SavedUnknown {
     /// Place of its session among the saved ones; `None` for the arm's geometry.
     pub session: Option<usize>,
+    /// Place of the source or target that it is of among those of its session; the first where it is absent.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub of: usize,
     /// Its name.
     pub parameter: String,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde gives a reference")]
+const fn is_first(place: &usize) -> bool {
+    *place == 0
 }
 
 /// A base + target or a geometric calibration.
@@ -343,20 +365,45 @@ impl SavedSession {
     pub fn all(names: &[&str], frames: &[Frames]) -> Vec<Self> {
         let session = |(name, frames): (&&str, &Frames)| Self {
             session: (*name).to_owned(),
-            tracker_from_base: SavedPlacement::of(frames.tracker_from_base.isometry()),
-            flange_from_target: SavedPlacement::of(frames.flange_from_target.isometry()),
+            tracker_from_base: SavedPlacements::of(frames.sources()),
+            flange_from_target: SavedPlacements::of(frames.targets()),
         };
         names.iter().zip(frames).map(session).collect()
     }
 
     /// The frames.
     pub fn frames(&self) -> Result<Frames, SavedError> {
-        let base = self.tracker_from_base.isometry("tracker_from_base")?;
-        let target = self.flange_from_target.isometry("flange_from_target")?;
-        Ok(Frames {
-            tracker_from_base: Transform::claim(base),
-            flange_from_target: Transform::claim(target),
+        let sources = self.tracker_from_base.frames("tracker_from_base")?;
+        let targets = self.flange_from_target.frames("flange_from_target")?;
+        let (counts, frames) = (
+            sources.len().min(targets.len()),
+            Frames::new(sources, targets),
+        );
+        frames.ok_or(SavedError::Length {
+            what: "frames of sources or targets in a session",
+            expected: 1,
+            found: counts,
         })
+    }
+}
+
+impl SavedPlacements {
+    fn of<A, B>(frames: &[Transform<A, B>]) -> Self {
+        let saved = |frame: &Transform<A, B>| SavedPlacement::of(frame.isometry());
+        match frames {
+            [one] => Self::One(saved(one)),
+            several => Self::Several(several.iter().map(saved).collect()),
+        }
+    }
+
+    /// The frames; `what` is placed.
+    fn frames<A, B>(&self, what: &'static str) -> Result<Vec<Transform<A, B>>, SavedError> {
+        let all = match self {
+            Self::One(one) => std::slice::from_ref(one),
+            Self::Several(several) => several,
+        };
+        let frame = |saved: &SavedPlacement| Ok(Transform::claim(saved.isometry(what)?));
+        all.iter().map(frame).collect()
     }
 }
 
@@ -364,7 +411,12 @@ impl SavedUnknown {
     /// Of one unknown.
     pub fn of(unknown: &Unknown) -> Self {
         Self {
-            session: unknown.session,
+            session: unknown.session(),
+            of: match unknown.owner {
+                Owner::Arm => 0,
+                Owner::Source { source, .. } => source.0,
+                Owner::Target { target, .. } => target.0,
+            },
             parameter: unknown.parameter.to_string(),
         }
     }

@@ -1,11 +1,15 @@
 //! Starting frames: a closed-form alignment of the nominal arm's flanges, then base and target alone.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
+use super::frames::Frames;
 use super::observation::Observation;
-use super::problem::{Frames, Freedom, Problem};
+use super::problem::{Freedom, Problem};
 use super::{FitError, FitSettings, solve};
-use crate::geometry::{Transform, align};
+use crate::geometry::{Base, Tracker, Transform, align};
+use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, BatchChain};
 
 /// Nine numbers of base and target ask for three positions; one more leaves something to judge by.
@@ -17,14 +21,15 @@ const PASSES: usize = 3;
 /// Offsets below this (mm and rad) leave the frames as they are.
 const SETTLED: f64 = 1e-9;
 
-/// The frames of each session with the nominal arm: base and target fitted, geometry held.
+/// The frames of each session with the nominal arm: bases and targets fitted, geometry held. A session has the sources and targets
+/// that its observations name.
 pub fn frames(
     arm: &Arm,
     observations: &[Observation],
     sessions: usize,
     settings: &FitSettings,
 ) -> Result<Vec<Frames>, FitError> {
-    let aligned = (0..sessions).map(|session| aligned(arm, observations, session));
+    let aligned = (0..sessions).map(|session| aligned(arm, observations, session, settings));
     let mut frames = aligned.collect::<Result<Vec<_>, _>>()?;
     for _ in 0..PASSES {
         let problem = Problem::new(
@@ -32,7 +37,7 @@ pub fn frames(
             arm.chain(),
             &frames,
             Freedom::BaseAndTarget,
-            settings.prior(),
+            &settings.prior(),
         );
         // With one tool orientation base and target trade freely; the solver's damping takes the shortest step there.
         let solution = solve::solve(&problem, settings.loss, problem.unknowns().len());
@@ -45,12 +50,63 @@ pub fn frames(
     Ok(frames)
 }
 
-/// The base from flange origins alone, and the target's mean turn where orientations are measured.
-fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Frames, FitError> {
+/// The base in each source's frame from flange origins alone, and each target's mean turn where orientations are measured.
+fn aligned(
+    arm: &Arm,
+    observations: &[Observation],
+    session: usize,
+    settings: &FitSettings,
+) -> Result<Frames, FitError> {
     let own: Vec<&Observation> = observations
         .iter()
         .filter(|o| o.session == session)
         .collect();
+    let count = |id: fn(&Observation) -> usize| own.iter().map(|o| id(o) + 1).max().unwrap_or(1);
+    let (sources, targets) = (count(|o| o.source.0), count(|o| o.target.0));
+    if settings.target.is_some() && targets > 1 {
+        return Err(FitError::KnownTargetOfSeveral { session, targets });
+    }
+    let bases = (0..sources).map(|source| base(arm, &own, session, SourceId(source)));
+    let bases = bases.collect::<Result<Vec<_>, _>>()?;
+    let places = (0..targets).map(|target| {
+        let seen = own.iter().filter(|o| o.target == TargetId(target));
+        let seen: Vec<&Observation> = seen.copied().collect();
+        if seen.is_empty() {
+            return Err(FitError::UnseenTarget { session, target });
+        }
+        let flanges = flanges(arm, &seen);
+        let turns = seen.iter().zip(&flanges).filter_map(|(o, flange)| {
+            let base = bases[o.source.0].isometry();
+            Some((base.rotation * flange.rotation).inverse() * o.measured.turn()?.orientation)
+        });
+        let turn = mean_rotation(turns).unwrap_or_else(UnitQuaternion::identity);
+        Ok(Transform::claim(Isometry3::from_parts(
+            Translation3::identity(),
+            turn,
+        )))
+    });
+    let places = places.collect::<Result<Vec<_>, _>>()?;
+    Ok(Frames::new(bases, places).expect("at least one of each is asked for"))
+}
+
+/// The base in the frame of a source, from the target that the source saw most often: the others sit elsewhere at the flange.
+fn base(
+    arm: &Arm,
+    observations: &[&Observation],
+    session: usize,
+    source: SourceId,
+) -> Result<Transform<Tracker, Base>, FitError> {
+    let mut of_targets: BTreeMap<TargetId, Vec<(&Observation, Point3<f64>)>> = BTreeMap::new();
+    for observation in observations.iter().filter(|o| o.source == source) {
+        if let Some(point) = observation.point() {
+            let seen = of_targets.entry(observation.target).or_default();
+            seen.push((observation, point.position));
+        }
+    }
+    // Of equally many the first target, so that the order of observations does not matter.
+    let most = of_targets.into_values().rev().max_by_key(Vec::len);
+    let (own, measured): (Vec<&Observation>, Vec<Point3<f64>>) =
+        most.unwrap_or_default().into_iter().unzip();
     if own.len() < LEAST_STATIONS {
         return Err(FitError::TooFewStations {
             session,
@@ -58,7 +114,6 @@ fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Fr
             needed: LEAST_STATIONS,
         });
     }
-    let measured: Vec<Point3<f64>> = own.iter().map(|o| o.position).collect();
     let flanges = flanges(arm, &own);
     let origins: Vec<Point3<f64>> = flanges
         .iter()
@@ -70,17 +125,7 @@ fn aligned(arm: &Arm, observations: &[Observation], session: usize) -> Result<Fr
     }
     let base = align(&measured, &origins, &vec![1.0; own.len()])
         .ok_or(FitError::Degenerate { session, spread_mm })?;
-    let turns = own
-        .iter()
-        .zip(&flanges)
-        .filter_map(|(observation, flange)| {
-            Some((base.rotation * flange.rotation).inverse() * observation.orientation?.0)
-        });
-    let turn = mean_rotation(turns).unwrap_or_else(UnitQuaternion::identity);
-    Ok(Frames {
-        tracker_from_base: Transform::claim(base),
-        flange_from_target: Transform::claim(Isometry3::from_parts(Translation3::identity(), turn)),
-    })
+    Ok(Transform::claim(base))
 }
 
 /// The nominal flange at each observation.

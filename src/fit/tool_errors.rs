@@ -57,7 +57,9 @@ impl<'m> ToolErrors<'m> {
     ) -> Result<(Vector3<f64>, Matrix3<f64>), Gap> {
         let axes = self.error_frame.arm().axes(joints);
         let predicted = self.model.predict(&self.at(&axes))?;
-        let spread = self.model.spread(self.session, &predicted);
+        let spread = self
+            .model
+            .spread(self.session, self.error_frame.frames().source, &predicted);
         let base = self
             .error_frame
             .frames()
@@ -76,6 +78,8 @@ impl<'m> ToolErrors<'m> {
             known: Known::Commanded,
             lever: self.error_frame.lever(),
             session: self.session,
+            source: self.error_frame.frames().source,
+            target: self.error_frame.frames().target,
             own: true,
             station: None,
         })

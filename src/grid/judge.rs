@@ -1,6 +1,6 @@
 //! How a step is judged: always on stations that took no part.
 //!
-//! *Local cell*: a cell of the step around each held-out station, at that station's own orientation and configuration,
+//! *Local cell*: a cell of the lattice's pitches around each held-out station, at that station's own orientation and configuration,
 //! the station at a quasi-random place of it (a table's targets lie anywhere in their cells). *Table*: the very nodes
 //! that would be published, for held-out stations in the box, of the same configuration and within the orientation
 //! tolerance. Only *table* gives the verdict ([`crate::method::grids`]).
@@ -32,6 +32,10 @@ pub struct HeldOut {
     pub uncorrected: Vec<f64>,
     /// Norm of what the model itself leaves on the same stations, without any grid, mm; empty for measured nodes.
     pub direct: Vec<f64>,
+    /// Norms by pose of what the model itself leaves there: what its bound counts; empty for measured nodes.
+    pub direct_by_pose: PoseErrors,
+    /// Norms by pose of what the model itself leaves there with between-session variation drawn anew; empty as `between_sessions` is.
+    pub direct_another_day: PoseErrors,
     /// Blocks the stations come from: those of one block are not independent.
     pub blocks: BTreeSet<usize>,
     /// Stations in a refused cell, by reason.
@@ -107,7 +111,14 @@ impl HeldOut {
         predicted: &Vector3<f64>,
     ) {
         self.add(station, interpolated, 0);
-        self.direct.push((station.error - predicted).norm());
+        let norm = (station.error - predicted).norm();
+        self.direct.push(norm);
+        self.direct_by_pose
+            .add(station.pose, station.number, 0, norm);
+        for (day, norm) in station.left_between_sessions(predicted).enumerate() {
+            self.direct_another_day
+                .add(station.pose, station.number, day, norm);
+        }
     }
 
     /// Poses and stations that the norms are of: fewer than norms where a station is judged by several decimated grids.
@@ -144,19 +155,19 @@ pub struct LocalCell {
     vertices: Result<Vec<Vec<f64>>, Refusal>,
 }
 
-/// Places a cell of step `step` around each station, at the station's own orientation and configuration.
+/// Places a cell of `pitch` (mm along each axis) around each station, at the station's own orientation and configuration.
 pub(super) fn local_cells(
     reach: &Reach<'_>,
     stations: &[GridStation],
-    step: [f64; 3],
+    pitch: [f64; 3],
 ) -> Vec<LocalCell> {
     let place = |station: &GridStation| {
         let fraction = quasi_random(station.number);
-        let least = station.position - fraction.component_mul(&Vector3::from(step));
+        let least = station.position - fraction.component_mul(&Vector3::from(pitch));
         let vertices = (0..8).map(|vertex: usize| {
             let offset = Vector3::from_fn(|axis, _| {
                 if vertex >> axis & 1 == 1 {
-                    step[axis]
+                    pitch[axis]
                 } else {
                     0.0
                 }
@@ -187,13 +198,13 @@ pub(super) fn by_local_cell(
     stations: &[GridStation],
     cells: &[LocalCell],
     folds: &[ToolErrors<'_>],
-    step: &[f64; 3],
+    pitch: &[f64; 3],
     interpolation: Interpolation,
     power: f64,
 ) -> HeldOut {
     let interpolated = |(station, cell): (&GridStation, &LocalCell)| {
         let vertices = cell.vertices.as_ref().map_err(|refusal| *refusal)?;
-        let weights = interpolation.weights(&cell.fraction, step, power);
+        let weights = interpolation.weights(&cell.fraction, pitch, power);
         let error = |joints: &Vec<f64>| {
             let error = folds[station.fold].error(joints);
             error.map_err(|gap| gap.refusal())

@@ -1,7 +1,8 @@
-//! A box cut into cells of one step: nodes, cells, and where a point lies in its cell.
+//! A box divided into equal cells: nodes, cells, and where a point lies in its cell.
 
 use nalgebra::{Point3, Vector3};
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// A box in the base frame, mm.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
@@ -29,15 +30,43 @@ impl WorkBox {
     }
 }
 
-/// Nodes on a regular lattice; `N = Π_k (⌊Δ_k/L_k⌋ + 1)`, the box cut to whole steps.
+/// Nodes on a regular lattice, the same pitch between all neighbours along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lattice {
     /// The node with the least coordinates, mm.
     pub origin: Point3<f64>,
-    /// Step along each axis, mm.
+    /// Pitch along each axis, mm.
     pub step: [f64; 3],
     /// Nodes along each axis.
     pub counts: [usize; 3],
+}
+
+/// Why a box has no lattice of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum NoLattice {
+    /// The box has no size along an axis.
+    #[error(
+        "the box is flat along {axis} ({size_mm:.3} mm), and a grid needs a size along each axis: measure poses that differ \
+         along {axis} too, or state [grid] box"
+    )]
+    Flat {
+        /// Which axis.
+        axis: char,
+        /// Size of the box along it, mm.
+        size_mm: f64,
+    },
+    /// The step is so small that the lattice has too many nodes.
+    #[error(
+        "a step of {step_mm} mm makes {nodes:.0} nodes of the box, more than the {most:.0} that a table may have: choose a \
+         larger step",
+        most = MOST_NODES
+    )]
+    TooFine {
+        /// The step, mm.
+        step_mm: f64,
+        /// Nodes that it would make.
+        nodes: f64,
+    },
 }
 
 /// A point's cell and its place in it.
@@ -49,29 +78,46 @@ pub struct InCell {
     pub fraction: Vector3<f64>,
 }
 
-/// A point this close to the box's rim, in steps, counts as on it: commands carry rounding.
+/// A point this close to the box's rim, in pitches, counts as on it, and a step that fits so nearly into the box counts as fitting:
+/// commands carry rounding.
 const RIM: f64 = 1e-6;
+/// Coordinates nearer to each other than this are one plane, mm: commands carry rounding, and no grid is this fine.
+pub(super) const PLANE_MM: f64 = 1.0;
+/// The most nodes of a lattice. A table of more is of no use to a controller.
+const MOST_NODES: f64 = 1e6;
 
 impl Lattice {
-    /// The lattice of step `step` in `bounds`, centred in what the whole steps leave over; `None` where a step does not
-    /// fit into the box along some axis.
+    /// The lattice that covers all of `bounds` with cells no larger than `step_mm`: along each axis of size Δ the pitch is
+    /// Δ / max(1, ⌈Δ/L − 10⁻⁶⌉), so a step larger than the box makes one cell.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "a count of steps, at least one"
+        reason = "at least one cell, and no more than there may be nodes"
     )]
-    pub fn new(bounds: &WorkBox, step: [f64; 3]) -> Option<Self> {
-        let steps: [f64; 3] =
-            std::array::from_fn(|axis| (bounds.size(axis) / step[axis] + RIM).floor());
-        let fits = (0..3).all(|axis| step[axis] > 0.0 && steps[axis] >= 1.0 && steps[axis] < 1e6);
-        let corner = |axis: usize| {
-            bounds.low_mm[axis] + (bounds.size(axis) - steps[axis] * step[axis]) / 2.0
-        };
-        fits.then(|| Self {
-            origin: Point3::new(corner(0), corner(1), corner(2)),
-            step,
-            counts: steps.map(|steps| steps as usize + 1),
-        })
+    pub fn new(bounds: &WorkBox, step_mm: f64) -> Result<Self, NoLattice> {
+        let cells: [f64; 3] =
+            std::array::from_fn(|axis| (bounds.size(axis) / step_mm - RIM).ceil().max(1.0));
+        let nodes = cells.iter().map(|cells| cells + 1.0).product::<f64>();
+        if nodes > MOST_NODES {
+            return Err(NoLattice::TooFine { step_mm, nodes });
+        }
+        Self::of_cells(bounds, cells.map(|cells| cells as usize))
+    }
+
+    /// The lattice that divides `bounds` into so many equal cells along each axis, one at least.
+    pub fn of_cells(bounds: &WorkBox, cells: [usize; 3]) -> Result<Self, NoLattice> {
+        let flat = (0..3).find(|&axis| bounds.size(axis) < PLANE_MM);
+        match flat {
+            Some(axis) => Err(NoLattice::Flat {
+                axis: ['x', 'y', 'z'][axis],
+                size_mm: bounds.size(axis),
+            }),
+            None => Ok(Self {
+                origin: Point3::from(bounds.low_mm),
+                step: std::array::from_fn(|axis| bounds.size(axis) / cells[axis] as f64),
+                counts: cells.map(|cells| cells + 1),
+            }),
+        }
     }
 
     /// Nodes in all.
@@ -82,6 +128,22 @@ impl Lattice {
     /// Cells in all.
     pub(super) fn cell_count(&self) -> usize {
         self.counts.iter().map(|count| count - 1).product()
+    }
+
+    /// Indices of the least vertices of all cells; x runs fastest.
+    pub(super) fn cells(&self) -> impl Iterator<Item = [usize; 3]> {
+        let [nx, ny, nz] = self.counts.map(|count| count - 1);
+        (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
+    }
+
+    /// Volume that the cell whose least vertex has `index` shares with `bounds`, mm³.
+    pub(super) fn volume_in(&self, bounds: &WorkBox, index: [usize; 3]) -> f64 {
+        let shared = |axis: usize| {
+            let low = (index[axis] as f64).mul_add(self.step[axis], self.origin[axis]);
+            let high = (low + self.step[axis]).min(bounds.high_mm[axis]);
+            (high - low.max(bounds.low_mm[axis])).max(0.0)
+        };
+        (0..3).map(shared).product()
     }
 
     /// The number of the node at `index`; x runs fastest.
@@ -147,16 +209,39 @@ mod tests {
     }
 
     #[test]
-    fn the_box_is_cut_to_whole_steps() {
-        let lattice = Lattice::new(&unit_box(), [200.0; 3]).expect("the step fits");
-        assert_eq!(lattice.counts, [6, 3, 2]); // ⌊1000/200⌋+1, ⌊500/200⌋+1, ⌊250/200⌋+1
-        assert_eq!(lattice.origin, Point3::new(0.0, 50.0, 25.0)); // what is left over is shared by both sides
-        assert!(Lattice::new(&unit_box(), [300.0; 3]).is_none());
+    fn the_whole_box_is_covered_by_equal_cells_no_larger_than_the_step() {
+        let lattice = Lattice::new(&unit_box(), 200.0).expect("a lattice");
+        assert_eq!(lattice.counts, [6, 4, 3]); // ⌈1000/200⌉+1, ⌈500/200⌉+1, ⌈250/200⌉+1
+        let pitch = Vector3::from(lattice.step);
+        assert!((pitch - Vector3::new(200.0, 500.0 / 3.0, 125.0)).norm() < 1e-9);
+        assert_eq!(lattice.origin, Point3::origin());
+        let last = lattice.position(lattice.node_count() - 1);
+        assert!((last - Point3::new(1000.0, 500.0, 250.0)).norm() < 1e-9);
+        // A step that fits but for rounding makes no sliver, one larger than the box one cell.
+        let rounded = Lattice::new(&unit_box(), 250.0 * (1.0 - 1e-7)).expect("a lattice");
+        assert_eq!(rounded.counts, [5, 3, 2]);
+        let large = Lattice::new(&unit_box(), 600.0).expect("a lattice");
+        assert_eq!(large.counts, [3, 2, 2]);
+        let cells: Vec<f64> = large
+            .cells()
+            .map(|cell| large.volume_in(&unit_box(), cell))
+            .collect();
+        assert_eq!(cells, [62.5e6; 2]);
+    }
+
+    #[test]
+    fn a_flat_box_and_a_step_for_millions_of_nodes_have_no_lattice() {
+        let mut flat = unit_box();
+        flat.high_mm[2] = 0.01;
+        let reason = Lattice::new(&flat, 100.0).expect_err("flat").to_string();
+        assert!(reason.contains("flat along z (0.010 mm)"), "{reason}");
+        let reason = Lattice::new(&unit_box(), 1e-3).expect_err("too fine");
+        assert!(reason.to_string().contains("choose a larger step"));
     }
 
     #[test]
     fn points_find_their_cell() {
-        let lattice = Lattice::new(&unit_box(), [250.0; 3]).expect("the step fits");
+        let lattice = Lattice::new(&unit_box(), 250.0).expect("a lattice");
         let found = lattice
             .locate(&Point3::new(1000.0, 125.0, 250.0))
             .expect("on the rim is inside");

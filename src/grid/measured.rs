@@ -9,8 +9,9 @@ use nalgebra::{Point3, Vector3};
 
 use super::interpolation::Interpolation;
 use super::judge::HeldOut;
-use super::lattice::Lattice;
+use super::lattice::{Lattice, PLANE_MM};
 use super::node::{GridStation, Refusal, on_one_branch};
+use crate::kinematics::Configuration;
 
 /// A session's own grid: which station stands at which node.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,8 +44,6 @@ pub enum NotOnGrid {
     Mixed,
 }
 
-/// Coordinates nearer to each other than this are one plane, mm: commands carry rounding, and no grid is this fine.
-const PLANE_MM: f64 = 1.0;
 /// Tool orientations of one grid differ by less than this, rad.
 const ONE_ORIENTATION_RAD: f64 = 0.02;
 
@@ -189,33 +188,13 @@ impl Decimated {
         if nodes.map(|node| &stations[node]).any(is_own) {
             return;
         }
-        let vertices: Option<Vec<&GridStation>> = cell
-            .vertices
-            .iter()
-            .map(|&vertex| self.nodes[vertex].map(|place| &stations[place]))
-            .collect();
-        let Some(vertices) = vertices else {
-            *held_out.refused.entry(Refusal::Unmeasured).or_default() += 1;
-            return;
+        let vertices = match self.serving(&cell.vertices, stations, station.configuration) {
+            Ok(vertices) => vertices,
+            Err(refusal) => {
+                *held_out.refused.entry(refusal).or_default() += 1;
+                return;
+            }
         };
-        if vertices
-            .iter()
-            .any(|vertex| vertex.configuration != station.configuration)
-        {
-            *held_out
-                .refused
-                .entry(Refusal::OtherConfiguration)
-                .or_default() += 1;
-            return;
-        }
-        let joints: Vec<&[f64]> = vertices
-            .iter()
-            .map(|vertex| vertex.joints.as_slice())
-            .collect();
-        if !on_one_branch(&joints) {
-            *held_out.refused.entry(Refusal::Branches).or_default() += 1;
-            return;
-        }
         let weights = interpolation.weights(&cell.fraction, &self.lattice.step, power);
         let interpolated: Vector3<f64> = vertices
             .iter()
@@ -223,6 +202,29 @@ impl Decimated {
             .map(|(vertex, w)| vertex.error * w)
             .sum();
         held_out.add(station, &interpolated, sample);
+    }
+
+    /// The stations at the vertices of a cell, if they can serve a target of this arm configuration; otherwise why not.
+    pub(super) fn serving<'s>(
+        &self,
+        vertices: &[usize; 8],
+        stations: &'s [GridStation],
+        configuration: Option<Configuration>,
+    ) -> Result<Vec<&'s GridStation>, Refusal> {
+        let station = |&vertex: &usize| {
+            let place = self.nodes[vertex].ok_or(Refusal::Unmeasured)?;
+            Ok(&stations[place])
+        };
+        let stations: Vec<&GridStation> = vertices.iter().map(station).collect::<Result<_, _>>()?;
+        if stations.iter().any(|s| s.configuration != configuration) {
+            return Err(Refusal::OtherConfiguration);
+        }
+        let joints: Vec<&[f64]> = stations.iter().map(|s| s.joints.as_slice()).collect();
+        if on_one_branch(&joints) {
+            Ok(stations)
+        } else {
+            Err(Refusal::Branches)
+        }
     }
 }
 

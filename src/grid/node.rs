@@ -207,13 +207,12 @@ impl PlacedGrid {
 
     /// Refused cells by reason.
     pub fn refused_cells(&self) -> BTreeMap<Refusal, usize> {
-        let [nx, ny, nz] = self.lattice.counts.map(|count| count - 1);
-        let cells =
-            (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+        let cells = self.lattice.cells();
         count(cells.filter_map(|index| self.usable(&self.lattice.vertices(index)).err()))
     }
 
-    fn usable(&self, vertices: &[usize; 8]) -> Result<(), Refusal> {
+    /// Whether a cell of these nodes can serve, or why not.
+    pub(super) fn usable(&self, vertices: &[usize; 8]) -> Result<(), Refusal> {
         let mut joints = Vec::with_capacity(8);
         for &vertex in vertices {
             joints.push(

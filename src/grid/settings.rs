@@ -6,7 +6,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 
 use super::interpolation::Interpolation;
-use super::lattice::WorkBox;
+use super::lattice::{Lattice, NoLattice, WorkBox};
 use super::node::GridStation;
 use super::{GridError, Source};
 use crate::fit::start::mean_rotation;
@@ -37,6 +37,25 @@ pub struct GridSettings {
     /// The power p of `idw`.
     #[serde(default = "default_power")]
     pub idw_power: f64,
+    /// How the published step is chosen.
+    #[serde(default)]
+    pub choose: Rule,
+    /// A table of model nodes may have a bound above the model's own by this share of it, or by
+    /// [`WITHIN_MM`](super::choose::WITHIN_MM) where that is more.
+    #[serde(default = "default_within")]
+    pub within: f64,
+}
+
+/// How the published step is chosen among those that were judged.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rule {
+    /// Model nodes, which cost nothing: the largest step whose bound is within `within` of the model's own. Measured nodes:
+    /// the largest step that holds. Of both, the one with the smaller bound.
+    #[default]
+    Within,
+    /// The largest step that holds with all smaller ones, whatever its nodes cost: the seed paper's rule.
+    FewestNodes,
 }
 
 fn default_orientation_tolerance() -> f64 {
@@ -53,6 +72,10 @@ fn default_sources() -> Vec<Source> {
 
 fn default_power() -> f64 {
     2.0
+}
+
+fn default_within() -> f64 {
+    0.05
 }
 
 /// The table's box, orientation and configuration.
@@ -121,12 +144,44 @@ impl GridPlan {
             && station.orientation.angle_to(&self.orientation) <= self.tolerance_rad
     }
 
-    /// The error of a step that does not fit.
-    pub fn too_large(&self, step_mm: f64) -> GridError {
-        let [x, y, z] = [0, 1, 2].map(|axis| self.bounds.size(axis));
-        GridError::StepTooLarge {
-            step_mm,
-            sizes: format!("{x:.1} × {y:.1} × {z:.1}"),
+    /// The lattice that `step_mm` is judged on, or why it is not judged; `steps_mm` are all steps.
+    pub(super) fn lattice(&self, step_mm: f64, steps_mm: &[f64]) -> Result<Lattice, NotJudged> {
+        let lattice = Lattice::new(&self.bounds, step_mm)?;
+        let is_same = |other: &f64| Lattice::new(&self.bounds, *other).is_ok_and(|o| o == lattice);
+        let least_mm = steps_mm.iter().copied().filter(is_same);
+        let least_mm = least_mm.fold(step_mm, f64::min);
+        if least_mm < step_mm {
+            return Err(NotJudged::SamePitches {
+                judged_mm: least_mm,
+                pitch_mm: lattice.step,
+            });
+        }
+        Ok(lattice)
+    }
+}
+
+/// Why a step is not judged on nodes of the model.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub(super) enum NotJudged {
+    /// It does not fit.
+    #[error(transparent)]
+    NoLattice(#[from] NoLattice),
+    /// A smaller step has the same lattice.
+    #[error("it comes to the same pitches as the step of {judged_mm} mm, which is judged")]
+    SamePitches {
+        /// The smallest such step, mm.
+        judged_mm: f64,
+        /// The pitches, mm.
+        pitch_mm: [f64; 3],
+    },
+}
+
+impl NotJudged {
+    /// The pitches that the step comes to; `None` where it does not fit.
+    pub(super) const fn pitch_mm(&self) -> Option<[f64; 3]> {
+        match self {
+            Self::NoLattice(_) => None,
+            Self::SamePitches { pitch_mm, .. } => Some(*pitch_mm),
         }
     }
 }

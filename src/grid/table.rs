@@ -5,26 +5,19 @@ use rayon::prelude::*;
 
 use super::judge::HeldOut;
 use super::lattice::{InCell, Lattice};
-use super::measured::MeasuredGrid;
-use super::node::{GridStation, PlacedGrid, Reach, Refusal, on_one_branch};
-use super::settings::{GridPlan, GridSettings};
-use super::{GridError, GridInput, Judged, Source, Table, TableNode};
+use super::node::{GridStation, PlacedGrid, Refusal, on_one_branch};
+use super::rows::Judging;
+use super::{Judged, Source, Table, TableNode};
 use crate::fit::ToolErrors;
 
-/// The nodes of the chosen row, with their values and covariances.
-pub(super) fn table(
-    input: &GridInput<'_>,
-    reach: &Reach<'_>,
-    plan: &GridPlan,
-    like: &[&GridStation],
-    chosen: &Judged,
-    settings: &GridSettings,
-) -> Result<Table, GridError> {
+/// The nodes of the chosen row, with their values and covariances; `None` where the row has no lattice.
+pub(super) fn table(judging: &Judging<'_>, chosen: &Judged) -> Option<Table> {
     let (lattice, nodes) = match chosen.source {
-        Source::Model => model_nodes(input, reach, plan, like, chosen.step_mm)?,
-        Source::Measured => measured_nodes(input, plan, chosen.step_mm)?,
+        Source::Model => model_nodes(judging, chosen.lattice?),
+        Source::Measured => measured_nodes(judging, chosen.step_mm)?,
     };
-    Ok(Table {
+    let (plan, settings) = (judging.plan, judging.settings);
+    Some(Table {
         step_mm: chosen.step_mm,
         lattice,
         orientation: plan.orientation,
@@ -83,22 +76,15 @@ impl Table {
     }
 }
 
-fn model_nodes(
-    input: &GridInput<'_>,
-    reach: &Reach<'_>,
-    plan: &GridPlan,
-    like: &[&GridStation],
-    step_mm: f64,
-) -> Result<(Lattice, Vec<TableNode>), GridError> {
-    let lattice =
-        Lattice::new(&plan.bounds, [step_mm; 3]).ok_or_else(|| plan.too_large(step_mm))?;
-    let grid = PlacedGrid::new(reach, lattice, plan.orientation, like);
+fn model_nodes(judging: &Judging<'_>, lattice: Lattice) -> (Lattice, Vec<TableNode>) {
+    let orientation = judging.plan.orientation;
+    let grid = PlacedGrid::new(judging.reach, lattice, orientation, judging.like);
     let nodes = grid.nodes.into_par_iter().map(|node| TableNode {
-        error: error_at(&input.model, &node.joints),
+        error: error_at(&judging.input.model, &node.joints),
         joints: node.joints,
         nearest_mm: node.nearest_mm,
     });
-    Ok((lattice, nodes.collect()))
+    (lattice, nodes.collect())
 }
 
 /// The model's error at the joint angles of a node, with its covariance, or why there is none.
@@ -111,19 +97,11 @@ fn error_at(
     error.map_err(|gap| gap.refusal())
 }
 
-fn measured_nodes(
-    input: &GridInput<'_>,
-    plan: &GridPlan,
-    step_mm: f64,
-) -> Result<(Lattice, Vec<TableNode>), GridError> {
-    let no_table = |reason: String| GridError::NoTable { reason };
-    let own = MeasuredGrid::of(input.stations).map_err(|reason| no_table(reason.to_string()))?;
-    let multiples = own
-        .multiples(step_mm)
-        .ok_or_else(|| no_table(format!("{step_mm} mm is no multiple of the pitch")))?;
-    let grid = own
-        .decimated(multiples, [0; 3])
-        .ok_or_else(|| no_table("no cell is left".to_owned()))?;
+/// The stations of the session's own grid at this step; `None` where the step is none of its own.
+fn measured_nodes(judging: &Judging<'_>, step_mm: f64) -> Option<(Lattice, Vec<TableNode>)> {
+    let (input, plan) = (judging.input, judging.plan);
+    let own = judging.own.as_ref().ok()?;
+    let grid = own.decimated(own.multiples(step_mm)?, [0; 3])?;
     let variance = (input.guard_mm / 2.0).powi(2);
     let refused = |refusal: Refusal, nearest_mm: f64| TableNode {
         joints: Err(refusal),
@@ -141,5 +119,5 @@ fn measured_nodes(
             nearest_mm: 0.0,
         },
     };
-    Ok((grid.lattice, grid.nodes.iter().map(node).collect()))
+    Some((grid.lattice, grid.nodes.iter().map(node).collect()))
 }

@@ -1,6 +1,6 @@
 //! Whether a table still holds, by the session that it drove.
 //!
-//! Inputs: the promise of the table's run held against the errors measured after ([`Kept`]), how the corrections were applied, what
+//! Inputs: the promise of the table's run held against the errors measured after ([`PromiseKept`]), how the corrections were applied, what
 //! the session was run with that the table is not for, and the arm as the table's run and the session identified it.
 //! Output: a [`TableState`]. Steps:
 //! 1. a table used outside what it is valid for says so, whatever was measured;
@@ -18,7 +18,8 @@ use super::{FALSE_ALARM, Judged};
 use crate::compensation::validity::Outside;
 use crate::figures::{Coverage, least_count};
 use crate::report::ResidualSet;
-use crate::report::driven::{Application, BaseMotion, Kept, TablePromise, base_motion, kept};
+use crate::report::driven::{Application, BaseMotion, base_motion, kept};
+use crate::report::promise::{Promise, PromiseKept};
 
 /// Whether a table still holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,7 +80,7 @@ pub struct Shown<'s> {
     /// How the corrections were applied.
     pub application: &'s Application,
     /// What the table's run promised, or why nothing is held against the session.
-    pub promise: Result<&'s TablePromise, NotShown>,
+    pub promise: Result<&'s Promise, NotShown>,
     /// Attained minus wanted; `None` where the stations do not span space.
     pub after: Option<&'s ResidualSet>,
     /// What the session was run with that the table is not for.
@@ -111,7 +112,7 @@ impl Shown<'_> {
     }
 
     /// The promise held against the stations that judge, or why it is not.
-    pub fn kept(&self) -> Result<Kept, NotShown> {
+    pub fn kept(&self) -> Result<PromiseKept, NotShown> {
         let promise = self.promise.clone()?;
         let misapplied = matches!(
             self.application,
@@ -123,12 +124,12 @@ impl Shown<'_> {
         if misapplied {
             return Err(NotShown::Misapplied);
         }
-        kept(promise, self.after.ok_or(NotShown::NoBase)?).ok_or(NotShown::NoBase)
+        kept(*promise, self.after.ok_or(NotShown::NoBase)?).ok_or(NotShown::NoBase)
     }
 
     fn drifted(
         &self,
-        promise: &TablePromise,
+        promise: &Promise,
         compare: impl FnOnce() -> Result<Judged, String>,
     ) -> Drifted {
         if let Some(motion) = self.after.and_then(|after| during_session(promise, after)) {
@@ -161,14 +162,14 @@ fn of_the_arm(finding: &Finding) -> bool {
 const MOST: f64 = 0.5;
 
 /// How far the base moved during the session, where that is what contradicts the promise.
-fn during_session(promise: &TablePromise, after: &ResidualSet) -> Option<BaseMotion> {
+fn during_session(promise: &Promise, after: &ResidualSet) -> Option<BaseMotion> {
     let (own, motion) = base_motion(after)?;
     let squares = |set: &ResidualSet| -> f64 {
         let judged = set.residuals.iter().filter(|r| !r.used_for_refit);
         judged.map(|r| r.residual.norm_squared()).sum()
     };
     let most = squares(&own) < (1.0 - MOST) * squares(after);
-    (most && !kept(promise, &own)?.is_broken()).then_some(motion)
+    (most && !kept(*promise, &own)?.is_broken()).then_some(motion)
 }
 
 /// As many stations as can show the promise's share with its confidence.
@@ -177,7 +178,7 @@ fn during_session(promise: &TablePromise, after: &ResidualSet) -> Option<BaseMot
     clippy::cast_sign_loss,
     reason = "a count of stations"
 )]
-fn needed(promise: &TablePromise) -> usize {
+fn needed(promise: &Promise) -> usize {
     let coverage = Coverage {
         share: promise.share,
         confidence: promise.confidence,
@@ -278,9 +279,9 @@ mod tests {
     use crate::compensation::{UsedWith, Validity};
     use crate::report::driven::{DrivenStation, measured};
 
-    const PROMISE: TablePromise = TablePromise {
-        mean_mm: 0.1,
-        bound_mm: 0.2,
+    const PROMISE: Promise = Promise {
+        mean_mm: Some(0.1),
+        bound_mm: Some(0.2),
         share: 0.95,
         confidence: 0.95,
     };

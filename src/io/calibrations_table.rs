@@ -1,22 +1,22 @@
 //! A Parquet file of table `calibrations` → an [`IdentifiedArm`] and its run.
 //!
 //! 1. The file keeps the contract of `schemas/calibrations.toml` ([`read_given`]).
-//! 2. The row `base_target` has the nominal arm and the frames that are the error reference frame: those of the last session.
+//! 2. The row `base_target` has the nominal arm; every row has the error reference frame.
 //! 3. The best model that there is a row of predicts ([`Model::serving`]): `full`, or without it `geometric`.
 //! 4. Frames of commands and tool, joint ranges, arm configurations and validity stand in every row and have to be the same.
 
 use std::path::{Path, PathBuf};
 
-use arrow::array::Array as _;
 use thiserror::Error;
 
-use super::common::{Common, CommonError};
+use super::common::{self, Common, CommonError};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
-use super::table::{FileError, Table};
+use super::table::{FileError, Row as _, Word as _};
+use super::tables::calibrations::CalibrationRow;
 use crate::compensation::{ArmModel, IdentifiedArm};
-use crate::fit::Model;
 use crate::fit::saved::{SavedError, SavedHead, SavedSession};
+use crate::fit::{FramePair, Model};
 use crate::manifest::RunKey;
 
 /// An identified arm as a run published it.
@@ -87,30 +87,30 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
     let table = read_given(path, schema::find("calibrations")?)?;
     let file = CalibrationsFile {
         path,
-        table: &table,
+        rows: CalibrationRow::read(&table),
     };
-    let base_target = Model::BaseTarget.about().word;
+    let base_target = Model::BaseTarget;
     let base = file
         .head(base_target)?
         .ok_or_else(|| file.absent(base_target))?;
     let wrong = |source| file.wrong(base_target, source);
     let arm = base.arm.arm().map_err(wrong)?;
-    let session = base
-        .sessions
-        .last()
-        .ok_or_else(|| file.absent(base_target))?;
-    let frames = session.frames().map_err(wrong)?;
     let said = file.said();
-    let key = said.key()?;
+    let key = common::key(path, &table)?;
     let arm = IdentifiedArm {
         // A run's table for joint angles goes by the run's name, as its table of nodes does.
         table_id: key.run.clone(),
-        frames,
-        flange_from_tool: said.placement("flange_from_tool")?,
-        command_from_base: said.placement("command_from_base")?,
+        frames: file.frames()?,
+        flange_from_tool: said.placement("flange_from_tool", |row| {
+            (row.flange_from_tool, row.flange_from_tool_turn)
+        })?,
+        command_from_base: said.command_from_base()?,
         model: file.first(wanted, &base)?,
         measured: said.joint_ranges(arm.joints().len())?,
-        configurations: said.texts("configurations")?,
+        configurations: said
+            .one("configurations", |row| Some(&row.configurations))?
+            .cloned()
+            .unwrap_or_default(),
         validity: said.validity()?,
         arm,
     };
@@ -120,46 +120,53 @@ fn read_model(path: &Path, wanted: &[Model]) -> Result<PublishedArm, Calibration
 /// A file that keeps the schema.
 struct CalibrationsFile<'t> {
     path: &'t Path,
-    table: &'t Table,
+    rows: Vec<CalibrationRow>,
 }
 
 impl CalibrationsFile<'_> {
-    const fn said(&self) -> Common<'_> {
+    fn said(&self) -> Common<'_, CalibrationRow> {
         Common {
             path: self.path,
-            table: self.table,
+            rows: &self.rows,
         }
     }
 
-    fn row(&self, kind: &str) -> Option<usize> {
-        let kinds = self.table.text("model_kind");
-        (0..kinds.len()).find(|&row| kinds.value(row) == kind)
+    fn row(&self, model: Model) -> Option<&CalibrationRow> {
+        self.rows.iter().find(|row| row.model_kind == model)
     }
 
-    fn absent(&self, kind: &'static str) -> CalibrationsTableError {
+    /// The frames that errors are stated in.
+    fn frames(&self) -> Result<FramePair, CalibrationsTableError> {
+        let said = self.said();
+        let base = said.placement("error_frame_base", |row| {
+            (row.error_frame_base, row.error_frame_base_turn)
+        })?;
+        let target = said.placement("error_frame_target", |row| {
+            (row.error_frame_target, [0.0, 0.0, 0.0, 1.0])
+        })?;
+        Ok(FramePair::only(base, target))
+    }
+
+    fn absent(&self, model: Model) -> CalibrationsTableError {
         CalibrationsTableError::Absent {
             path: self.path.to_owned(),
-            kind,
+            kind: model.word(),
         }
     }
 
-    fn wrong(&self, kind: &'static str, source: SavedError) -> CalibrationsTableError {
+    fn wrong(&self, model: Model, source: SavedError) -> CalibrationsTableError {
         CalibrationsTableError::Model {
             path: self.path.to_owned(),
-            kind,
+            kind: model.word(),
             source,
         }
     }
 
-    /// The saved text of a kind of model, where there is a row of it.
-    fn text(&self, kind: &str) -> Option<&str> {
-        Some(self.table.text("model").value(self.row(kind)?))
-    }
-
-    /// What the saved model of a kind is of, where there is a row of it.
-    fn head(&self, kind: &'static str) -> Result<Option<SavedHead>, CalibrationsTableError> {
-        let head = self.text(kind).map(SavedHead::read).transpose();
-        head.map_err(|source| self.wrong(kind, source))
+    /// The arm and the sessions of a saved model, where there is a row of it.
+    fn head(&self, model: Model) -> Result<Option<SavedHead>, CalibrationsTableError> {
+        let text = self.row(model).map(|row| row.model.as_str());
+        let head = text.map(SavedHead::read).transpose();
+        head.map_err(|source| self.wrong(model, source))
     }
 
     /// The first of the `wanted` models that there is a row of.
@@ -173,8 +180,7 @@ impl CalibrationsFile<'_> {
                 return Ok(found);
             }
         }
-        let last = wanted.last().map_or("", |model| model.about().word);
-        Err(self.absent(last))
+        Err(self.absent(*wanted.last().unwrap_or(&Model::Geometric)))
     }
 
     fn model(
@@ -182,27 +188,23 @@ impl CalibrationsFile<'_> {
         model: Model,
         base: &SavedHead,
     ) -> Result<Option<ArmModel>, CalibrationsTableError> {
-        let kind = model.about().word;
-        let (Some(row), Some(load)) = (self.row(kind), model.about().load) else {
+        let (Some(row), Some(load)) = (self.row(model), model.about().load) else {
             return Ok(None);
         };
-        let misfit = self.table.f64("misfit_mm");
-        let misfit = (!misfit.is_null(row)).then(|| misfit.value(row));
-        let predicts = load(self.table.text("model").value(row), misfit);
-        let predicts = predicts.map_err(|source| self.wrong(kind, source))?;
-        let own = self.head(kind)?.ok_or_else(|| self.absent(kind))?;
-        self.same(kind, base, &own)?;
+        let loaded = load(&row.model, row.misfit_mm);
+        let loaded = loaded.map_err(|source| self.wrong(model, source))?;
+        self.same(model, base, &loaded.head)?;
         Ok(Some(ArmModel {
             model,
-            predicts,
-            session: own.sessions.len() - 1,
+            predicts: loaded.model,
+            session: loaded.head.sessions.len() - 1,
         }))
     }
 
     /// That a model is of the arm and the sessions of `base`, of which there is at least one.
     fn same(
         &self,
-        kind: &'static str,
+        model: Model,
         base: &SavedHead,
         own: &SavedHead,
     ) -> Result<(), CalibrationsTableError> {
@@ -221,7 +223,7 @@ impl CalibrationsFile<'_> {
         };
         Err(CalibrationsTableError::Others {
             path: self.path.to_owned(),
-            kind,
+            kind: model.word(),
             what,
         })
     }

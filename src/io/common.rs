@@ -3,14 +3,13 @@
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 
-use arrow::array::{Array as _, AsArray as _};
-use arrow::datatypes::Float64Type;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use thiserror::Error;
 
-use super::table::{Table, Word};
+use super::schema::KEY_COLUMNS;
+use super::table::Table;
 use crate::compensation::{Conditions, Validity};
-use crate::geometry::Transform;
+use crate::geometry::{Base, Command, Transform};
 use crate::manifest::RunKey;
 
 /// A quaternion further from unit norm than this is none.
@@ -48,36 +47,101 @@ pub enum CommonError {
     },
 }
 
-/// A table with at least one row, and the file that it was read from.
-#[derive(Clone, Copy)]
-pub struct Common<'t> {
+/// A table with at least one row, read as rows, and the file that it was read from.
+pub struct Common<'t, R> {
     /// The file.
     pub path: &'t Path,
-    /// The table.
-    pub table: &'t Table,
+    /// The rows.
+    pub rows: &'t [R],
 }
 
-impl Common<'_> {
-    /// The run that wrote it.
-    pub fn key(self) -> Result<RunKey, CommonError> {
-        let [robot, session, run] = ["robot", "session", "run"].map(|part| self.text(part));
-        Ok(RunKey::new(&robot?, &session?, &run?))
+impl<R> Clone for Common<'_, R> {
+    fn clone(&self) -> Self {
+        *self
     }
+}
 
-    /// What it is valid for.
+impl<R> Copy for Common<'_, R> {}
+
+/// What a row states of its table's validity; absent: not stated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stated<'r> {
+    /// The tool.
+    pub tool: Option<&'r str>,
+    /// The payload, kg.
+    pub payload_kg: Option<f64>,
+    /// The mounting.
+    pub mounting: Option<&'r str>,
+    /// The base.
+    pub base: Option<&'r str>,
+    /// The controller.
+    pub controller_model: Option<&'r str>,
+    /// Whether the controller's own compensation is on.
+    pub absolute_accuracy_option: Option<bool>,
+    /// Lowest and highest temperature met while measuring, °C.
+    pub temperature_c: [Option<f64>; 2],
+}
+
+/// A row of a table that commands are corrected by.
+pub trait Corrects {
+    /// What it states of the table's validity.
+    fn stated(&self) -> Stated<'_>;
+
+    /// Frame of the base in the frame of commands: origin, mm, and orientation, x y z w.
+    fn command_from_base(&self) -> ([f64; 3], [f64; 4]);
+
+    /// Lowest and highest reported angle of each joint over the stations used, rad.
+    fn joint_ranges(&self) -> [&[f64]; 2];
+}
+
+/// Implements [`Corrects`] for rows with the columns of that name.
+macro_rules! corrects {
+    ($row:ty) => {
+        impl $crate::io::common::Corrects for $row {
+            fn stated(&self) -> $crate::io::common::Stated<'_> {
+                $crate::io::common::Stated {
+                    tool: self.tool.as_deref(),
+                    payload_kg: self.payload_kg,
+                    mounting: self.mounting.as_deref(),
+                    base: self.base.as_deref(),
+                    controller_model: self.controller_model.as_deref(),
+                    absolute_accuracy_option: self.absolute_accuracy_option,
+                    temperature_c: [self.temperature_min_c, self.temperature_max_c],
+                }
+            }
+
+            fn command_from_base(&self) -> ([f64; 3], [f64; 4]) {
+                (self.command_from_base, self.command_from_base_turn)
+            }
+
+            fn joint_ranges(&self) -> [&[f64]; 2] {
+                [&self.joint_lower_rad, &self.joint_upper_rad]
+            }
+        }
+    };
+}
+pub(in crate::io) use corrects;
+
+impl<R: Corrects> Common<'_, R> {
+    /// What the table is valid for.
     pub fn validity(self) -> Result<Validity, CommonError> {
-        let option = "absolute_accuracy_option";
-        let flags = self.table.bool(option);
-        let low = self.optional_number("temperature_min_c")?;
-        let high = self.optional_number("temperature_max_c")?;
+        let text = |column, of: fn(Stated<'_>) -> Option<&str>| {
+            let text = self.one(column, |row| of(row.stated()))?;
+            Ok::<_, CommonError>(text.map(str::to_owned))
+        };
+        let number =
+            |column, of: fn(Stated<'_>) -> Option<f64>| self.one(column, |row| of(row.stated()));
+        let low = number("temperature_min_c", |own| own.temperature_c[0])?;
+        let high = number("temperature_max_c", |own| own.temperature_c[1])?;
         let conditions = Conditions {
-            tool: self.optional_text("tool")?,
-            payload_kg: self.optional_number("payload_kg")?,
-            mounting: self.optional_text("mounting")?,
-            base: self.optional_text("base")?,
-            controller_model: self.optional_text("controller_model")?,
-            absolute_accuracy_option: self
-                .one(option, |row| flags.is_valid(row).then(|| flags.value(row)))?,
+            tool: text("tool", |own| own.tool)?,
+            payload_kg: number("payload_kg", |own| own.payload_kg)?,
+            mounting: text("mounting", |own| own.mounting)?,
+            base: text("base", |own| own.base)?,
+            controller_model: text("controller_model", |own| own.controller_model)?,
+            absolute_accuracy_option: self.one("absolute_accuracy_option", |row| {
+                row.stated().absolute_accuracy_option
+            })?,
         };
         Ok(Validity {
             conditions,
@@ -85,19 +149,60 @@ impl Common<'_> {
         })
     }
 
-    /// A placement: the columns `FRAME_x_mm` … `FRAME_qw`.
-    pub fn placement<To, From>(self, frame: &str) -> Result<Transform<To, From>, CommonError> {
-        let [x, y, z] = ["x", "y", "z"].map(|axis| self.number(&format!("{frame}_{axis}_mm")));
-        let rotation = self.rotation(&format!("{frame}_"))?;
-        let origin = Translation3::new(x?, y?, z?);
+    /// The frame of the base in the frame of commands.
+    pub fn command_from_base(self) -> Result<Transform<Command, Base>, CommonError> {
+        self.placement("command_from_base", R::command_from_base)
+    }
+
+    /// Lowest and highest reported angle of each of so many joints over the stations used, rad.
+    pub(super) fn joint_ranges(self, joints: usize) -> Result<Vec<[f64; 2]>, CommonError> {
+        let list = |column: &str, end: usize| -> Result<&[f64], CommonError> {
+            let angles = self.one(column, |row| Some(row.joint_ranges()[end]))?;
+            let angles = angles.unwrap_or_default();
+            if angles.len() == joints {
+                return Ok(angles);
+            }
+            let problem = format!("{} angles for an arm of {joints} joints", angles.len());
+            Err(self.value_error(column, problem))
+        };
+        let (lower, upper) = (list("joint_lower_rad", 0)?, list("joint_upper_rad", 1)?);
+        let ranges = lower.iter().copied().zip(upper.iter().copied());
+        Ok(ranges.map(<[f64; 2]>::from).collect())
+    }
+}
+
+impl<'t, R> Common<'t, R> {
+    /// A placement that every row has in the columns `FRAME_x_mm` … `FRAME_qw`.
+    pub fn placement<To, From>(
+        self,
+        frame: &str,
+        of: impl Fn(&R) -> ([f64; 3], [f64; 4]),
+    ) -> Result<Transform<To, From>, CommonError> {
+        let origin = self.position(frame, |row| of(row).0)?;
+        let rotation = self.rotation(&format!("{frame}_"), |row| of(row).1)?;
+        let origin = Translation3::from(origin.coords);
         Ok(Transform::claim(Isometry3::from_parts(origin, rotation)))
     }
 
-    /// A rotation: the columns `qx` … `qw` behind a prefix.
-    pub fn rotation(self, prefix: &str) -> Result<UnitQuaternion<f64>, CommonError> {
+    /// A position that every row has in the columns `FRAME_x_mm` … `FRAME_z_mm`, mm.
+    pub fn position(
+        self,
+        frame: &str,
+        of: impl Fn(&R) -> [f64; 3],
+    ) -> Result<Point3<f64>, CommonError> {
+        let columns = ["x", "y", "z"].map(|axis| format!("{frame}_{axis}_mm"));
+        Ok(Point3::from(self.numbers(&columns, of)?))
+    }
+
+    /// A rotation that every row has in the columns `qx` … `qw` behind a prefix.
+    pub fn rotation(
+        self,
+        prefix: &str,
+        of: impl Fn(&R) -> [f64; 4],
+    ) -> Result<UnitQuaternion<f64>, CommonError> {
         let columns = ["x", "y", "z", "w"].map(|part| format!("{prefix}q{part}"));
-        let [x, y, z, w] = columns.each_ref().map(|column| self.number(column));
-        let quaternion = Quaternion::new(w?, x?, y?, z?);
+        let [x, y, z, w] = self.numbers(&columns, of)?;
+        let quaternion = Quaternion::new(w, x, y, z);
         let norm = quaternion.norm();
         if (norm - 1.0).abs() > UNIT_NORM {
             let problem = format!("the quaternion has norm {norm}, a rotation has norm 1");
@@ -106,95 +211,42 @@ impl Common<'_> {
         Ok(UnitQuaternion::from_quaternion(quaternion))
     }
 
-    /// Lowest and highest reported angle of each of so many joints over the stations used, rad.
-    pub(super) fn joint_ranges(self, joints: usize) -> Result<Vec<[f64; 2]>, CommonError> {
-        let list = |column: &str| -> Result<Vec<f64>, CommonError> {
-            let lists = self.table.list(column);
-            let row = |row| {
-                let list = lists.value(row);
-                Some(list.as_primitive::<Float64Type>().values().to_vec())
-            };
-            let angles = self.one(column, row)?.unwrap_or_default();
-            if angles.len() == joints {
-                return Ok(angles);
+    /// Numbers that every row has in these columns; each above zero.
+    pub fn positive<const N: usize>(
+        self,
+        columns: &[String; N],
+        of: impl Fn(&R) -> [f64; N],
+    ) -> Result<[f64; N], CommonError> {
+        let values = self.numbers(columns, of)?;
+        match columns.iter().zip(values).find(|(_, value)| *value <= 0.0) {
+            None => Ok(values),
+            Some((column, value)) => {
+                Err(self.value_error(column, format!("{value} is not positive")))
             }
-            let problem = format!("{} angles for an arm of {joints} joints", angles.len());
-            Err(self.value_error(column, problem))
-        };
-        let (lower, upper) = (list("joint_lower_rad")?, list("joint_upper_rad")?);
-        Ok(lower.into_iter().zip(upper).map(<[f64; 2]>::from).collect())
-    }
-
-    /// A list of texts.
-    pub fn texts(self, column: &str) -> Result<Vec<String>, CommonError> {
-        let lists = self.table.list(column);
-        let row = |row| {
-            let list = lists.value(row);
-            let texts = list.as_string::<i32>().iter().flatten();
-            Some(texts.map(str::to_owned).collect::<Vec<_>>())
-        };
-        Ok(self.one(column, row)?.unwrap_or_default())
-    }
-
-    /// A number above zero.
-    pub fn positive(self, column: &str) -> Result<f64, CommonError> {
-        let value = self.number(column)?;
-        if value > 0.0 {
-            return Ok(value);
         }
-        Err(self.value_error(column, format!("{value} is not positive")))
     }
 
-    /// A number.
-    pub fn number(self, column: &str) -> Result<f64, CommonError> {
-        let value = self.optional_number(column)?;
-        Ok(value.expect("the schema has no nulls in this column"))
+    /// Numbers that every row has in these columns.
+    fn numbers<const N: usize>(
+        self,
+        columns: &[String; N],
+        of: impl Fn(&R) -> [f64; N],
+    ) -> Result<[f64; N], CommonError> {
+        for (place, column) in columns.iter().enumerate() {
+            self.one(column, |row| Some(of(row)[place]))?;
+        }
+        Ok(of(&self.rows[0]))
     }
 
-    /// A text.
-    pub fn text(self, column: &str) -> Result<String, CommonError> {
-        let value = self.optional_text(column)?;
-        Ok(value.expect("the schema has no nulls in this column"))
-    }
-
-    /// The value of an enumeration.
-    pub fn word<W: Word>(self, column: &str) -> Result<W, CommonError> {
-        let word = W::of_word(&self.text(column)?);
-        Ok(word.expect("a test holds the words that the schema allows against the enumeration"))
-    }
-
-    /// A number, or null.
-    pub fn optional_number(self, column: &str) -> Result<Option<f64>, CommonError> {
-        let numbers = self.table.f64(column);
-        self.one(column, |row| {
-            numbers.is_valid(row).then(|| numbers.value(row))
-        })
-    }
-
-    /// A text, or null.
-    pub fn optional_text(self, column: &str) -> Result<Option<String>, CommonError> {
-        let texts = self.table.text(column);
-        let text = self.one(column, |row| texts.is_valid(row).then(|| texts.value(row)))?;
-        Ok(text.map(str::to_owned))
-    }
-
-    /// The value that every row has.
+    /// The value that every row has in a column.
     pub fn one<T: PartialEq + Debug>(
         self,
         column: &str,
-        value: impl Fn(usize) -> Option<T>,
+        value: impl Fn(&'t R) -> Option<T>,
     ) -> Result<Option<T>, CommonError> {
-        let first = value(0);
-        match (1..self.table.rows()).find(|&row| value(row) != first) {
-            None => Ok(first),
-            Some(row) => Err(CommonError::NotOne {
-                path: self.path.to_owned(),
-                column: column.to_owned(),
-                first: shown(first.as_ref()),
-                row,
-                other: shown(value(row).as_ref()),
-            }),
-        }
+        one(self.path, column, self.rows.len(), |row| {
+            value(&self.rows[row])
+        })
     }
 
     /// That a column's value is none such a table has.
@@ -204,6 +256,40 @@ impl Common<'_> {
             column: column.to_owned(),
             problem,
         }
+    }
+}
+
+/// The run that wrote every row of the table at `path`, which has at least one.
+pub fn key(path: &Path, table: &Table) -> Result<RunKey, CommonError> {
+    let part = |column: &'static str| {
+        let texts = table.text(column);
+        let text = one(path, column, table.rows(), |row| Some(texts.value(row)))?;
+        Ok::<_, CommonError>(text.unwrap_or_default())
+    };
+    let [robot, session, run] = KEY_COLUMNS.map(part);
+    Ok(RunKey::new(robot?, session?, run?))
+}
+
+/// The value that every row has, of a column of so many; `None` without a row too.
+fn one<T: PartialEq + Debug>(
+    path: &Path,
+    column: &str,
+    rows: usize,
+    value: impl Fn(usize) -> Option<T>,
+) -> Result<Option<T>, CommonError> {
+    if rows == 0 {
+        return Ok(None);
+    }
+    let first = value(0);
+    match (1..rows).find(|&row| value(row) != first) {
+        None => Ok(first),
+        Some(row) => Err(CommonError::NotOne {
+            path: path.to_owned(),
+            column: column.to_owned(),
+            first: shown(first.as_ref()),
+            row,
+            other: shown(value(row).as_ref()),
+        }),
     }
 }
 

@@ -11,14 +11,13 @@ mod terms;
 
 use std::path::{Path, PathBuf};
 
-use arrow::array::Array as _;
-use nalgebra::Point3;
 use thiserror::Error;
 
-use super::common::{Common, CommonError};
+use super::common::{self, Common, CommonError};
 use super::lake::read_given;
 use super::schema::{self, SchemaError};
-use super::table::{FileError, Table};
+use super::table::{FileError, Row as _};
+use super::tables::compensation::NodeRow;
 pub use super::tables::words::TableVerdict;
 use crate::compensation::{CompensationTable, Misfit};
 use crate::geometry::{Flange, Position};
@@ -79,25 +78,27 @@ pub enum CompensationTableError {
 
 /// Reads the compensation table that a run published.
 pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
+    let published = read_given(path, schema::find("compensation")?)?;
     let file = TableFile {
         path,
-        table: read_given(path, schema::find("compensation")?)?,
+        rows: NodeRow::read(&published),
     };
-    if file.table.rows() == 0 {
+    let Some(first) = file.rows.first() else {
         return Err(CompensationTableError::Empty {
             path: path.to_owned(),
         });
-    }
-    let command_from_base = file.said().placement("command_from_base")?;
+    };
+    let said = file.said();
+    let command_from_base = said.command_from_base()?;
     let lattice = file.lattice(&command_from_base)?;
     let table = CompensationTable::new(file.terms()?, command_from_base, lattice, file.nodes()?);
     Ok(PublishedTable {
-        key: file.said().key()?,
+        key: common::key(path, &published)?,
         verdict: file.verdict()?,
-        measured: file
-            .said()
-            .joint_ranges(file.table.list("joint_names").value(0).len())?,
-        flange_from_target: file.target()?,
+        measured: said.joint_ranges(first.joint_names.len())?,
+        flange_from_target: Position::claim(
+            said.position("flange_from_target", |row| row.flange_from_target)?,
+        ),
         table: table.map_err(|source| CompensationTableError::Misfit {
             path: path.to_owned(),
             source,
@@ -108,21 +109,15 @@ pub fn read(path: &Path) -> Result<PublishedTable, CompensationTableError> {
 /// A file that keeps the schema, with at least one row.
 struct TableFile<'a> {
     path: &'a Path,
-    table: Table,
+    rows: Vec<NodeRow>,
 }
 
 impl TableFile<'_> {
-    const fn said(&self) -> Common<'_> {
+    fn said(&self) -> Common<'_, NodeRow> {
         Common {
             path: self.path,
-            table: &self.table,
+            rows: &self.rows,
         }
-    }
-
-    fn target(&self) -> Result<Position<Flange>, CommonError> {
-        let [x, y, z] = ["x", "y", "z"]
-            .map(|axis| self.said().number(&format!("flange_from_target_{axis}_mm")));
-        Ok(Position::claim(Point3::new(x?, y?, z?)))
     }
 
     fn node_error(&self, node: usize, problem: String) -> CompensationTableError {

@@ -13,7 +13,7 @@ pub mod residuals_mcap;
 pub mod urdf;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -33,64 +33,23 @@ pub enum ExportError {
     /// The program does not know its own table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// The file holds another table.
-    #[error("{} holds {found}; {format} is made of table {needs} of a run", path.display())]
-    OtherTable {
+    /// What is wrong with what the file holds, or with writing it.
+    #[error("{}", kind.message(path))]
+    At {
         /// The file.
         path: PathBuf,
-        /// What it holds.
-        found: String,
-        /// The format asked for.
-        format: &'static str,
-        /// The tables it is made of.
-        needs: &'static str,
+        /// What is wrong with it.
+        kind: ExportErrorKind,
     },
-    /// No row.
-    #[error("{} holds no row; take the file of a run that has one", .0.display())]
-    Empty(PathBuf),
     /// The table of nodes cannot be read.
     #[error(transparent)]
     Nodes(#[from] CompensationTableError),
     /// The identified arm cannot be read.
     #[error(transparent)]
     Arm(#[from] CalibrationsTableError),
-    /// Rows that differ in what holds for all of them.
-    #[error(
-        "{}, column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a single run",
-        path.display()
-    )]
-    NotOne {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// The row that differs.
-        row: usize,
-    },
-    /// An arm without joint curves.
-    #[error(
-        "{} has no row of model \"full\", and joint curves are part of it; switch the full error model on in [fit.full]",
-        .0.display()
-    )]
-    NoCurves(PathBuf),
-    /// An arm that URDF cannot say.
-    #[error("{}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`", path.display())]
-    NoUrdf {
-        /// The file.
-        path: PathBuf,
-        /// What it has.
-        problem: &'static str,
-    },
     /// Rows of several runs.
     #[error(transparent)]
     Common(#[from] CommonError),
-    /// A file that stands in no lake.
-    #[error(
-        "{} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside it: give the \
-         run's file of table \"stations\" by --stations",
-        .0.display()
-    )]
-    NoLake(PathBuf),
     /// No table with the times of a session's stations.
     #[error(
         "the times of the stations of session {session:?} are in table \"stations\" of the same run, which cannot be read: \
@@ -111,7 +70,7 @@ pub enum ExportError {
         /// The session.
         session: String,
         /// The station.
-        station: i64,
+        station: usize,
     },
     /// A time that MCAP cannot say.
     #[error(
@@ -122,19 +81,9 @@ pub enum ExportError {
         /// The session.
         session: String,
         /// The station.
-        station: i64,
+        station: usize,
         /// Its stamp, ns.
         ns: i64,
-    },
-    /// Stations of another run.
-    #[error("{}: run {found} wrote it, and the residuals are of run {expected}; take the file of the same run", path.display())]
-    OtherRun {
-        /// The file.
-        path: PathBuf,
-        /// Its run.
-        found: String,
-        /// The run of the residuals.
-        expected: String,
     },
     /// Times for a format that has none.
     #[error("--stations gives times to --format mcap; {0} has none: leave it out")]
@@ -142,17 +91,6 @@ pub enum ExportError {
     /// As MCAP.
     #[error("the MCAP file cannot be made: {0}; this is a defect of posegrid, please report it")]
     Mcap(#[from] mcap::McapError),
-    /// Something stands where the result is to be.
-    #[error("{} exists already; choose another --out, or remove it first", .0.display())]
-    Exists(PathBuf),
-    /// The file cannot be written.
-    #[error("{}: {source}; check the space and the permissions of the folder", path.display())]
-    NotWritten {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Write(#[from] io::Error),
@@ -162,4 +100,90 @@ pub enum ExportError {
     /// As JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
+}
+
+/// What is wrong with a file that is exported, or with the file that is made of it.
+#[derive(Debug)]
+pub enum ExportErrorKind {
+    /// The file holds another table.
+    OtherTable {
+        /// What it holds.
+        found: String,
+        /// The format asked for.
+        format: &'static str,
+        /// The tables it is made of.
+        needs: &'static str,
+    },
+    /// No row.
+    Empty,
+    /// Rows that differ in what holds for all of them.
+    NotOne {
+        /// The column.
+        column: String,
+        /// The row that differs.
+        row: usize,
+    },
+    /// An arm without joint curves.
+    NoCurves,
+    /// An arm that URDF cannot say: what it has.
+    NoUrdf(&'static str),
+    /// A file that stands in no lake.
+    NoLake,
+    /// Stations of another run.
+    OtherRun {
+        /// The run of the file.
+        found: String,
+        /// The run of the residuals.
+        expected: String,
+    },
+    /// Something stands where the result is to be.
+    Exists,
+    /// The file cannot be written.
+    NotWritten(io::Error),
+}
+
+impl ExportErrorKind {
+    /// This problem of the file at `path`.
+    pub(crate) fn at(self, path: &Path) -> ExportError {
+        ExportError::At {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+
+    /// The message for a person, with the file's path.
+    fn message(&self, path: &Path) -> String {
+        let path = path.display();
+        match self {
+            Self::OtherTable {
+                found,
+                format,
+                needs,
+            } => format!("{path} holds {found}; {format} is made of table {needs} of a run"),
+            Self::Empty => format!("{path} holds no row; take the file of a run that has one"),
+            Self::NotOne { column, row } => format!(
+                "{path}, column {column:?}: row 0 and row {row} differ, and every row has the same there: take the file of a \
+                 single run"
+            ),
+            Self::NoCurves => format!(
+                "{path} has no row of model \"full\", and joint curves are part of it; switch the full error model on in [fit.full]"
+            ),
+            Self::NoUrdf(problem) => format!(
+                "{path}: the arm {problem}, which a URDF cannot say; export its joint curves or use table `calibrations`"
+            ),
+            Self::NoLake => format!(
+                "{path} is not TABLE/ROBOT/SESSION/RUN.parquet of a lake, where the times of its stations would stand beside \
+                 it: give the run's file of table \"stations\" by --stations"
+            ),
+            Self::OtherRun { found, expected } => format!(
+                "{path}: run {found} wrote it, and the residuals are of run {expected}; take the file of the same run"
+            ),
+            Self::Exists => {
+                format!("{path} exists already; choose another --out, or remove it first")
+            }
+            Self::NotWritten(source) => {
+                format!("{path}: {source}; check the space and the permissions of the folder")
+            }
+        }
+    }
 }

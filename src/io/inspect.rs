@@ -15,7 +15,7 @@ use crate::io::log::{
     Channel, Extent, FileError, Glance, Limits, MessageRecord, ReadSummary, Schema, Suggestible,
     Suggestion, Visitor, ns, scan,
 };
-use crate::io::message::{Plan, Row, Value};
+use crate::io::message::{FieldReader, Row, Value};
 use crate::progress::Progress;
 
 pub use clock::{ClockSummary, Differences};
@@ -123,7 +123,7 @@ impl Traffic {
         self.publish.add(publish);
         self.log_less_publish.add(log.saturating_sub(publish));
         let stamp = kind.glance.stamp.as_ref();
-        match stamp.map_or(Header::None, |plan| header(plan, message.payload, row)) {
+        match stamp.map_or(Header::None, |reader| header(reader, message.payload, row)) {
             Header::Stamp(header) => {
                 self.header.add(header);
                 self.log_less_header.add(log.saturating_sub(header));
@@ -134,7 +134,7 @@ impl Traffic {
         if self.messages == 0 {
             let names = kind.glance.joint_names.as_ref();
             self.joints =
-                names.map_or_else(Vec::new, |plan| joint_names(plan, message.payload, row));
+                names.map_or_else(Vec::new, |reader| joint_names(reader, message.payload, row));
             let sample = kind.wants_sample() && message.payload.len() <= LONGEST_SAMPLE;
             self.sample = sample.then(|| message.payload.to_vec());
         }
@@ -371,8 +371,8 @@ enum Header {
     Unreadable,
 }
 
-fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
-    let read = plan.read(payload, row);
+fn header(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Header {
+    let read = reader.read(payload, row);
     let value = |slot| row.value(payload, slot);
     match (read, value(0).integer(), value(1).integer()) {
         (Ok(()), Some(sec), Some(nanosec)) => {
@@ -387,9 +387,9 @@ fn header(plan: &Plan, payload: &[u8], row: &mut Row) -> Header {
     }
 }
 
-fn joint_names(plan: &Plan, payload: &[u8], row: &mut Row) -> Vec<String> {
+fn joint_names(reader: &FieldReader, payload: &[u8], row: &mut Row) -> Vec<String> {
     let short = |name: String| name.chars().take(MOST_JOINTS).collect();
-    match (plan.read(payload, row), row.value(payload, 0).texts()) {
+    match (reader.read(payload, row), row.value(payload, 0).texts()) {
         (Ok(()), Some(names)) => names
             .iter()
             .flatten()

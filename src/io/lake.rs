@@ -39,6 +39,8 @@ use error::folder_error;
 use run::into_io;
 use temporary::Temporary;
 
+#[cfg(test)]
+pub(in crate::io) use corrections::CorrectionRow;
 pub use corrections::{CORRECTIONS, Correction, Recorded, is_correction};
 pub use error::LakeError;
 pub use files::{LakeFile, Stands};

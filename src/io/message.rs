@@ -1,15 +1,15 @@
-//! Messages: the schema text in a log → a decoding plan → the few values that a stream needs from each message.
+//! Messages: the schema text that a log carries → a reader of the wanted fields → the few values a stream wants of each message.
 //!
 //! A message is never made into a tree of values. The schema becomes a [`MessageSchema`]; schema and wanted field paths
-//! become, once per channel, a [`Plan`]; the plan then reads each message in one pass and puts the wanted values into a
-//! [`Row`], whose buffers are reused for the next message.
+//! become, once per channel, a [`FieldReader`]; the reader then reads each message in one pass and puts the wanted values into a
+//! [`Row`], whose buffers are used again for the next message.
 //!
 //! 1. [`MessageSchema::read`]: schema text → schema ([`ros2msg`], [`ros2idl`], [`Descriptors`]; JSON needs none).
-//! 2. [`MessageSchema::plan`]: schema + paths such as `pose.position.x` → plan.
-//! 3. [`Plan::read`]: payload → one [`Value`] per path in a row ([`CdrPlan`], [`ProtobufPlan`], [`JsonPlan`]).
+//! 2. [`MessageSchema::reader`]: schema + paths such as `pose.position.x` → reader.
+//! 3. [`FieldReader::read`]: payload → one [`Value`] per path in a row ([`CdrReader`], [`ProtobufReader`], [`JsonReader`]).
 
 mod cdr;
-mod cdr_plan;
+mod cdr_reader;
 mod cell;
 mod definition;
 mod json;
@@ -22,13 +22,13 @@ mod schema;
 mod template;
 mod value;
 
-pub use cdr_plan::CdrPlan;
+pub use cdr_reader::CdrReader;
 pub use definition::{Definition, Extensibility, Field, FieldType, MessageType, Primitive, Shape};
-pub use json::{JsonPlan, JsonSchema};
+pub use json::{JsonReader, JsonSchema};
 pub use path::FieldPath;
-pub use protobuf::{Descriptors, ProtobufPlan};
+pub use protobuf::{Descriptors, ProtobufReader};
 pub use row::Row;
-pub use schema::{MessageSchema, Plan};
+pub use schema::{FieldReader, MessageSchema};
 pub use value::{Gathered, Numbers, Text, Texts, Value};
 
 use thiserror::Error;

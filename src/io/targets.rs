@@ -32,38 +32,19 @@ use crate::geometry::Position;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 
-pub use corrected::{CorrectedBy, corrected};
-pub use error::{RowProblem, TargetsError};
+pub use corrected::{CorrectedBy, CorrectedRow, RefusedFor, corrected};
+pub use error::{RowProblem, TargetsError, TargetsErrorKind};
 pub use krl::DataList;
 pub use names::NamesProblem;
+#[cfg(test)]
+pub(in crate::io) use parquet::TargetRow;
 pub use write_csv::write_csv;
 pub use write_json::write_json;
 
-/// The forms of a file of targets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
-    /// Comma-separated text, the columns named in its first line.
-    Csv,
-    /// Apache Parquet.
-    Parquet,
-    /// An array of objects, their keys as the columns of CSV.
-    Json,
-    /// A data list of KUKA's robot language.
-    Krl,
-}
+pub use super::tables::words::Form;
 
 impl Form {
-    /// The form's name in table `corrections`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Csv => "csv",
-            Self::Parquet => "parquet",
-            Self::Json => "json",
-            Self::Krl => "krl",
-        }
-    }
-
-    /// The form for a file's extension.
+    /// The form that a file's name says.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
         let extension = path
             .extension()
@@ -73,7 +54,7 @@ impl Form {
             Some("parquet") => Ok(Self::Parquet),
             Some("json") => Ok(Self::Json),
             Some("dat") => Ok(Self::Krl),
-            _ => Err(TargetsError::UnknownForm(path.to_owned())),
+            _ => Err(TargetsErrorKind::UnknownForm.at(path)),
         }
     }
 }
@@ -110,7 +91,7 @@ pub fn read(path: &Path) -> Result<Targets, TargetsError> {
         list,
     } = rows(path)?;
     if placed.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     let mut places = BTreeMap::new();
     let mut targets = Vec::with_capacity(placed.len());
@@ -142,7 +123,7 @@ pub fn commands(path: &Path) -> Result<Vec<(String, Option<TargetJoints>)>, Targ
         .map(|row| (row.target, row.joints))
         .collect();
     if commands.is_empty() {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     }
     Ok(commands)
 }

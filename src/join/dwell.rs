@@ -9,6 +9,7 @@ use super::JoinError;
 use super::average::robust_sigma;
 use super::readings::Readings;
 use super::stationary::{Stationary, StationaryStretch, Stretch};
+use crate::figures::median_in_place;
 use crate::kinematics::Arm;
 use crate::units::{Controller, NS_PER_S, Stamp, Tracker};
 
@@ -124,18 +125,7 @@ pub(super) fn target_dwells(readings: &Readings<'_>) -> Result<Vec<TargetDwell>,
     stationary.stretches.iter().map(dwell).collect()
 }
 
-/// The median (of an even number, the mean of the middle two); 0 of nothing. Reorders `values`.
+/// The median; 0 of nothing. Reorders `values`.
 pub fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    let odd = values.len() % 2 == 1;
-    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    if odd {
-        upper
-    } else {
-        let lower = below.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        f64::midpoint(lower, upper)
-    }
+    median_in_place(values).unwrap_or(0.0)
 }

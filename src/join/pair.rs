@@ -14,8 +14,9 @@ use super::average::{kept, mean_and_scatter, mean_orientation};
 use super::disposition::{Disposition, Dispositions, Why};
 use super::dwell::{ArmDwell, TargetDwell};
 use super::placement::Placement;
+use super::reading::{MeanOrientation, MeanPoint, Reading, SourceId, TargetId, Value};
 use super::readings::{Readings, Seen};
-use super::{Attained, JoinError, JoinSettings, Pairing, Unmeasured};
+use super::{JoinError, JoinSettings, Pairing, Unmeasured};
 use crate::ingest::TemperatureSamples;
 use crate::units::{ClockModel, NS_PER_S, Stamp, Tracker, round_ns};
 
@@ -56,7 +57,7 @@ impl Evidence<'_> {
         &self,
         dwell: &ArmDwell,
         dispositions: &mut Dispositions,
-    ) -> Result<(Pairing, Option<Attained>), JoinError> {
+    ) -> Result<(Pairing, Option<Reading>), JoinError> {
         let window = self.window(dwell);
         let seen = self.readings.between(window.start, window.end)?;
         let candidates = self.candidates(window);
@@ -88,10 +89,10 @@ impl Evidence<'_> {
             }
             return Ok((Pairing::Ambiguous, None));
         }
-        let attained = self.attained(&near, window, &seen, dispositions);
+        let reading = self.reading(&near, window, &seen, dispositions);
         let too_few = Pairing::Unmeasured(Unmeasured::TooFewReadings);
-        let pairing = attained.as_ref().map_or(too_few, |_| Pairing::Paired);
-        Ok((pairing, attained))
+        let pairing = reading.as_ref().map_or(too_few, |_| Pairing::Paired);
+        Ok((pairing, reading))
     }
 
     /// From edge to edge: half a sample beyond the first and last stationary joint sample.
@@ -151,13 +152,13 @@ impl Evidence<'_> {
             .unwrap_or(0..0)
     }
 
-    fn attained(
+    fn reading(
         &self,
         near: &[usize],
         window: Window,
         seen: &Seen,
         dispositions: &mut Dispositions,
-    ) -> Option<Attained> {
+    ) -> Option<Reading> {
         let settled_at = window.start.plus_ns(round_ns(self.settle_s * NS_PER_S));
         let span = self.span_of(near, seen);
         let measured = seen.measured().filter(|row| span.contains(row));
@@ -185,7 +186,7 @@ impl Evidence<'_> {
         enough.then(|| self.mean(&used, seen))
     }
 
-    fn mean(&self, used: &[usize], seen: &Seen) -> Attained {
+    fn mean(&self, used: &[usize], seen: &Seen) -> Reading {
         let all = &seen.readings;
         let place = |&row: &usize| row - seen.rows.start;
         let position = |&row: &usize| Vector3::from(seen.position(row));
@@ -200,14 +201,21 @@ impl Evidence<'_> {
             mean_covariance(&used)
         };
         let (first, last) = (seen.stamp(used[0]), seen.stamp(used[used.len() - 1]));
-        Attained {
+        let point = MeanPoint {
             position: Point3::from(mean),
-            orientation: orientation.map(|(mean, _)| mean),
             scatter_mm: scatter.into(),
-            orientation_scatter_rad: orientation.map(|(_, scatter)| scatter),
             stated_covariance: all.covariances.as_ref().map(stated),
+        };
+        let turn = |(orientation, scatter_rad)| MeanOrientation {
+            orientation,
+            scatter_rad,
+        };
+        Reading {
+            source: SourceId::ONLY,
+            target: TargetId::ONLY,
+            value: Value::of(point, orientation.map(turn)),
             kept: used.len(),
-            readings: seen.measured().count(),
+            taken: seen.measured().count(),
             first,
             last,
             temperature_c: nearest(self.temperatures, first.plus_ns(last.since_ns(first) / 2)),

@@ -195,15 +195,17 @@ impl Scene {
     fn check_means(&self, arm: &Arm, joined: &Joined) {
         let starts_s = self.starts_s();
         for station in &joined.stations {
-            let Some(attained) = &station.attained else {
+            let [reading] = &station.readings[..] else {
+                assert!(station.readings.is_empty(), "one tracker sees one target");
                 continue;
             };
+            let position = reading.position().expect("a position");
             assert_eq!(station.pairing, Pairing::Paired);
             let middle_ns = i64::midpoint(station.start.ns(), station.end.ns()) - self.origin_ns;
             let truth = self.target(arm, &self.angles(&starts_s, middle_ns as f64 / NS_PER_S));
-            let off_mm = (attained.position.coords - truth).norm();
+            let off_mm = (position.coords - truth).norm();
             // Six standard errors of the mean of a three-vector, and what little moves below the stationary threshold.
-            let allowed_mm = 6.0 * self.noise_mm * (3.0 / attained.kept as f64).sqrt() + 0.005;
+            let allowed_mm = 6.0 * self.noise_mm * (3.0 / reading.kept as f64).sqrt() + 0.005;
             assert!(
                 off_mm < allowed_mm,
                 "station {}: {off_mm} mm off",
@@ -265,8 +267,8 @@ pub(super) fn check_conservation(recording: &Recording, joined: &Joined) {
     let kept: usize = joined
         .stations
         .iter()
-        .filter_map(|s| s.attained.as_ref())
-        .map(|a| a.kept)
+        .flat_map(|s| &s.readings)
+        .map(|reading| reading.kept)
         .sum();
     assert_eq!(kept as u64, c.kept);
 }

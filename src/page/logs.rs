@@ -68,13 +68,13 @@ pub(super) fn rejects_section(content: &Content) -> Markup {
     let hidden = reasons.len().saturating_sub(MOST);
     let head = html! { th { "Session" } th.word { "Stage" } th.word { "Reason" } th.word { "What" } th { "How many" } };
     let body = html! {
-        @for (reason, (number, unknown)) in reasons.iter().take(MOST) {
+        @for (reason, number) in reasons.iter().take(MOST) {
             tr {
                 td.word { (reason.0) }
                 td.word { (reason.1) }
                 td.word { (words::plain(reason.3)) }
                 td.word { (reason.2) }
-                td { (words::whole(*number)) @if *unknown { " and an unknown number" } }
+                td { (words::whole(*number)) }
             }
         }
     };
@@ -90,21 +90,18 @@ pub(super) fn rejects_section(content: &Content) -> Markup {
 /// Session, stage, kind of item and reason.
 type Reason<'c> = (&'c str, &'c str, &'c str, &'c str);
 
-/// The number of items left out for each reason, and whether it is incomplete because for some the number is not known.
-fn reasons(content: &Content) -> BTreeMap<Reason<'_>, (u64, bool)> {
-    let mut reasons: BTreeMap<Reason<'_>, (u64, bool)> = BTreeMap::new();
+/// How many were left out for each reason.
+fn reasons(content: &Content) -> BTreeMap<Reason<'_>, u64> {
+    let mut reasons: BTreeMap<Reason<'_>, u64> = BTreeMap::new();
     for session in &content.sessions {
         for reject in &session.rejects {
-            let own = reasons
-                .entry((
-                    &session.name,
-                    reject.stage.word(),
-                    reject.kind.word(),
-                    &reject.reason,
-                ))
-                .or_default();
-            own.0 += reject.number.unwrap_or(0);
-            own.1 |= reject.number.is_none();
+            let reason = (
+                session.name.as_str(),
+                reject.stage.word(),
+                reject.kind.word(),
+                reject.reason.as_str(),
+            );
+            *reasons.entry(reason).or_default() += reject.number;
         }
     }
     reasons

@@ -1,28 +1,25 @@
 //! The page of a plan: what it published → one HTML file, as a run's page is.
 //!
 //! Input is [`Content`], rows of `sampling_plan` and `plan_figures` as they are published; output is the text of the page. It
-//! is a pure function: the same tables give the same bytes. Sections, the verdict first:
+//! is a pure function: the same rows give the same bytes. Sections, the verdict first:
 //!
 //! 1. the promise in words, and what has to be measured for it; 2. the uniform grid, accuracy against step; 3. designs,
 //!    accuracy against the number of poses; 4. what else a grid depends on; 5. the session, pose by pose; 6. provenance.
 
+mod cells;
 pub mod content;
 mod designs;
-mod from_tables;
 mod influences;
 mod promise;
 mod provenance;
-mod row;
 mod session;
 mod steps;
 #[cfg(test)]
 mod tests;
-mod words;
 
 use maud::html;
 
-pub use content::Content;
-pub use from_tables::{About, content};
+pub use content::{About, Content};
 
 use super::shell::{self, Maker, Shell, table};
 

@@ -14,7 +14,12 @@ use crate::report::Split;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let chosen = content.steps.iter().find(|step| step.chosen)?;
+    if content.steps.is_empty() {
+        return None;
+    }
+    let Some(chosen) = content.steps.iter().find(|step| step.chosen) else {
+        return Some(no_table(content));
+    };
     let is_table = |step: &&StepRow| step.judgement == Judgement::Table;
     let by_blocks = |step: &&StepRow| step.split == Split::Blocks;
     let (blocks, sessions): (Vec<&StepRow>, Vec<&StepRow>) =
@@ -27,10 +32,12 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
         .collect();
     Some(html! {
         p {
-            "Each step's table is judged on stations that took no part in it. A step holds where bound and measurement "
-            "uncertainty together are within the tolerance; the largest one that holds, with all smaller ones, is chosen. The chosen one "
-            "has the verdict of the run, which a test session can make worse. Visits of one pose count once, with the worst."
+            "Each step's table is judged on stations that took no part in it. Nodes of the model cost nothing and cover the whole box: of them "
+            "the largest step is taken whose bound is hardly above that of the model itself. Measured nodes cost a measurement each: of them the "
+            "largest step that holds, which is that bound and measurement uncertainty together are within the tolerance, for it and all smaller "
+            "ones. The chosen one has the verdict of the run, which a test session can make worse. Visits of one pose count once, with the worst."
         }
+        (choices(content))
         div.pair {
             figure { (chart(content, chosen)) figcaption { (caption(content, chosen)) } }
             div { (own_rows(&own)) @for reason in reasons(&own) { p.note { "Not shown, nodes " (reason) "." } } }
@@ -52,6 +59,47 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
             }
         }
     })
+}
+
+/// All steps with the reasons why none gives a table.
+fn no_table(content: &Content) -> Markup {
+    let steps: Vec<&StepRow> = content.steps.iter().collect();
+    html! {
+        p { "No step gives a table: targets are corrected by the identified arm alone." }
+        (all_rows(&steps))
+        @for reason in reasons(&steps) { p.note { "Not shown, nodes " (reason) "." } }
+    }
+}
+
+/// What each rule chooses, and why.
+fn choices(content: &Content) -> Markup {
+    let why = |of: fn(&StepRow) -> Option<&String>| content.steps.iter().find_map(of);
+    html! {
+        ul {
+            @if let Some(words) = why(|step| step.choice_within.as_ref()) {
+                li { "Nearest to the model (rule " code { "within" } "): " (words) "." }
+            }
+            @if let Some(words) = why(|step| step.choice_fewest_nodes.as_ref()) {
+                li { "Fewest nodes (rule " code { "fewest-nodes" } "): " (words) "." }
+            }
+        }
+    }
+}
+
+/// The pitches of a step where they are not the step itself.
+fn pitches(step: &StepRow) -> Markup {
+    let differs = |mm: &f64| (mm - step.step_mm).abs() > 1e-6 * step.step_mm;
+    html! {
+        @if let Some(pitch) = step.pitch_mm.filter(|pitch| pitch.iter().any(differs)) {
+            small { (pitch.map(|mm| words::fixed(mm, 1)).join(" × ")) }
+        }
+    }
+}
+
+/// The share of the stations like it that a table answers for, and that of the box.
+fn covers(step: &StepRow) -> Markup {
+    let percent = |share: Option<f64>| words::optional(share.map(|share| 100.0 * share), 1);
+    html! { (percent(step.like_covered_share)) " / " (percent(step.box_covered_share)) }
 }
 
 fn is_alike(step: &StepRow, other: &StepRow) -> bool {
@@ -84,16 +132,18 @@ fn judged_on(step: &StepRow) -> Markup {
 
 /// The steps of the chosen source and interpolation.
 fn own_rows(steps: &[&StepRow]) -> Markup {
-    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th.word { "Verdict" } };
+    let head = html! { th { "Step, mm" } th { "Nodes" } th { "Covers, % of stations / box" } th { "Judged on" } th { "Mean" } th { "p95" } th { "Bound" } th { "Model's own" } th.word { "Verdict" } };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
-                th scope="row" { (step.step_mm) @if step.chosen { small { "chosen" } } }
+                th scope="row" { (step.step_mm) (pitches(step)) @if step.chosen { small { "chosen" } } }
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
+                td { (covers(step)) }
                 td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
+                td { (words::optional(step.model_bound_mm, 3)) }
                 td.word { (words::verdict(step.verdict)) }
             }
         }
@@ -103,21 +153,23 @@ fn own_rows(steps: &[&StepRow]) -> Markup {
 
 fn all_rows(steps: &[&StepRow]) -> Markup {
     let head = html! {
-        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Judged on" }
-        th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th.word { "Verdict" }
+        th { "Step, mm" } th.word { "Node values" } th.word { "Inside a cell" } th { "Nodes" } th { "Covers, % of stations / box" }
+        th { "Judged on" } th { "Mean" } th { "p95" } th { "Max" } th { "Bound" } th { "Model's own" } th.word { "Verdict" }
     };
     let body = html! {
         @for step in steps {
             tr.chosen[step.chosen] {
-                th scope="row" { (step.step_mm) }
+                th scope="row" { (step.step_mm) (pitches(step)) }
                 td.word { (step.source.word()) }
                 td.word { (step.interpolation.word()) }
                 td { (words::whole(step.nodes.unwrap_or(0) as u64)) }
+                td { (covers(step)) }
                 td { (judged_on(step)) }
                 td { (words::optional(step.mean_mm, 3)) }
                 td { (words::optional(step.p95_mm, 3)) }
                 td { (words::optional(step.max_mm, 3)) }
                 td { (words::optional(step.bound_mm, 3)) }
+                td { (words::optional(step.model_bound_mm, 3)) }
                 td.word { @if step.judgement == Judgement::Table { (words::verdict(step.verdict)) } @else { "–" } }
             }
         }
@@ -211,6 +263,10 @@ fn own_series(steps: &[&StepRow], uncertainty_mm: f64) -> Vec<Series> {
         Series::new("bound, with U above it", marks),
         Series::line_and_points("95th percentile", points(steps, |step| step.p95_mm)),
         Series::line_and_points("mean", points(steps, |step| step.mean_mm)),
+        Series::line_and_points(
+            "bound of the model itself",
+            points(steps, |step| step.model_bound_mm),
+        ),
     ]
 }
 
@@ -226,7 +282,7 @@ fn other_bounds(steps: &[&StepRow]) -> Vec<Series> {
         families.entry(name).or_default().push(step);
     }
     let bounds = |(place, (name, steps)): (usize, (String, Vec<&StepRow>))| {
-        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(3 + place)
+        Series::line_and_points(&name, points(&steps, |step| step.bound_mm)).looking(4 + place)
     };
     families.into_iter().enumerate().map(bounds).collect()
 }

@@ -12,6 +12,7 @@ use crate::grid::{Interpolation, Judgement, Source, Tolerance, Verdict};
 use crate::io::tables::accuracy::{AccuracyRow, BeforeAfter, FigureKind, FigureName};
 use crate::io::tables::calibrations::{CalibrationRow, Convention, LossName};
 use crate::io::tables::clocks::ClockRow;
+use crate::io::tables::error_frame::ErrorFrameName;
 use crate::io::tables::grid_steps::StepRow;
 use crate::io::tables::joint_errors::JointErrorRow;
 use crate::io::tables::parameters::{BelongsTo, ParameterQuantity, ParameterRow};
@@ -122,7 +123,7 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         orientation: Some(0),
         configuration: None,
         step_mm,
-        steps_mm: [step_mm; 3],
+        pitch_mm: Some([step_mm; 3]),
         nodes: Some(1200),
         nodes_refused: Some(0),
         cells: 900,
@@ -136,6 +137,10 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         held_out_refused: 0,
         held_out_outside: 0,
         held_out_unlike: 0,
+        stations_covered: Some(240),
+        stations_covered_share: Some(0.96),
+        like_covered_share: Some(1.0),
+        box_covered_share: Some(0.875),
         blocks: Some(8),
         mean_mm: Some(0.101_25),
         rms_mm: None,
@@ -145,6 +150,7 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         mean_plus_3sd_mm: None,
         bound_mm: Some(0.204_75),
         bound_of_session_mm: None,
+        model_bound_mm: Some(0.2),
         bound_share: 0.95,
         bound_confidence: 0.95,
         bound_rank: Some(78),
@@ -158,6 +164,8 @@ fn step(step_mm: f64, chosen: bool, name: &str) -> StepRow {
         },
         reason: Some(name.to_owned()),
         chosen,
+        choice_within: chosen.then(|| format!("near the model {name}")),
+        choice_fewest_nodes: None,
         excess_mm: None,
         excess_se_mm: None,
     }
@@ -230,7 +238,7 @@ fn session(name: &str) -> Session {
             reject: 0,
             stage: Stage::Ingest,
             kind: RejectKind::Messages,
-            number: None,
+            number: 1,
             reason: name.to_owned(),
             file: None,
             topic: None,
@@ -309,6 +317,12 @@ fn calibration(name: &str) -> CalibrationRow {
         command_from_base_turn: [0.0, 0.0, 0.0, 1.0],
         flange_from_tool: [0.0; 3],
         flange_from_tool_turn: [0.0, 0.0, 0.0, 1.0],
+        error_frame: ErrorFrameName::Fitted,
+        error_frame_base: [0.0; 3],
+        error_frame_base_turn: [0.0, 0.0, 0.0, 1.0],
+        error_frame_target: [0.0; 3],
+        error_frame_sd_mm: None,
+        error_frame_sd_deg: None,
         joint_lower_rad: vec![-1.0],
         joint_upper_rad: vec![1.0],
         configurations: Vec::new(),

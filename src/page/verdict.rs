@@ -110,6 +110,10 @@ fn facts(content: &Content, step: &StepRow) -> Markup {
             (fact("Mean error", &mm(step.mean_mm), &html! {
                 @if let Some((mean, n)) = before(content) { "before: " (words::fixed(mean, 3)) " mm on " (n) " stations" }
             }))
+            (fact("Answers for", &html! { (percent(step.like_covered_share)) }, &html! {
+                "of the measured stations of its orientation and configuration, " (percent(step.stations_covered_share)) " of all, "
+                (percent(step.box_covered_share)) " of the box"
+            }))
             (fact("Judged on", &html! { (words::whole(judged)) }, &html! {
                 "held-out poses" @if step.visits > step.held_out { " in " (words::whole(step.visits as u64)) " visits" } @if let Some(blocks) = step.blocks { " in " (blocks) " blocks" }
             }))
@@ -119,6 +123,11 @@ fn facts(content: &Content, step: &StepRow) -> Markup {
 
 pub(super) fn fact(name: &str, value: &Markup, beside: &Markup) -> Markup {
     html! { div { dt { (name) } dd { (value) small { (beside) } } } }
+}
+
+/// A share in percent.
+fn percent(share: Option<f64>) -> Markup {
+    html! { @match share { Some(share) => { (words::number(100.0 * share, 1)) " %" }, None => "–" } }
 }
 
 pub(super) fn mm(value: Option<f64>) -> Markup {

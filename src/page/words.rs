@@ -4,7 +4,10 @@ use maud::{Markup, html};
 
 use crate::fit::Identifiability;
 use crate::io::table::Word as _;
+use crate::io::tables::plan_figures::{CorrectedBy, FigureRow};
+use crate::io::tables::sampling_plan::VisitPurpose;
 use crate::io::tables::words::TableVerdict;
+use crate::plan::Kind;
 use crate::report::{BaseRefit, Model, Split, Subject};
 
 /// A model as text.
@@ -76,14 +79,55 @@ pub(super) const fn verdict(verdict: TableVerdict) -> &'static str {
 pub(super) const fn identifiability(found: Identifiability) -> &'static str {
     match found {
         Identifiability::Identifiable => "identifiable",
-        Identifiability::Fixed => "fixed by the settings",
         Identifiability::MovesNothing => "moves nothing that was measured",
         Identifiability::StructurallyDependent => "the same motion as others",
         Identifiability::Weak => "hardly more than its prior",
     }
 }
 
-/// A table's word with spaces for underscores; a sentence is unchanged.
+/// The choice of the measured poses.
+pub(super) fn design(design: Kind) -> String {
+    match design {
+        Kind::DOptimal => "D-optimal".to_owned(),
+        Kind::UniformGrid | Kind::Random | Kind::GreedyVariance => plain(design.word()),
+    }
+}
+
+/// Source of the node values, and interpolation inside a cell, in a few words.
+pub(super) fn family(figure: &FigureRow) -> String {
+    let source = plain(figure.source.word());
+    match figure.interpolation {
+        Some(interpolation) => format!("{source}, {}", interpolation.word()),
+        None => source,
+    }
+}
+
+/// Source of the node values, and interpolation inside a cell, for a sentence.
+pub(super) fn origin(figure: &FigureRow) -> String {
+    let source = match figure.source {
+        CorrectedBy::Measured => "as measured".to_owned(),
+        CorrectedBy::Model => "from the model".to_owned(),
+        CorrectedBy::IdentifiedArm => plain(figure.source.word()),
+    };
+    match figure.interpolation {
+        Some(interpolation) => {
+            let interpolation = interpolation.word();
+            format!("node values {source}, {interpolation} inside a cell")
+        }
+        None => format!("node values {source}"),
+    }
+}
+
+/// The purpose of a planned visit.
+pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
+    match purpose {
+        VisitPurpose::Identify => "identify",
+        VisitPurpose::Verify => "verify",
+        VisitPurpose::DriftCheck => "again, for drift",
+    }
+}
+
+/// A table's word with its underscores as spaces; a sentence stays as it is.
 pub(super) fn plain(word: &str) -> String {
     let is_word = !word.contains(' ');
     if is_word {

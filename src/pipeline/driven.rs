@@ -7,7 +7,7 @@ mod made;
 
 use std::fmt::Write as _;
 
-use super::plan::SessionFiles;
+use super::configuration::SessionFiles;
 use super::run::RunError;
 use crate::compensation::Conditions;
 use crate::history::table_state::Shown;
@@ -19,7 +19,7 @@ use crate::io::targets::driving;
 use crate::join::Station;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
-use crate::report::driven::matched;
+use crate::report::driven::{matched, promise_words};
 use made::TableRun;
 
 /// A command that is further than this from what the file says is not the file's, mm: controllers round to a micrometre or ten.
@@ -85,7 +85,7 @@ pub(super) fn words(
         Some(state.to_string()),
         Some(went(driven, session)),
         Some(driven.application.words()),
-        shown.kept().ok().map(|kept| kept.words()),
+        shown.kept().ok().and_then(|kept| promise_words(&kept)),
     ];
     let RunKey { session, run, .. } = &driven.key;
     let line = |line| format!("driven by table {run} of session {session}: {line}");

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use thiserror::Error;
 
-use super::plan::{SessionFiles, Tree, WorkPiece};
+use super::configuration::{SessionFiles, Tree, WorkPiece};
 use crate::io::lake::temporary;
 use crate::io::store::StoreError;
 use crate::io::targets;

@@ -1,7 +1,7 @@
 //! The pipeline file as it is written: sections, keys and their defaults.
 //!
 //! Unknown keys are refused, and what no log states (units, frames, time sources, the order of angles) has no default.
-//! What the file says is checked in [`super::plan`]; the settings that a run's name follows from are this file without
+//! What the file says is checked in [`super::configuration`]; the settings that a run's name follows from are this file without
 //! its paths and names.
 
 use std::collections::BTreeMap;
@@ -12,15 +12,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::compensation::Conditions;
 use crate::fit::full::FullSettings;
-use crate::fit::{FitSettings, Noise, TrackerUncertainty};
-use crate::geometry::Placement;
+use crate::fit::{FitSettings, Noise, Source, TrackerUncertainty};
+use crate::geometry::{EulerOrder, Placement};
 use crate::grid::{GridSettings, Tolerance};
 use crate::ingest::{
     CommandedFile, CommandedSettings, ControllerSettings, LengthUnit, MissingConvention,
     PoseFields, TimeSource, TrackerFile, TrackerSettings,
 };
 use crate::io::log::Limits;
-use crate::join::JoinSettings;
+use crate::join::{JoinSettings, ReadingKind};
 use crate::plan::section::PlanSection;
 use crate::similarity::SimilaritySettings;
 
@@ -66,13 +66,17 @@ pub struct PipelineFile {
 
 impl PipelineFile {
     /// What the fit is told of the measurement.
-    pub const fn noise(&self) -> Noise {
+    pub fn noise(&self) -> Noise {
         let fit = &self.fit.geometric;
-        Noise {
-            tracker: self.tracker.uncertainty,
-            repeatability_mm: fit.repeatability_mm,
-            orientations: fit.orientations,
-        }
+        let tracker = Source {
+            reads: if fit.orientations {
+                ReadingKind::Pose
+            } else {
+                ReadingKind::Point
+            },
+            uncertainty: self.tracker.uncertainty,
+        };
+        Noise::of_one(tracker, fit.repeatability_mm)
     }
 }
 
@@ -253,7 +257,7 @@ pub struct TrackerSection {
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
     pub uncertainty: TrackerUncertainty,
-    /// Where the arm's base stands in the tracker's frame; errors against the raw command need it.
+    /// Where the arm's base stands in the tracker's frame: errors, table and verdict are stated in that base. Fitted where absent.
     pub tracker_from_base: Option<TrackerFromBase>,
 }
 
@@ -281,7 +285,42 @@ pub enum TrackerFromBase {
     /// Found by the base + target fit: `"fitted"`.
     Fitted,
     /// Measured by other means: `{ surveyed = { xyz_mm = …, … } }`.
-    Surveyed(Placement),
+    Surveyed(Survey),
+}
+
+/// A surveyed base: its placement and how well it was surveyed.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Survey {
+    /// Where the base's origin lies in the tracker's frame, mm.
+    pub xyz_mm: [f64; 3],
+    /// Rotation as a quaternion x y z w.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quaternion_xyzw: Option<[f64; 4]>,
+    /// Rotation as three angles, degrees; `euler_order` says about what.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_deg: Option<[f64; 3]>,
+    /// The order of the three angles; it has no default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub euler_order: Option<EulerOrder>,
+    /// Standard deviation of the origin's position, mm; without it the verdict does not count the survey.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd_mm: Option<f64>,
+    /// Standard deviation of the rotation, degrees; without it the verdict does not count the survey.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd_deg: Option<f64>,
+}
+
+impl Survey {
+    /// The placement without its uncertainty.
+    pub const fn placement(&self) -> Placement {
+        Placement {
+            xyz_mm: self.xyz_mm,
+            quaternion_xyzw: self.quaternion_xyzw,
+            euler_deg: self.euler_deg,
+            euler_order: self.euler_order,
+        }
+    }
 }
 
 /// `[fit]`: the geometric fit, and the full error model under `full`.

@@ -15,22 +15,24 @@ use std::path::Path;
 use nalgebra::Isometry3;
 use thiserror::Error;
 
-use super::plan::{PlanError, files, placed, usable};
+use super::configuration::{ConfigurationError, files, placed, usable};
 use super::run::{self, RunError, input};
 use crate::io::lake::{Commit, Lake, LakeError};
 use crate::io::store::Place;
 use crate::io::table::Row as _;
+use crate::io::tables::PublishError;
+use crate::io::tables::plan_figures::{self, FigureRow};
 use crate::io::tables::runs::{Ending, RunRow};
+use crate::io::tables::sampling_plan::{self, VisitRow};
 use crate::io::tables::words::TableVerdict;
-use crate::io::tables::{PublishError, sampling_plan};
 use crate::kinematics::Arm;
 use crate::manifest::{self, ManifestError, Replaced, RunKey, StageCount, Work};
-use crate::page::plan::{self as page, About};
+use crate::page::plan::{self as page, About, Content};
 use crate::plan::{self, PlanSettings, SamplingPlan};
 use crate::progress::Progress;
 
 use cell::Placed;
-pub use known::KnownError;
+pub use known::{KnownError, KnownMisfit};
 pub use so_far::{SoFar, SoFarError};
 
 /// The session under which a plan stands in the lake.
@@ -67,7 +69,7 @@ pub struct Planned {
 pub enum PlanningError {
     /// The pipeline file.
     #[error(transparent)]
-    File(#[from] PlanError),
+    File(#[from] ConfigurationError),
     /// The settings have no canonical form.
     #[error(transparent)]
     Manifest(#[from] ManifestError),
@@ -112,7 +114,7 @@ impl Planning {
     ) -> Result<Self, PlanningError> {
         let read = files::read(path)?;
         let file = &read.file;
-        let section = file.plan.as_ref().ok_or_else(|| PlanError::Missing {
+        let section = file.plan.as_ref().ok_or_else(|| ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[plan]",
             reason: "it says what robot to expect and where the tracker stands; at least home_deg and tracker_from_base",
@@ -197,11 +199,11 @@ impl Planning {
             return Ok(Commit::AlreadyThere);
         };
         let frame = &self.command_from_base;
-        let tables = [
-            sampling_plan::sampling_plan(plan, &self.settings, &self.arm, frame, key)?,
-            sampling_plan::plan_figures(plan, &self.settings, key)?,
-        ];
-        for table in &tables {
+        let visits = sampling_plan::rows(plan, &self.settings, &self.arm, frame);
+        let visits = VisitRow::table(visits, key).map_err(PublishError::from)?;
+        let figures = plan_figures::rows(plan, &self.settings);
+        let figures = FigureRow::table(figures, key).map_err(PublishError::from)?;
+        for table in [&visits.table, &figures.table] {
             run.publish(table)?;
         }
         let counts = counts(plan);
@@ -210,7 +212,7 @@ impl Planning {
             counts: &counts,
             written: run.written(),
         };
-        let html = page::html(&page::content(&tables, &about));
+        let html = page::html(&Content::of(visits.rows, figures.rows, &about));
         run.publish_page(&html)?;
         let row = self
             .work

@@ -6,10 +6,11 @@
 
 use super::planning::SESSION;
 use crate::io::lake::{Lake, LakeError};
+use crate::io::table::Row as _;
 use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::io::tables::sampling_plan::promise;
+use crate::io::tables::sampling_plan::{VisitRow, promise};
 use crate::manifest::RunKey;
-use crate::report::promise::{PromiseKept, Verified, held_against};
+use crate::report::promise::{PlanPromise, PromiseKept, Verified};
 use crate::report::{Model, ResidualSet, Split};
 
 /// What became of a plan's promise.
@@ -22,7 +23,7 @@ pub(super) enum Promised {
     /// There are no errors to hold it against.
     NoErrors(String),
     /// It was held against the session.
-    Held(PromiseKept),
+    Held(PlanPromise, Box<PromiseKept>),
 }
 
 impl Promised {
@@ -36,7 +37,7 @@ impl Promised {
             Self::NoErrors(plan) => Some(format!(
                 "plan {plan}: no model gave errors of stations it did not see, so nothing is held against its promise"
             )),
-            Self::Held(kept) => Some(kept.words()),
+            Self::Held(promise, kept) => Some(promise.words(kept)),
         }
     }
 }
@@ -58,9 +59,12 @@ pub(super) fn held(
     if !lake.exists(&key)? || !lake.has("sampling_plan", &key)? {
         return Ok(Promised::Unknown(plan.clone()));
     }
-    let promise = promise(&lake.read("sampling_plan", &key)?);
+    let promise = promise(&key, VisitRow::read(&lake.read("sampling_plan", &key)?));
     Ok(match errors(outcome, session) {
-        Some(set) => Promised::Held(held_against(&promise, &verified(set, session))),
+        Some(set) => {
+            let kept = promise.held_against(&verified(set, session));
+            Promised::Held(promise, Box::new(kept))
+        }
         None => Promised::NoErrors(plan.clone()),
     })
 }

@@ -10,8 +10,8 @@ mod session;
 
 use nalgebra::Isometry3;
 
+use super::configuration::{Configuration, SessionFiles, WorkPiece};
 use super::fetch::Fetched;
-use super::plan::{Plan, SessionFiles, WorkPiece};
 use super::promise;
 use super::publish::publish;
 use super::words::{notes, words};
@@ -25,6 +25,7 @@ use crate::io::tables::outcome::Outcome;
 use crate::io::tables::runs::RunRow;
 use crate::io::tables::words::TableVerdict;
 use crate::io::tables::{self, GridBasis, PublishContext, PublishError};
+use crate::join::Station;
 use crate::manifest::{Replaced, RunKey};
 use crate::page::Statements;
 use crate::progress::Progress;
@@ -66,12 +67,12 @@ impl Done {
 
 /// Does one piece of work; logs on object storage are fetched for it, and their copies removed afterwards.
 pub fn run_piece(
-    plan: &Plan,
+    configuration: &Configuration,
     piece: &WorkPiece,
     progress: &dyn Progress,
 ) -> Result<Done, RunError> {
-    let fetched = Fetched::of(&plan.tree, piece)?;
-    let done = run_local(plan, fetched.piece(), progress);
+    let fetched = Fetched::of(&configuration.tree, piece)?;
+    let done = run_local(configuration, fetched.piece(), progress);
     done.map_err(|error| {
         if fetched.is_copied() {
             RunError::Copied {
@@ -85,16 +86,20 @@ pub fn run_piece(
 }
 
 /// Does one piece of work whose logs stand on this machine.
-fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<Done, RunError> {
-    let work = work(plan, piece)?;
+fn run_local(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+    progress: &dyn Progress,
+) -> Result<Done, RunError> {
+    let work = work(configuration, piece)?;
     let key = work.key();
-    let lake = Lake::at(&plan.lake)?;
+    let lake = Lake::at(&configuration.lake)?;
     let Some(mut run) = lake.start(&key)? else {
-        return already_there(plan, &lake, &key);
+        return already_there(configuration, &lake, &key);
     };
     let mut joined = |files: &SessionFiles| {
-        let read = session::read_for(plan, files, &mut run, progress);
-        let joined = read.and_then(|read| joined(plan, files, read));
+        let read = session::read_for(configuration, files, &mut run, progress);
+        let joined = read.and_then(|read| joined(configuration, files, read));
         joined.map_err(|error| error.of(files))
     };
     let training = piece
@@ -107,12 +112,29 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
         .iter()
         .map(&mut joined)
         .collect::<Result<Vec<_>, _>>()?;
-    let outcome = stages::run(&plan.arm, training, test, &plan.stages, progress)?;
-    let context = context(plan, &outcome, lake.current(&key)?);
-    let promised = promise::held(plan.sampling_plan.as_ref(), &outcome, &lake, &key.robot)?.words();
-    let driven = driven::words(&outcome, &plan.arm, &plan.valid_for, &lake)?;
+    let outcome = stages::run(
+        &configuration.arm,
+        training,
+        test,
+        &configuration.stages,
+        progress,
+    )?;
+    let context = context(configuration, &outcome, lake.current(&key)?);
+    let promised = promise::held(
+        configuration.sampling_plan.as_ref(),
+        &outcome,
+        &lake,
+        &key.robot,
+    )?
+    .words();
+    let driven = driven::words(
+        &outcome,
+        &configuration.arm,
+        &configuration.valid_for,
+        &lake,
+    )?;
     let remarks: Vec<String> = driven.lines.into_iter().chain(promised).collect();
-    let said = said(plan, &outcome, &remarks, driven.state)?;
+    let said = said(configuration, &outcome, &remarks, driven.state)?;
     let commit = publish(&outcome, &context, run, &work, &said)?;
     Ok(Done {
         session: key.session.clone(),
@@ -121,25 +143,25 @@ fn run_local(plan: &Plan, piece: &WorkPiece, progress: &dyn Progress) -> Result<
         verdict: outcome.verdict.verdict(),
         reason: outcome.verdict.reason(),
         rejected: said.warnings,
-        words: words(&outcome, plan.stages.tolerance.mm)
+        words: words(&outcome, configuration.stages.tolerance.mm)
             .into_iter()
             .chain(remarks)
             .collect(),
-        tables: plan.lake.clone(),
+        tables: configuration.lake.clone(),
         page: page(&lake, &key)?,
     })
 }
 
 /// What the page says besides the tables.
 fn said(
-    plan: &Plan,
+    configuration: &Configuration,
     outcome: &Outcome<'_>,
     remarks: &[String],
     table_state: Option<String>,
 ) -> Result<Statements, PublishError> {
     let counts = serde_json::to_string(&tables::counts::counts(outcome))?;
     Ok(Statements {
-        warnings: damage::rejected_beyond(&counts, plan.max_rejected_share),
+        warnings: damage::rejected_beyond(&counts, configuration.max_rejected_share),
         notes: notes(outcome)
             .into_iter()
             .chain(remarks.iter().cloned())
@@ -155,7 +177,11 @@ pub(super) fn page(lake: &Lake, key: &RunKey) -> Result<Option<Place>, RunError>
 }
 
 /// What the lake says of a run that it has.
-fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunError> {
+fn already_there(
+    configuration: &Configuration,
+    lake: &Lake,
+    key: &RunKey,
+) -> Result<Done, RunError> {
     let row = RunRow::read(&lake.read(RunRow::TABLE, key)?);
     let row = row.into_iter().next();
     let (reason, counts) = row
@@ -174,7 +200,7 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
         already_there: true,
         verdict,
         reason,
-        rejected: damage::rejected_beyond(counts, plan.max_rejected_share),
+        rejected: damage::rejected_beyond(counts, configuration.max_rejected_share),
         words: vec![
             "the lake has this run already: same inputs, settings and version; nothing was done"
                 .to_owned(),
@@ -185,41 +211,42 @@ fn already_there(plan: &Plan, lake: &Lake, key: &RunKey) -> Result<Done, RunErro
 }
 
 fn context<'a>(
-    plan: &'a Plan,
+    configuration: &'a Configuration,
     outcome: &Outcome<'_>,
     replaces: Option<Replaced>,
 ) -> PublishContext<'a> {
-    let base_from_command = plan
+    let base_from_command = configuration
         .command_frames
         .map_or_else(Isometry3::identity, |frames| frames.base_from_command);
     PublishContext {
-        arm: &plan.arm,
+        arm: &configuration.arm,
         command_from_base: Transform::claim(base_from_command.inverse()),
-        fit: &plan.stages.fit,
-        full: &plan.stages.full,
-        tolerance: plan.stages.tolerance,
+        fit: &configuration.stages.fit,
+        full: &configuration.stages.full,
+        tolerance: configuration.stages.tolerance,
         grid: GridBasis {
             model: outcome.best,
             angles: Angles::Commanded,
             split: Split::Blocks,
             guard_mm: outcome.grids.guard_mm,
         },
-        noise_mm2: noise_mm2(plan, outcome),
-        valid_for: plan.valid_for.clone(),
+        noise_mm2: noise_mm2(configuration, outcome),
+        valid_for: configuration.valid_for.clone(),
         replaces,
     }
 }
 
 /// Mean variance per axis of measurement and repeatability over the last session's stations, mm².
-fn noise_mm2(plan: &Plan, outcome: &Outcome<'_>) -> Option<f64> {
+fn noise_mm2(configuration: &Configuration, outcome: &Outcome<'_>) -> Option<f64> {
     let stations = &outcome.training.last()?.joined.stations;
-    let noise = &plan.stages.noise;
+    let noise = &configuration.stages.noise;
     let variances: Vec<f64> = stations
         .iter()
-        .filter_map(|station| station.attained.as_ref())
-        .map(|attained| {
-            noise.tracker.covariance(&attained.position).trace() / 3.0
-                + noise.repeatability_mm.powi(2)
+        .flat_map(Station::measured)
+        .filter_map(|reading| {
+            let source = noise.source(reading.source);
+            let instrument = source.uncertainty.covariance(&reading.position()?);
+            Some(instrument.trace() / 3.0 + noise.repeatability_mm.powi(2))
         })
         .collect();
     (!variances.is_empty()).then(|| variances.iter().sum::<f64>() / variances.len() as f64)

@@ -9,6 +9,7 @@ mod iso_9283;
 mod judged;
 mod observed;
 pub(super) mod scales;
+mod stated;
 mod turns;
 mod unseen;
 
@@ -17,9 +18,13 @@ use thiserror::Error;
 
 use crate::fit::full::FullSettings;
 use crate::fit::same_arm::{self, NotOneArm};
-use crate::fit::{self, ErrorFrame, FitError, FitSettings, Models, Noise, TrainingSettings};
+use crate::fit::{
+    self, ErrorBase, FitError, FitSettings, FramePair, Frames, Models, Noise, SurveyedBase,
+    TrainingSettings,
+};
 use crate::grid::{GridError, GridSettings, Tolerance};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
+use crate::join::{Several, one_source_and_target};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::RefitSettings;
@@ -47,8 +52,10 @@ pub struct StageSettings {
     pub flange_from_tool: Option<Isometry3<f64>>,
     /// The frame that commands are stated in, in the base frame.
     pub base_from_command: Isometry3<f64>,
-    /// Where errors against the raw command can be given: the base they are given in.
-    pub raw_command: Option<RawCommandBase>,
+    /// The base frame that errors, table and verdict are stated in, where the pipeline file says so; fitted otherwise.
+    pub base: Option<ErrorBase>,
+    /// Whether the commanded point is the measured target; `None` without commands.
+    pub target_is_tool: Option<bool>,
     /// Semivariograms.
     pub similarity: SimilaritySettings,
     /// Steps and nodes.
@@ -63,13 +70,14 @@ pub struct StageSettings {
     pub tool_tip: Option<Vector3<f64>>,
 }
 
-/// The base in which an error against the raw command is given; command and target are one point.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RawCommandBase {
-    /// Surveyed: `tracker_from_base`.
-    Surveyed(Isometry3<f64>),
-    /// Said to be fitted: that of base + target.
-    Fitted,
+impl StageSettings {
+    /// The surveyed base, where errors are stated in one.
+    pub const fn surveyed(&self) -> Option<&SurveyedBase> {
+        match &self.base {
+            Some(ErrorBase::Surveyed(base)) => Some(base),
+            Some(ErrorBase::Fitted) | None => None,
+        }
+    }
 }
 
 /// Why a stage has no result.
@@ -78,6 +86,17 @@ pub enum StageError {
     /// The fit.
     #[error("fit: {0}")]
     Fit(#[from] FitError),
+    /// A session with several sources or targets.
+    #[error("session {session}: {source}")]
+    SeveralIn {
+        /// The session's name.
+        session: String,
+        /// How many of each.
+        source: Several,
+    },
+    /// A model with several sources or targets.
+    #[error("fit: {0}")]
+    Several(#[from] Several),
     /// Sessions that cannot be pooled.
     #[error("fit: {0}")]
     NotOneArm(#[from] NotOneArm),
@@ -94,6 +113,7 @@ pub fn run<'a>(
     settings: &StageSettings,
     progress: &dyn Progress,
 ) -> Result<Outcome<'a>, StageError> {
+    one_each(training.iter().chain(&test))?;
     let observed = Observed::new(arm, &training, settings);
     let train = TrainingSettings {
         fit: &settings.fit,
@@ -112,17 +132,10 @@ pub fn run<'a>(
     };
     let mut residuals = judged.residuals(&test, settings, &train, progress)?;
     let last = training.len() - 1;
-    let error_frame = ErrorFrame::new(
-        arm,
-        models.base_target.frames[last],
-        settings.flange_from_tool,
-        settings.noise.orientations,
-    );
-    residuals.extend(raw_command(
-        &training[last],
-        &error_frame,
-        settings.raw_command,
-    ));
+    let frames = models.base_target.frames.iter().map(Frames::one);
+    let frames = frames.collect::<Result<Vec<FramePair>, Several>>()?;
+    let error_frame = stated::error_frame(arm, &frames[last], settings);
+    residuals.extend(raw_command(&training[last], &error_frame, settings));
     let semivariograms = semivariograms(&training[last], &residuals, &settings.similarity);
     let mut stations = grid_stations(&training[last], &error_frame, &observed.folds_of(last));
     add_between_session_variation(&mut stations, &training[last], last, &models, &error_frame);
@@ -147,7 +160,7 @@ pub fn run<'a>(
     let driven = driven::judged(&training[last], &error_frame, settings);
     let iso_9283 = iso_9283::Sources {
         arm,
-        models: &models,
+        frames: &frames,
         training: &training,
         test: &test,
         residuals: &residuals,
@@ -158,8 +171,8 @@ pub fn run<'a>(
     .figures();
     let maker = FigureMaker {
         settings,
-        models: &models,
         training: &training,
+        frames: &frames,
         error_frame: &error_frame,
         stations: &stations,
         grids: &grids,
@@ -175,6 +188,7 @@ pub fn run<'a>(
     }
     Ok(Outcome {
         best: models.best().0,
+        base: settings.base.unwrap_or(ErrorBase::Fitted),
         training,
         test,
         calibrations: vec![
@@ -194,6 +208,20 @@ pub fn run<'a>(
         iso_9283,
         at_tip,
     })
+}
+
+/// Errors, grids and figures are of one tool point that one instrument sees: sessions with several sources or targets are refused
+/// here, so that what follows can ask each station for its one reading.
+fn one_each<'s>(sessions: impl Iterator<Item = &'s JoinedSession>) -> Result<(), StageError> {
+    for session in sessions {
+        one_source_and_target(&session.joined.stations).map_err(|source| {
+            StageError::SeveralIn {
+                session: session.name.clone(),
+                source,
+            }
+        })?;
+    }
+    Ok(())
 }
 
 /// Sessions that are pooled have to be of one arm.

@@ -35,7 +35,7 @@ use crate::io::lake::{Lake, LakeError};
 use crate::io::store::Place;
 use crate::progress::Progress;
 
-use super::plan::PlanError;
+use super::configuration::ConfigurationError;
 pub use altered::{ChangedInput, Found, Output};
 pub use cited::{Citation, Left, Role};
 pub use claim::{Claim, RowDigests};
@@ -89,7 +89,7 @@ pub enum VerifyError {
     },
     /// A pipeline file is bad.
     #[error(transparent)]
-    Pipeline(#[from] PlanError),
+    Pipeline(#[from] ConfigurationError),
     /// The lake cannot be read.
     #[error(transparent)]
     Lake(#[from] LakeError),

@@ -18,7 +18,7 @@ use super::steps::{Grid, test_poses};
 use super::{PlanError, Trial, line_of_sight};
 use crate::figures::Figures;
 use crate::fit::full::FullModel;
-use crate::fit::{Frames, Observation, ToolErrors};
+use crate::fit::{FramePair, Observation, SourceId, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::Lattice;
 use crate::kinematics::Arm;
@@ -50,16 +50,6 @@ impl Kind {
         Self::GreedyVariance,
         Self::DOptimal,
     ];
-
-    /// The name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::UniformGrid => "uniform_grid",
-            Self::Random => "random",
-            Self::GreedyVariance => "greedy_variance",
-            Self::DOptimal => "d_optimal",
-        }
-    }
 }
 
 /// What one design at one number of poses gives.
@@ -210,7 +200,7 @@ fn finest_grid(count: usize, placer: &Placer<'_>, settings: &PlanSettings) -> Op
         .fold(f64::INFINITY, f64::min);
     let of = |cells: u32| {
         let step_mm = shortest / f64::from(cells);
-        let lattice = Lattice::new(bounds, [step_mm; 3])?;
+        let lattice = Lattice::new(bounds, step_mm).ok()?;
         (lattice.node_count() <= count).then_some((step_mm, lattice))
     };
     let (step_mm, lattice) = (1..).map_while(of).last()?;
@@ -241,24 +231,24 @@ fn expected_model(
 ) -> FullModel {
     FullModel::expected(
         arm,
-        &frames(settings),
+        &frames(settings).into(),
         region,
         stations,
-        settings.fit.prior(),
+        &settings.fit.prior(),
         &settings.full,
         settings.up,
     )
 }
 
 /// Where base and target are meant to be.
-fn frames(settings: &PlanSettings) -> Frames {
+fn frames(settings: &PlanSettings) -> FramePair {
     let cell = &settings.population.cell;
     let tracker_from_base =
         crate::geometry::isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
-    Frames {
-        tracker_from_base: Transform::claim(tracker_from_base),
-        flange_from_target: Transform::claim(settings.flange_from_target),
-    }
+    FramePair::only(
+        Transform::claim(tracker_from_base),
+        Transform::claim(settings.flange_from_target),
+    )
 }
 
 /// Axis variables of poses that stand for the region.
@@ -280,7 +270,8 @@ pub fn candidate(
     model: &FullModel,
     settings: &PlanSettings,
 ) -> Candidate {
-    let instrument = settings.noise.tracker.covariance(&position);
+    let source = settings.noise.source(SourceId::ONLY);
+    let instrument = source.uncertainty.covariance(&position);
     let observation = Observation::planned(arm.axes(joints), position, instrument);
     Candidate {
         noise: model.noise(&observation),

@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 use rayon::prelude::*;
 
 use crate::fit::full::{FullModel, Known, Query};
+use crate::fit::{SourceId, TargetId};
 
 /// Candidates a worker takes at once; fixed, so that results do not depend on the number of threads.
 const AT_ONCE: usize = 64;
@@ -205,6 +206,8 @@ pub(super) fn query(axes: &[f64]) -> Query<'_> {
         known: Known::Reported,
         lever: Vector3::zeros(),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     }
@@ -263,7 +266,7 @@ mod tests {
 
     use super::*;
     use crate::fit::full::FullSettings;
-    use crate::fit::{FitSettings, Frames};
+    use crate::fit::{FitSettings, FramePair};
     use crate::geometry::{Transform, isometry_from_rpy};
     use crate::kinematics::{Arm, RobotFile};
 
@@ -291,13 +294,21 @@ mod tests {
             harmonics: 4,
             ..FullSettings::default()
         };
-        let frames = Frames {
-            tracker_from_base: Transform::claim(isometry_from_rpy([2500.0, 0.0, 0.0], [0.0; 3])),
-            flange_from_target: Transform::claim(Isometry3::translation(10.0, 0.0, 90.0)),
-        };
+        let frames = FramePair::only(
+            Transform::claim(isometry_from_rpy([2500.0, 0.0, 0.0], [0.0; 3])),
+            Transform::claim(Isometry3::translation(10.0, 0.0, 90.0)),
+        );
         let up = UnitVector3::new_normalize(Vector3::z());
         let prior = FitSettings::default().prior();
-        FullModel::expected(&ur10(), &frames, region, 50, prior, &settings, Some(up))
+        FullModel::expected(
+            &ur10(),
+            &frames.into(),
+            region,
+            50,
+            &prior,
+            &settings,
+            Some(up),
+        )
     }
 
     fn candidates(count: usize) -> Vec<Candidate> {

@@ -15,6 +15,7 @@ use super::design::{Candidate, Design};
 use super::outcomes::{Outcomes, RobotOutcome};
 use super::settings::PlanSettings;
 use crate::fit::full::{FullModel, Known, Query};
+use crate::fit::{SourceId, TargetId};
 use crate::simulate::{Ingredient, Stream};
 
 /// Arms that are drawn; a promise for 95 % with 95 % confidence needs 59.
@@ -107,6 +108,8 @@ const fn commanded(axes: &[f64], session: usize) -> Query<'_> {
         known: Known::Commanded,
         lever: Vector3::new(0.0, 0.0, 0.0),
         session,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     }

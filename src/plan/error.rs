@@ -4,28 +4,14 @@ use std::collections::BTreeMap;
 
 use thiserror::Error;
 
+use crate::grid::NoLattice;
+
 /// Why there is no plan.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum PlanError {
-    /// A box without volume.
-    #[error(
-        "the box of {sizes_mm:?} mm has no volume: give [grid] box a low and a high corner that differ along each axis"
-    )]
-    EmptyBox {
-        /// Sizes along the axes, mm.
-        sizes_mm: [f64; 3],
-    },
-    /// A step larger than the box.
-    #[error(
-        "step {step_mm} mm does not fit into the box of {sizes_mm:?} mm: every step has to fit at least once along each \
-         axis; choose smaller steps_mm or a larger box"
-    )]
-    StepTooLarge {
-        /// The step, mm.
-        step_mm: f64,
-        /// Sizes along the axes, mm.
-        sizes_mm: [f64; 3],
-    },
+    /// A box or a step that makes no lattice.
+    #[error(transparent)]
+    NoLattice(#[from] NoLattice),
     /// Too few poses of the region can be used.
     #[error(
         "only {found} of {drawn} random poses of the region can be measured, but {wanted} are wanted ({}): move or shrink \

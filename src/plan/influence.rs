@@ -42,16 +42,6 @@ pub enum Study {
 }
 
 impl Study {
-    /// The name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Shift(_) => "grid_shift",
-            Self::Turn(_) => "orientation_mismatch",
-            Self::Flipped(_) => "mixed_configuration",
-            Self::Singularity(..) => "singularity_distance",
-        }
-    }
-
     /// Its value in tables: share of a step, degrees, share of nodes, or the lower edge of the factor.
     pub fn value(self) -> f64 {
         match self {

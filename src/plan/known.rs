@@ -8,9 +8,9 @@ use nalgebra::{DVector, Vector3};
 
 use crate::fit::full::design::SATURATION_RAD;
 use crate::fit::full::layout::Block;
-use crate::fit::full::next::Mounting;
+use crate::fit::full::next::{Mounting, Placed};
 use crate::fit::full::{FullModel, FullSettings};
-use crate::fit::{Frames, Observation};
+use crate::fit::{Frames, Observation, SourceId, TargetId};
 use crate::kinematics::Arm;
 use crate::simulate::{
     ApproachOffset, ArmErrors, AxisError, AxisErrors, GearLine, Ingredient, JointCurve,
@@ -65,7 +65,8 @@ impl KnownArm {
         let z = DVector::from_vec(stream.normals(size, 1.0));
         let drawn = self.model.drawn(z);
         let (offsets, frames) = self.model.geometry_of(&drawn, 0);
-        if self.mounting.tracker_from_base.is_none() {
+        let frames = frames.pair(SourceId::ONLY, TargetId::ONLY);
+        if self.mounting.sources[frames.source.0] == Placed::Same {
             let base = frames.tracker_from_base.isometry();
             let (roll, pitch, yaw) = base.rotation.euler_angles();
             cell.cell.tracker_from_base_mm = base.translation.vector.into();
@@ -86,8 +87,10 @@ impl KnownArm {
         for visit in visits {
             let away: Vector3<f64> = stream.normal3() * sd_mm;
             visit.truth.tracker_from_target.translation.vector += away;
-            if let Some(attained) = &mut visit.station.attained {
-                attained.position += away;
+            for reading in &mut visit.station.readings {
+                if let Some(point) = reading.value.point_mut() {
+                    point.position += away;
+                }
             }
         }
     }

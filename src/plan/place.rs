@@ -34,10 +34,7 @@ impl<'a> Placer<'a> {
         };
         let home = arm.flange(&settings.home).isometry() * settings.flange_from_target;
         placer.add(&home, settings.home.clone());
-        let half = std::array::from_fn(|axis| region.bounds.size(axis) / 2.0);
-        let lattice = Lattice::new(&region.bounds, half).ok_or(PlanError::EmptyBox {
-            sizes_mm: std::array::from_fn(|axis| region.bounds.size(axis)),
-        })?;
+        let lattice = Lattice::of_cells(&region.bounds, [2; 3])?;
         let mut order: Vec<usize> = (0..lattice.node_count()).collect();
         let middle = lattice.position(lattice.node_count() / 2);
         let away = |&node: &usize| (lattice.position(node) - middle).norm();

@@ -90,9 +90,9 @@ impl<'a> Robot<'a> {
         let models = self.models(&observations, settings, full)?;
         let error_frame = ErrorFrame::new(
             self.arm,
-            models.base_target.frames[0],
+            models.base_target.frames[0].one()?,
             Some(settings.flange_from_target),
-            settings.noise.orientations,
+            settings.noise.takes_orientations(),
         );
         Ok(Fitted {
             models,

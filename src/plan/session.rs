@@ -44,17 +44,6 @@ pub(super) const fn least_poses(settings: &PlanSettings) -> usize {
     }
 }
 
-impl Purpose {
-    /// The name in tables.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Identify => "identify",
-            Self::Verify => "verify",
-            Self::DriftCheck { .. } => "drift_check",
-        }
-    }
-}
-
 /// One visit of the session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedVisit {

@@ -54,18 +54,13 @@ pub struct StepRow {
 }
 
 impl Grid {
-    /// The lattice of a step in the plan's box, moved by a share of the step along each axis.
+    /// The lattice of a step over the whole of the plan's box.
     pub fn new(
         placer: &Placer<'_>,
         settings: &PlanSettings,
         step_mm: f64,
     ) -> Result<Self, PlanError> {
-        let bounds = &settings.region.bounds;
-        let lattice =
-            Lattice::new(bounds, [step_mm; 3]).ok_or_else(|| PlanError::StepTooLarge {
-                step_mm,
-                sizes_mm: std::array::from_fn(|axis| bounds.size(axis)),
-            })?;
+        let lattice = Lattice::new(&settings.region.bounds, step_mm)?;
         Ok(Self::of(placer, settings, step_mm, lattice))
     }
 
@@ -108,14 +103,26 @@ fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     })
 }
 
-/// Judges every step of the settings on the plan's robots.
+/// The steps that are judged, mm, in the order of the settings: of steps that come to the same pitches, the smallest.
+pub fn judged_steps(settings: &PlanSettings) -> Result<Vec<f64>, PlanError> {
+    let steps = &settings.grid.steps_mm;
+    let lattice = |&step_mm: &f64| Lattice::new(&settings.region.bounds, step_mm);
+    let lattices: Vec<Lattice> = steps.iter().map(lattice).collect::<Result<_, _>>()?;
+    let is_smallest = |&place: &usize| {
+        let others = steps.iter().zip(&lattices);
+        let mut alike = others.filter(|(_, lattice)| **lattice == lattices[place]);
+        alike.all(|(step_mm, _)| steps[place] <= *step_mm)
+    };
+    let places = (0..steps.len()).filter(is_smallest);
+    Ok(places.map(|place| steps[place]).collect())
+}
+
+/// Judges every step of the settings on the plan's robots, steps that come to the same pitches once.
 pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, PlanError> {
     let (placer, settings) = (trial.placer, trial.settings);
-    let grids: Vec<Grid> = settings
-        .grid
-        .steps_mm
-        .iter()
-        .map(|&step_mm| Grid::new(placer, settings, step_mm))
+    let grids: Vec<Grid> = judged_steps(settings)?
+        .into_iter()
+        .map(|step_mm| Grid::new(placer, settings, step_mm))
         .collect::<Result<_, _>>()?;
     let robots = trial.each_robot("robots × steps", 0..settings.robots, |robot, number| {
         let tests = robot.session(&test_poses(pool, settings, number));

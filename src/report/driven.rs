@@ -6,17 +6,18 @@
 //! 1. each station's command is matched with the target near it ([`matched`]): nearer than any other by half, so that a
 //!    command corrected wrongly is still assigned to its target;
 //! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);
-//! 3. [`application()`] finds from the errors how the corrections were applied;
-//! 4. the promised bound is compared with the stations that judge ([`Kept`]).
+//! 3. [`application()`] tells from the errors how the corrections were applied;
+//! 4. the promised bound is held against the stations that judge ([`PromiseKept`]).
 
 mod application;
 mod base_motion;
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 
+use super::promise::{Promise, PromiseKept};
 use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
-use crate::figures::{Counted, Figures, share_interval};
+use crate::figures::Figures;
 use crate::geometry::align;
 
 pub use application::{Application, application};
@@ -185,81 +186,31 @@ fn turns(
     without_constant(&turns, |place| place < first)
 }
 
-/// The promise of a table's own run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TablePromise {
-    /// Predicted mean error, mm.
-    pub mean_mm: f64,
-    /// Bound that `share` of errors stays below, mm.
-    pub bound_mm: f64,
-    /// Share of errors below the bound.
-    pub share: f64,
-    /// Confidence of the promise.
-    pub confidence: f64,
-}
-
-/// A promise compared with the errors measured after.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Kept {
-    /// The promise.
-    pub promise: TablePromise,
-    /// Figures of the stations that judge.
-    pub figures: Figures,
-    /// Number of poses of these stations, and of their visits.
-    pub counted: Counted,
-    /// Number of these poses within the promised bound.
-    pub within: usize,
-    /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
-    pub interval: (f64, f64),
-}
-
-/// Compares a promise with the stations that judge; `None` without any. A pose counts once however often it was visited,
-/// and is within the promised bound where its worst visit is.
-pub fn kept(promise: &TablePromise, after: &ResidualSet) -> Option<Kept> {
+/// Holds a promise against the stations that judge; `None` without any. A pose is one of them however often it was visited, and
+/// is within the promised bound where its worst visit is.
+pub fn kept(promise: Promise, after: &ResidualSet) -> Option<PromiseKept> {
     let norms: Vec<f64> = after.judged().map(|r| r.residual.norm()).collect();
+    let figures = Figures::of(&norms)?;
     let by_pose = after.by_pose(|r| [r.residual.norm()]);
-    let counted = by_pose.counted();
-    let worst = by_pose.worst();
-    let within = worst.iter().filter(|&&norm| norm <= promise.bound_mm);
-    let within = within.count();
-    Some(Kept {
-        figures: Figures::of(&norms)?,
-        counted,
-        within,
-        interval: share_interval(within, counted.poses, promise.confidence),
-        promise: promise.clone(),
-    })
+    Some(PromiseKept::new(promise, &by_pose, Some(figures)))
 }
 
-impl Kept {
-    /// Whether the measured errors contradict the promise.
-    pub fn is_broken(&self) -> bool {
-        self.interval.1 < self.promise.share
-    }
-
-    /// The comparison in one line for a person.
-    pub fn words(&self) -> String {
-        let (promise, figures) = (&self.promise, &self.figures);
-        format!(
-            "predicted mean {:.3} mm, {} % below {:.3} mm; measured, noise included: mean {:.3}, largest {:.3} mm, \
-             {} of {} within the bound ({:.1} to {:.1} % of all with {} % confidence): {}",
-            promise.mean_mm,
-            100.0 * promise.share,
-            promise.bound_mm,
-            figures.mean,
-            figures.max,
-            self.within,
-            self.counted,
-            100.0 * self.interval.0,
-            100.0 * self.interval.1,
-            100.0 * promise.confidence,
-            if self.is_broken() {
-                "not kept"
-            } else {
-                "not contradicted"
-            }
-        )
-    }
+/// The promise of a table held against a session that it drove, in a line that a person reads; `None` without a figure.
+pub fn promise_words(kept: &PromiseKept) -> Option<String> {
+    let (promise, figures) = (&kept.promise, kept.figures?);
+    Some(format!(
+        "predicted mean {:.3} mm, {} % below {:.3} mm; measured, noise included: mean {:.3}, largest {:.3} mm, {} of {} within \
+         the bound ({}): {}",
+        promise.mean_mm?,
+        100.0 * promise.share,
+        promise.bound_mm?,
+        figures.mean,
+        figures.max,
+        kept.within,
+        kept.counted,
+        kept.possible(),
+        kept.verdict()
+    ))
 }
 
 #[cfg(test)]
@@ -327,18 +278,20 @@ mod tests {
         let after = measured(&stations(&norms), "tuesday", 10)
             .expect("stations span space")
             .after;
-        let promise = TablePromise {
-            mean_mm: 0.1,
-            bound_mm: 0.2,
+        let promise = Promise {
+            mean_mm: Some(0.1),
+            bound_mm: Some(0.2),
             share: 0.95,
             confidence: 0.95,
         };
-        let kept = kept(&promise, &after).expect("stations that judge");
-        assert_eq!((kept.figures.n, kept.within), (20, 18));
-        assert!((kept.figures.max - 0.4).abs() < 1e-9, "{kept:?}");
+        let kept = kept(promise, &after).expect("stations that judge");
+        let figures = kept.figures.expect("stations that judge");
+        assert_eq!((figures.n, kept.within), (20, 18));
+        assert!((figures.max - 0.4).abs() < 1e-9, "{kept:?}");
         // 18 of 20 leave 68 to 99 % possible (Clopper and Pearson): 95 % are not contradicted.
         assert!((kept.interval.0 - 0.683).abs() < 1e-3 && (kept.interval.1 - 0.988).abs() < 1e-3);
-        assert!(!kept.is_broken() && kept.words().ends_with("not contradicted"));
+        let told = promise_words(&kept).expect("figures");
+        assert!(!kept.is_broken() && told.ends_with("not contradicted"));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use super::tip::{Turn, without_constant};
 use super::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 use crate::fit::model::{Known, Query};
 use crate::fit::{At, Corrects, Gap, Models, Observation, PoseModel, Prediction};
+use crate::join::Several;
 use crate::units::MM_PER_M;
 
 /// A held-out session or the training session itself, as observations.
@@ -51,33 +52,29 @@ pub fn own_session(
             continue;
         };
         let covariances = own_covariances(it, &predictions, stations.observations);
-        let base = stated_in(
-            models,
-            model,
-            stations.observations.first().map_or(0, |o| o.session),
-        );
         let residual = |(place, (observation, predicted)): (usize, (&Observation, &Predicted))| {
             let target = predicted.target.position;
-            Residual {
+            let base = stated_in(models, model, observation);
+            Some(Residual {
                 station: observation.station,
                 pose: observation.pose,
                 fold,
                 used_for_refit: false,
                 predicted: base.inverse_transform_point(&target),
-                residual: base.inverse_transform_vector(&(observation.position - target)),
+                residual: base.inverse_transform_vector(&(observation.point()?.position - target)),
                 covariance: covariances.as_ref().map(|c| turned(&c[place], &base)),
                 weight: None,
                 turn: predicted
                     .turn
                     .map(|turn| turn.seen_from(&base.rotation.inverse())),
-            }
+            })
         };
         let residuals = stations
             .observations
             .iter()
             .zip(&predictions)
             .enumerate()
-            .map(residual)
+            .filter_map(residual)
             .collect();
         let subject = Subject {
             split,
@@ -91,12 +88,13 @@ pub fn own_session(
     sets
 }
 
-/// Residuals of `models` on a session that they did not see, with each way to find its base.
+/// Residuals of `models` on a session they never saw, with each way to find its base; refused where the models know several
+/// sources or targets, for a base is found with one.
 pub fn unseen_session(
     models: &Models,
     stations: Stations<'_>,
     settings: RefitSettings,
-) -> Vec<ResidualSet> {
+) -> Result<Vec<ResidualSet>, Several> {
     let mut sets = Vec::new();
     for (model, angles) in Model::compared() {
         let Some((it, predictions)) =
@@ -104,8 +102,9 @@ pub fn unseen_session(
         else {
             continue;
         };
-        // An unseen session is predicted with the frames of the first session.
-        let to_base = it.frames()[0].tracker_from_base.isometry().inverse();
+        // An unseen session is predicted with the frames of the first.
+        let trained = it.frames()[0].one()?;
+        let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));
         let placed: Vec<Placed> = placed.collect();
         // A session with a mounting of its own has no base without a refit.
@@ -138,7 +137,7 @@ pub fn unseen_session(
             }
         }
     }
-    sets
+    Ok(sets)
 }
 
 /// An unseen session's predictions by one model, and the number of first stations that its base is found from.
@@ -157,7 +156,8 @@ struct Unseen<'u> {
 
 impl Unseen<'_> {
     fn residuals(&self, observations: &[Observation]) -> Option<Vec<Residual>> {
-        let measured: Vec<Point3<f64>> = observations.iter().map(|o| o.position).collect();
+        let measured = observations.iter().map(|o| Some(o.point()?.position));
+        let measured: Vec<Point3<f64>> = measured.collect::<Option<_>>()?;
         let found = self.found(&measured)?;
         let covariances = self.covariances(observations, &found);
         let turns = self.turns(&found.base_from_tracker);
@@ -364,6 +364,8 @@ fn predictions<'m>(
             known,
             lever: Vector3::zeros(),
             session,
+            source: o.source,
+            target: o.target,
             own,
             station: Some(o.station),
         };
@@ -383,24 +385,25 @@ fn turn(
     query: &Query<'_>,
     observation: &Observation,
 ) -> Result<Option<Turn>, Gap> {
-    let Some((measured, _)) = observation.orientation else {
+    let Some(measured) = observation.measured.turn() else {
         return Ok(None);
     };
-    let flange_from_target = model.frames()[query.session].flange_from_target.isometry();
+    let flange_from_target = model.frames()[query.session].flange_from_target(query.target);
     Ok(Some(Turn {
-        attained: measured * flange_from_target.rotation.inverse(),
+        attained: measured.orientation * flange_from_target.isometry().rotation.inverse(),
         wanted: model.flange(query)?,
     }))
 }
 
-/// `tracker_from_base` in which a model's residuals of a training session are stated: that of base + target for its own,
-/// and the geometry's for all others, so that these can be compared.
-fn stated_in(models: &Models, model: Model, session: usize) -> Isometry3<f64> {
+/// `tracker_from_base` in which a model's residual of an observation of a training session is stated: that of base + target for its own, and the
+/// geometry's for all others, so that they stand side by side.
+fn stated_in(models: &Models, model: Model, observation: &Observation) -> Isometry3<f64> {
     let calibration = match model.about().corrects {
         Corrects::Frames => &models.base_target,
         Corrects::Nothing | Corrects::Predicted | Corrects::Commands => &models.geometric,
     };
-    *calibration.frames[session].tracker_from_base.isometry()
+    let frames = &calibration.frames[observation.session];
+    *frames.tracker_from_base(observation.source).isometry()
 }
 
 fn own_covariances(

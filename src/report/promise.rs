@@ -1,26 +1,22 @@
-//! The promise of a plan, compared with the session that was measured by it.
+//! A promise held against what was measured after: that of a plan against the session that was measured by it.
 //!
-//! Inputs: a [`Promise`], the session's stations, and the error that a model that did not see them leaves at each. Output:
-//! a [`PromiseKept`]. Only visits that were planned to verify count; they are found by their joint angles.
+//! Inputs: a [`PlanPromise`], the session's stations, and what a model that did not see them leaves on each. Output: a
+//! [`PromiseKept`], which the promise of a table is held by too ([`super::driven`]). Only visits that were planned to verify count; they are found by their joint angles.
 
 use std::collections::BTreeSet;
 
-use crate::figures::{Figures, PoseErrors, share_interval};
+use crate::figures::{Counted, Figures, PoseErrors, share_interval};
 
 /// A station is at a planned pose where no joint differs by more than this, rad (half a degree): joint angles are all that
 /// is planned. [`crate::fit::visits`] finds which stations are visits of one pose.
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 
-/// The promise of a plan.
-#[derive(Debug, Clone, PartialEq)]
+/// What was promised of errors before they were measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Promise {
-    /// Id of the plan.
-    pub plan: String,
-    /// Joint angles of the verification poses, rad.
-    pub verify: Vec<Vec<f64>>,
-    /// Promised mean error, mm; `None` where the plan promised none.
+    /// Mean error, mm; `None` where nothing is promised of it.
     pub mean_mm: Option<f64>,
-    /// Bound that `share` of errors stays below, mm; `None` where the plan promised none.
+    /// What `share` of errors stays below, mm; `None` where nothing is promised of it.
     pub bound_mm: Option<f64>,
     /// Share of errors below the bound.
     pub share: f64,
@@ -28,7 +24,18 @@ pub struct Promise {
     pub confidence: f64,
 }
 
-/// A station with the error that a model that did not see it leaves there.
+/// What a plan promised, and the poses that verify it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanPromise {
+    /// The plan's id.
+    pub plan: String,
+    /// Joint angles of the poses that verify, rad.
+    pub verify: Vec<Vec<f64>>,
+    /// The promise.
+    pub promise: Promise,
+}
+
+/// A station with the error that a model which did not see it leaves there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
     /// Reported joint angles, rad.
@@ -39,40 +46,104 @@ pub struct Verified {
     pub left_mm: f64,
 }
 
-/// The outcome of a promise.
+/// A promise held against errors that were measured. A pose counts once however often it was visited, with its worst visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PromiseKept {
     /// The promise.
     pub promise: Promise,
-    /// Number of verification poses that were measured.
-    pub measured: usize,
-    /// Figures of the remaining error at the worst visit of each; `None` without any.
+    /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,
-    /// Number of these within the promised bound.
+    /// The poses that were measured, and their visits.
+    pub counted: Counted,
+    /// Of these poses, how many are within the promised bound.
     pub within: usize,
     /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
     pub interval: (f64, f64),
 }
 
-/// Compares a promise with stations: a pose counts once however often it was visited, with the worst of its visits.
-pub fn held_against(promise: &Promise, stations: &[Verified]) -> PromiseKept {
-    let visited = promise.verify.iter().filter_map(|pose| at(pose, stations));
-    let visited: BTreeSet<usize> = visited.collect();
-    let mut by_pose = PoseErrors::default();
-    for (visit, station) in stations.iter().enumerate() {
-        if visited.contains(&station.pose) {
-            by_pose.add(station.pose, visit, 0, station.left_mm);
+impl PromiseKept {
+    /// Holds a promise against errors by pose, whose figures are these.
+    pub fn new(promise: Promise, by_pose: &PoseErrors, figures: Option<Figures>) -> Self {
+        let bound_mm = promise.bound_mm.unwrap_or(0.0);
+        let worst = by_pose.worst();
+        let within = worst.iter().filter(|&&norm| norm <= bound_mm).count();
+        let counted = by_pose.counted();
+        Self {
+            promise,
+            figures,
+            counted,
+            within,
+            interval: share_interval(within, counted.poses, promise.confidence),
         }
     }
-    let norms = by_pose.worst();
-    let bound = promise.bound_mm.unwrap_or(0.0);
-    let within = norms.iter().filter(|&&norm| norm <= bound).count();
-    PromiseKept {
-        promise: promise.clone(),
-        measured: norms.len(),
-        figures: Figures::of(&norms),
-        within,
-        interval: share_interval(within, norms.len(), promise.confidence),
+
+    /// Whether the measured errors contradict the promise.
+    pub fn is_broken(&self) -> bool {
+        self.interval.1 < self.promise.share
+    }
+
+    /// What became of the promise, in two words.
+    pub fn verdict(&self) -> &'static str {
+        if self.is_broken() {
+            "not kept"
+        } else {
+            "not contradicted"
+        }
+    }
+
+    /// The share of all errors that may be within the bound.
+    pub fn possible(&self) -> String {
+        format!(
+            "{:.1} to {:.1} % of all with {} % confidence",
+            100.0 * self.interval.0,
+            100.0 * self.interval.1,
+            100.0 * self.promise.confidence
+        )
+    }
+}
+
+impl PlanPromise {
+    /// Holds the promise against stations that stand at the poses that verify.
+    pub fn held_against(&self, stations: &[Verified]) -> PromiseKept {
+        let visited = self.verify.iter().filter_map(|pose| at(pose, stations));
+        let visited: BTreeSet<usize> = visited.collect();
+        let mut by_pose = PoseErrors::default();
+        for (visit, station) in stations.iter().enumerate() {
+            if visited.contains(&station.pose) {
+                by_pose.add(station.pose, visit, 0, station.left_mm);
+            }
+        }
+        PromiseKept::new(self.promise, &by_pose, Figures::of(&by_pose.worst()))
+    }
+
+    /// The comparison in a line that a person reads.
+    pub fn words(&self, kept: &PromiseKept) -> String {
+        let promise = &self.promise;
+        let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
+        let head = format!(
+            "plan {}: promised mean below {}, {} % of errors below {}",
+            self.plan,
+            mm(promise.mean_mm),
+            100.0 * promise.share,
+            mm(promise.bound_mm)
+        );
+        let Some(figures) = kept.figures else {
+            return format!(
+                "{head}; none of its {} poses that verify was measured: nothing to hold it against",
+                self.verify.len()
+            );
+        };
+        format!(
+            "{head}; found, with measurement noise, on {} of {} poses that verify: mean {:.3} mm, largest {:.3} mm, {} within \
+             the bound ({}): {}",
+            kept.counted.poses,
+            self.verify.len(),
+            figures.mean,
+            figures.max,
+            kept.within,
+            kept.possible(),
+            kept.verdict()
+        )
     }
 }
 
@@ -94,61 +165,20 @@ fn at(pose: &[f64], stations: &[Verified]) -> Option<usize> {
     (away(nearest) <= SAME_POSE_RAD).then_some(nearest.pose)
 }
 
-impl PromiseKept {
-    /// Whether the measured errors contradict the promise.
-    pub fn is_broken(&self) -> bool {
-        self.interval.1 < self.promise.share
-    }
-
-    /// The comparison in one line for a person.
-    pub fn words(&self) -> String {
-        let promise = &self.promise;
-        let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
-        let head = format!(
-            "plan {}: promised mean below {}, {} % of errors below {}",
-            promise.plan,
-            mm(promise.mean_mm),
-            100.0 * promise.share,
-            mm(promise.bound_mm)
-        );
-        let Some(figures) = self.figures else {
-            return format!(
-                "{head}; none of its {} verification poses was measured: nothing to compare it with",
-                promise.verify.len()
-            );
-        };
-        let verdict = if self.is_broken() {
-            "not kept"
-        } else {
-            "not contradicted"
-        };
-        format!(
-            "{head}; found, with measurement noise, on {} of {} verification poses: mean {:.3} mm, largest {:.3} mm, {} within \
-             the bound ({:.1} to {:.1} % of all with {} % confidence): {verdict}",
-            self.measured,
-            promise.verify.len(),
-            figures.mean,
-            figures.max,
-            self.within,
-            100.0 * self.interval.0,
-            100.0 * self.interval.1,
-            100.0 * promise.confidence
-        )
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn promise() -> Promise {
-        Promise {
+    fn promise() -> PlanPromise {
+        PlanPromise {
             plan: "00ff".to_owned(),
             verify: (0..20).map(|i| vec![f64::from(i) * 0.1, 0.5]).collect(),
-            mean_mm: Some(0.1),
-            bound_mm: Some(0.2),
-            share: 0.95,
-            confidence: 0.95,
+            promise: Promise {
+                mean_mm: Some(0.1),
+                bound_mm: Some(0.2),
+                share: 0.95,
+                confidence: 0.95,
+            },
         }
     }
 
@@ -164,23 +194,23 @@ mod tests {
 
     #[test]
     fn a_promise_is_held_against_the_poses_that_verify() {
-        let kept = held_against(&promise(), &stations(0.1));
-        assert_eq!((kept.measured, kept.within), (18, 18));
+        let kept = promise().held_against(&stations(0.1));
+        assert_eq!((kept.counted.poses, kept.within), (18, 18));
         // 18 of 18: the lower limit solves p^18 = 0.025, 0.8147.
         assert!(
             (kept.interval.0 - 0.025f64.powf(1.0 / 18.0)).abs() < 1e-6,
             "{kept:?}"
         );
         assert!(
-            !kept.is_broken() && kept.words().contains("18 of 20 poses"),
+            !kept.is_broken() && promise().words(&kept).contains("18 of 20 poses"),
             "{}",
-            kept.words()
+            promise().words(&kept)
         );
-        let broken = held_against(&promise(), &stations(0.3));
+        let broken = promise().held_against(&stations(0.3));
         assert!(
-            broken.is_broken() && broken.words().ends_with("not kept"),
+            broken.is_broken() && promise().words(&broken).ends_with("not kept"),
             "{}",
-            broken.words()
+            promise().words(&broken)
         );
     }
 
@@ -194,11 +224,11 @@ mod tests {
         let worse: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.3)).collect();
         let better: Vec<Verified> = visits.iter().map(|visit| again(visit, 0.05)).collect();
         visits.extend(better);
-        let kept = held_against(&promise(), &visits);
-        assert_eq!((kept.measured, kept.within), (18, 18));
+        let kept = promise().held_against(&visits);
+        assert_eq!((kept.counted.poses, kept.within), (18, 18));
         visits.extend(worse);
-        let kept = held_against(&promise(), &visits);
-        assert_eq!((kept.measured, kept.within), (18, 0));
+        let kept = promise().held_against(&visits);
+        assert_eq!((kept.counted.poses, kept.within), (18, 0));
     }
 
     #[test]
@@ -210,8 +240,13 @@ mod tests {
                 ..station
             })
             .collect();
-        let kept = held_against(&promise(), &elsewhere);
-        assert_eq!((kept.measured, kept.interval), (0, (0.0, 1.0)));
-        assert!(!kept.is_broken() && kept.words().contains("nothing to compare it with"));
+        let kept = promise().held_against(&elsewhere);
+        assert_eq!((kept.counted.poses, kept.interval), (0, (0.0, 1.0)));
+        assert!(
+            !kept.is_broken()
+                && promise()
+                    .words(&kept)
+                    .contains("nothing to hold it against")
+        );
     }
 }

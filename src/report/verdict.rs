@@ -8,7 +8,7 @@
 //!   covers one orientation; where neither is, the session shows nothing.
 
 use super::{Accuracy, BaseRefit, Model, Point, Split};
-use crate::grid::{Tolerance, Verdict};
+use crate::grid::{Covered, Tolerance, Verdict};
 
 /// The judges of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,32 +49,41 @@ impl Judging {
 }
 
 impl Judge {
-    /// Held-out blocks of `session`: the figures of its table, and the choice of its step as text.
-    pub fn blocks(session: &str, table: &Accuracy, choice: &str, tolerance: &Tolerance) -> Self {
+    /// Held-out blocks of `session`: the figures of its table, the choice of its step in words, and what the table answers for.
+    pub fn blocks(
+        session: &str,
+        table: &Accuracy,
+        choice: &str,
+        covered: Option<&Covered>,
+        tolerance: &Tolerance,
+    ) -> Self {
         Self {
             stations: Judging::Blocks(session.to_owned()),
             words: match &table.verdict {
-                Verdict::Meets => figure(table, tolerance),
+                Verdict::Meets => figure_and_covered(table, covered, tolerance),
                 Verdict::DoesNotMeet => choice.to_owned(),
-                Verdict::NotShown(reason) => reason.clone(),
+                Verdict::NotShown(reason) => with_covered(reason.clone(), covered),
             },
             verdict: table.verdict.clone(),
             remark: None,
         }
     }
 
-    /// A test session: the figures of the model and of the table at its stations, where there are any.
+    /// A test session: the figures of the model and of the table at its stations, where there are any, and what the table answers
+    /// for.
     pub fn session(
         session: &str,
         model: Option<&Accuracy>,
-        table: Option<&Accuracy>,
+        table: Option<(&Accuracy, Option<&Covered>)>,
         tolerance: &Tolerance,
         remark: Option<String>,
     ) -> Self {
-        let of_both: Vec<&Accuracy> = model.into_iter().chain(table).collect();
-        let is_shown = |own: &&&Accuracy| !matches!(own.verdict, Verdict::NotShown(_));
-        let shown = of_both.iter().filter(is_shown).map(|own| &own.verdict);
-        let words: Vec<String> = of_both.iter().map(|own| figure(own, tolerance)).collect();
+        let of_both = || model.map(|model| (model, None)).into_iter().chain(table);
+        let verdicts = of_both().map(|(own, _)| &own.verdict);
+        let shown = verdicts.filter(|verdict| !matches!(verdict, Verdict::NotShown(_)));
+        let words: Vec<String> = of_both()
+            .map(|(own, covered)| figure_and_covered(own, covered, tolerance))
+            .collect();
         let words = if words.is_empty() {
             "its first stations do not span space, so its base cannot be found ([report] refit_first_stations)"
                 .to_owned()
@@ -192,7 +201,20 @@ pub const fn word(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// The subject of a figure, its bound compared with the tolerance, and the number of poses that the bound counts.
+/// [`figure`] with what a table answers for.
+fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tolerance) -> String {
+    with_covered(figure(of, tolerance), covered)
+}
+
+/// Words with what a table answers for.
+fn with_covered(words: String, covered: Option<&Covered>) -> String {
+    match covered {
+        Some(covered) => format!("{words}; {}", covered.words()),
+        None => words,
+    }
+}
+
+/// What a figure is of, its bound against the tolerance, and what the bound counts.
 fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
     let mut what = of.subject.model.name_at(of.subject.angles);
     if of.subject.model == Model::Table {
@@ -252,7 +274,7 @@ mod tests {
     }
 
     fn wed(model: &Accuracy, table: &Accuracy) -> Judge {
-        Judge::session("wed", Some(model), Some(table), &TOLERANCE, None)
+        Judge::session("wed", Some(model), Some((table, None)), &TOLERANCE, None)
     }
 
     fn mon(bound: f64) -> Judge {
@@ -260,6 +282,7 @@ mod tests {
             "mon",
             &of(Model::Table, bound, 100),
             "no step holds",
+            None,
             &TOLERANCE,
         )
     }

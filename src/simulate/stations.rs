@@ -5,7 +5,10 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use super::Simulated;
 use super::truth::TrueStation;
 use crate::ingest::TargetReadings;
-use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
+use crate::join::{
+    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
+    Value,
+};
 use crate::units::{ClockModel, Stamp, Tracker};
 
 /// Readings before this are still settling, ns.
@@ -27,7 +30,7 @@ impl Simulated {
         let stamps = &self.recording.joints.stamps;
         let first = stamps.partition_point(|stamp| *stamp < truth.start);
         let last = stamps.partition_point(|stamp| *stamp <= truth.end);
-        let attained = self.attained(truth, clock);
+        let reading = self.reading(truth, clock);
         Station {
             number: truth.number,
             start: truth.start,
@@ -38,16 +41,16 @@ impl Simulated {
                 position: Point3::from(truth.command.translation.vector),
                 orientation: Some(truth.command.rotation),
             }),
-            pairing: if attained.is_some() {
+            pairing: if reading.is_some() {
                 Pairing::Paired
             } else {
                 Pairing::Unmeasured(Unmeasured::NoReadings)
             },
-            attained,
+            readings: reading.into_iter().collect(),
         }
     }
 
-    fn attained(&self, truth: &TrueStation, clock: &ClockModel) -> Option<Attained> {
+    fn reading(&self, truth: &TrueStation, clock: &ClockModel) -> Option<Reading> {
         let readings = &self.recording.readings;
         let (start, end) = (clock.to_tracker(truth.start), clock.to_tracker(truth.end));
         let from = readings.stamps.partition_point(|stamp| *stamp < start);
@@ -61,14 +64,21 @@ impl Simulated {
         let (&first, &last) = (kept.first()?, kept.last()?);
         let mean = mean(readings, &kept);
         let turned = turned(readings, &kept, &truth.tracker_from_target.rotation);
-        Some(Attained {
+        let point = MeanPoint {
             position: Point3::from(mean),
-            orientation: turned.as_ref().map(|(orientation, _)| *orientation),
             scatter_mm: scatter(readings, &kept, &mean),
-            orientation_scatter_rad: turned.map(|(_, scatter_rad)| scatter_rad),
             stated_covariance: None,
+        };
+        let turned = turned.map(|(orientation, scatter_rad)| MeanOrientation {
+            orientation,
+            scatter_rad,
+        });
+        Some(Reading {
+            source: SourceId::ONLY,
+            target: TargetId::ONLY,
+            value: Value::of(point, turned),
             kept: kept.len(),
-            readings: to - from,
+            taken: to - from,
             first: readings.stamps[first],
             last: readings.stamps[last],
             temperature_c: self.temperature(readings.stamps[last]),

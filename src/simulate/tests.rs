@@ -1,5 +1,8 @@
+use nalgebra::Point3;
+
 use super::settings::{Cell, GeometryErrors, JointErrors, TrackerErrors};
 use super::*;
+use crate::join::Station;
 use crate::kinematics::RobotFile;
 
 fn kr210() -> Arm {
@@ -27,6 +30,12 @@ fn realistic() -> SimulateSettings {
     SimulateSettings::realistic(42, home(), small_grid())
 }
 
+/// Where the target was measured at a station, mm in the tracker's frame.
+fn position(station: &Station) -> Point3<f64> {
+    let reading = station.one_reading().expect("no beam is lost");
+    reading.position().expect("the tracker reads positions")
+}
+
 #[test]
 fn without_errors_the_tracker_sees_the_commands() {
     let settings = SimulateSettings::exact(1, home(), small_grid());
@@ -42,8 +51,8 @@ fn without_errors_the_tracker_sees_the_commands() {
     let tracker_from_base =
         crate::geometry::isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     for station in simulated.stations() {
+        let attained = position(&station);
         let command = station.command.expect("every stop is commanded").position;
-        let attained = station.attained.expect("no beam is lost").position;
         // Angles are logged to 1e-7 rad: 0.3 µm at 3 m per joint; positions to 0.1 µm.
         assert!((tracker_from_base.inverse() * attained - command).norm() < 1.5e-3);
     }
@@ -157,13 +166,13 @@ fn the_clocks_are_as_set_and_readings_fall_into_their_dwells() {
     let clock = simulated.truth.clock_model();
     let stations = simulated.stations();
     for station in &stations {
-        let Some(attained) = &station.attained else {
+        let Some(reading) = station.one_reading() else {
             continue;
         };
-        assert!(clock.to_controller(attained.first) >= station.start);
-        assert!(clock.to_controller(attained.last) <= station.end);
+        assert!(clock.to_controller(reading.first) >= station.start);
+        assert!(clock.to_controller(reading.last) <= station.end);
         // At least 0.9 s of 20 Hz.
-        assert!(attained.kept >= 17, "{}", attained.kept);
+        assert!(reading.kept >= 17, "{}", reading.kept);
     }
     let first = simulated.recording.readings.stamps[0];
     let ahead = first.ns() - simulated.recording.joints.stamps[0].ns();
@@ -178,8 +187,7 @@ fn noise_is_as_large_as_the_instrument_is_uncertain() {
     let simulated = simulate(&kr210(), &settings).expect("in reach");
     let mut squares = 0.0;
     for (station, truth) in simulated.stations().iter().zip(&simulated.truth.stations) {
-        let attained = station.attained.as_ref().expect("no beam is lost");
-        let off = attained.position.coords - truth.tracker_from_target.translation.vector;
+        let off = position(station).coords - truth.tracker_from_target.translation.vector;
         squares += off.norm_squared();
     }
     let rms_mm = (squares / 45.0).sqrt();
@@ -201,7 +209,7 @@ fn lost_beams_and_outliers_are_counted() {
     let unmeasured = silent
         .stations()
         .iter()
-        .filter(|s| s.attained.is_none())
+        .filter(|s| s.measured().is_empty())
         .count();
     assert_eq!(unmeasured, truth.stations_lost);
     assert_eq!(
@@ -305,12 +313,13 @@ fn a_six_dof_target_gives_orientations_as_uncertain_as_set() {
     let mut squares = 0.0;
     let mut scatter = 0.0;
     for (station, truth) in stations.iter().zip(&simulated.truth.stations) {
-        let attained = station.attained.as_ref().expect("no beam is lost");
-        let orientation = attained.orientation.expect("a 6-DoF target");
-        squares += orientation
+        let reading = station.one_reading().expect("no beam is lost");
+        let turn = reading.value.turn().expect("a 6-DoF target");
+        squares += turn
+            .orientation
             .angle_to(&truth.tracker_from_target.rotation)
             .powi(2);
-        scatter += attained.orientation_scatter_rad.expect("a 6-DoF target") / 45.0;
+        scatter += turn.scatter_rad / 45.0;
     }
     // Half of the variance is new in every reading: 130 / √2 = 92 µrad per axis.
     assert!((scatter - 92e-6).abs() < 4e-6, "{scatter}");

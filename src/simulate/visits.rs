@@ -12,7 +12,10 @@ use super::timeline::Timeline;
 use super::tracker::View;
 use super::true_arm::ArmErrors;
 use super::truth::TrueStation;
-use crate::join::{Attained, Command, Pairing, Station, Unmeasured};
+use crate::join::{
+    Command, MeanOrientation, MeanPoint, Pairing, Reading, SourceId, Station, TargetId, Unmeasured,
+    Value,
+};
 use crate::kinematics::Arm;
 use crate::units::Stamp;
 
@@ -93,14 +96,21 @@ impl Mean {
 }
 
 fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Station {
-    let attained = truth.measured.then(|| Attained {
+    let point = MeanPoint {
         position: mean.position,
-        orientation: settings.cell.six_dof.then_some(mean.orientation),
         scatter_mm: [mean.scatter.0; 3],
-        orientation_scatter_rad: settings.cell.six_dof.then_some(mean.scatter.1),
         stated_covariance: None,
+    };
+    let turn = MeanOrientation {
+        orientation: mean.orientation,
+        scatter_rad: mean.scatter.1,
+    };
+    let reading = truth.measured.then(|| Reading {
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
+        value: Value::of(point, settings.cell.six_dof.then_some(turn)),
         kept: mean.readings,
-        readings: mean.readings,
+        taken: mean.readings,
         first: Stamp::from_ns(truth.start.ns()),
         last: Stamp::from_ns(truth.end.ns()),
         temperature_c: None,
@@ -115,10 +125,10 @@ fn station(truth: &TrueStation, settings: &SimulateSettings, mean: &Mean) -> Sta
             position: Point3::from(truth.command.translation.vector),
             orientation: Some(truth.command.rotation),
         }),
-        pairing: match attained {
+        pairing: match reading {
             Some(_) => Pairing::Paired,
             None => Pairing::Unmeasured(Unmeasured::NoReadings),
         },
-        attained,
+        readings: reading.into_iter().collect(),
     }
 }

@@ -15,10 +15,10 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings, Query};
 use posegrid::fit::{
-    self, Calibration, FitSettings, Freedom, Noise, Observation, TrackerUncertainty,
+    self, Calibration, FitSettings, Freedom, Noise, Observation, Source, TrackerUncertainty,
 };
 use posegrid::geometry::isometry_from_rpy;
-use posegrid::join::{JoinSettings, join};
+use posegrid::join::{JoinSettings, ReadingKind, join};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::simulate::{Poses, SimulateSettings, simulate};
 
@@ -77,14 +77,6 @@ fn main() {
         .collect();
     let (_, mean) = timed_ms(|| model.positions(&queries).len());
     per_second("predictions, mean, all cores", queries.len(), mean);
-    let (bulk, tables) = timed_ms(|| model.bulk(Some(0)));
-    row("tables of the posterior", tables, base);
-    let (_, both) = timed_ms(|| bulk.estimates(&queries[..queries.len() / 4]).len());
-    per_second(
-        "predictions, mean and covariance by tables, all cores",
-        queries.len() / 4,
-        both,
-    );
     let (rows, mean) = timed_ms(|| predicted(&model, stations));
     let (_, covariance) = timed_ms(|| {
         rows.iter()
@@ -127,18 +119,20 @@ fn observed(arm: &Arm, count: usize) -> Vec<Observation> {
             cell.flange_from_target_rpy,
         )),
     };
-    let noise = Noise {
-        tracker: TrackerUncertainty {
-            range_um: 10.0,
-            range_um_per_m: 0.3,
-            transverse_um: 15.0,
-            transverse_um_per_m: 6.0,
-            divisor: 2.0,
-            orientation_rad: None,
+    let noise = Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: TrackerUncertainty {
+                range_um: 10.0,
+                range_um_per_m: 0.3,
+                transverse_um: 15.0,
+                transverse_um_per_m: 6.0,
+                divisor: 2.0,
+                orientation_rad: None,
+            },
         },
-        repeatability_mm: 0.03,
-        orientations: false,
-    };
+        0.03,
+    );
     let mut observations = fit::observations(0, &joined.stations, arm, &noise);
     let commanded = commanded(&joined.stations, arm, &frames);
     fit::add_commands(&mut observations, &joined.stations, &commanded);
@@ -157,7 +151,7 @@ fn trained(arm: &Arm, stations: &[Observation], start: &Calibration) -> FullMode
         stations,
         &start.frames,
         &start.geometry,
-        FitSettings::default().prior(),
+        &FitSettings::default().prior(),
         &FullSettings::default(),
         Some(Vector3::z_axis()),
     )

@@ -7,12 +7,13 @@ use std::path::Path;
 use std::time::Instant;
 
 use posegrid::fit::saved::SavedCalibration;
-use posegrid::fit::{self, FitSettings, Freedom, Noise, TrackerUncertainty};
+use posegrid::fit::{self, FitSettings, Freedom, Noise, Source, TrackerUncertainty};
 use posegrid::io::lake::Lake;
 use posegrid::io::schema::{self, ColumnType};
 use posegrid::io::table::{Columns, Table, write};
 use posegrid::io::tables::runs::Ending;
 use posegrid::io::tables::words::TableVerdict;
+use posegrid::join::ReadingKind;
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::manifest::{Input, RunKey, Work, Written, digest};
 use posegrid::pipeline::history::{Asked, history};
@@ -115,11 +116,13 @@ fn model() -> String {
         divisor: 2.0,
         orientation_rad: None,
     };
-    let noise = Noise {
-        tracker,
-        repeatability_mm: 0.03,
-        orientations: false,
-    };
+    let noise = Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: tracker,
+        },
+        0.03,
+    );
     let seen = fit::observations(0, &simulated.stations(), &arm, &noise);
     let fitted =
         fit::identify(&arm, &seen, 1, Freedom::Geometry, &FitSettings::default()).expect("a fit");

@@ -8,10 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion};
 use posegrid::fit::commanded::{CommandFrames, commanded};
-use posegrid::fit::{Noise, TrackerUncertainty};
+use posegrid::fit::{Noise, Observation, Source, TrackerUncertainty};
 use posegrid::grid::Reach;
 use posegrid::ingest::{
     AngleUnit, CommandedSettings, ControllerSettings, JointFields, LengthUnit, Mapping, PoseFields,
@@ -20,24 +21,37 @@ use posegrid::ingest::{
 use posegrid::io::log::{Limits, SessionLogs, SessionRead, read_session};
 use posegrid::io::log_writer::{write_controller_log, write_tracker_log};
 use posegrid::io::tables::outcome::JoinedSession;
-use posegrid::join::{Attained, Command, JoinSettings, Pairing, Station, join};
+use posegrid::join::{
+    Command, JoinSettings, MeanOrientation, MeanPoint, Pairing, Reading, ReadingKind, SourceId,
+    Station, TargetId, Value, join,
+};
 use posegrid::kinematics::{Arm, RobotFile};
 use posegrid::progress::Quiet;
 use posegrid::units::Stamp;
 
 /// A laser tracker by its data sheet, and an arm that repeats to 0.03 mm.
-pub const NOISE: Noise = Noise {
-    tracker: TrackerUncertainty {
-        range_um: 10.0,
-        range_um_per_m: 0.3,
-        transverse_um: 15.0,
-        transverse_um_per_m: 6.0,
-        divisor: 2.0,
-        orientation_rad: None,
-    },
-    repeatability_mm: 0.03,
-    orientations: false,
-};
+pub static NOISE: LazyLock<Noise> = LazyLock::new(|| {
+    Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: TrackerUncertainty {
+                range_um: 10.0,
+                range_um_per_m: 0.3,
+                transverse_um: 15.0,
+                transverse_um_per_m: 6.0,
+                divisor: 2.0,
+                orientation_rad: None,
+            },
+        },
+        0.03,
+    )
+});
+
+/// Where the target was measured, mm in the source's frame.
+pub fn position(observation: &Observation) -> Point3<f64> {
+    let point = observation.point().expect("the tracker reads positions");
+    point.position
+}
 
 /// A file of the recordings that stand beside the project; `None`, said loudly, where they are absent.
 ///
@@ -130,19 +144,27 @@ fn truth_station(row: &csv::StringRecord) -> Station {
             .filter(|value| value.is_finite())
     };
     let need = |column: usize| number(column).expect("a number");
-    let attained = number(7).map(|x| Attained {
-        position: Point3::new(x, need(8), need(9)),
-        orientation: Some(UnitQuaternion::from_quaternion(Quaternion::new(
-            need(13),
-            need(10),
-            need(11),
-            need(12),
-        ))),
-        scatter_mm: [0.0; 3],
-        orientation_scatter_rad: None,
-        stated_covariance: None,
+    let reading = number(7).map(|x| Reading {
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
+        value: Value::Pose(
+            MeanPoint {
+                position: Point3::new(x, need(8), need(9)),
+                scatter_mm: [0.0; 3],
+                stated_covariance: None,
+            },
+            MeanOrientation {
+                orientation: UnitQuaternion::from_quaternion(Quaternion::new(
+                    need(13),
+                    need(10),
+                    need(11),
+                    need(12),
+                )),
+                scatter_rad: 0.0,
+            },
+        ),
         kept: 20,
-        readings: 20,
+        taken: 20,
         first: Stamp::from_ns(0),
         last: Stamp::from_ns(0),
         temperature_c: number(17),
@@ -157,12 +179,12 @@ fn truth_station(row: &csv::StringRecord) -> Station {
             position: Point3::new(need(14), need(15), need(16)),
             orientation: None,
         }),
-        pairing: if attained.is_some() {
+        pairing: if reading.is_some() {
             Pairing::Paired
         } else {
             Pairing::Unmeasured(posegrid::join::Unmeasured::NoReadings)
         },
-        attained,
+        readings: reading.into_iter().collect(),
     }
 }
 

@@ -11,6 +11,8 @@ use posegrid::geometry::{align, isometry_from_rpy};
 use posegrid::join::{JoinSettings, join};
 use posegrid::kinematics::Arm;
 
+use super::position;
+
 /// The full error model of some observations.
 pub fn trained(
     arm: &Arm,
@@ -25,7 +27,7 @@ pub fn trained(
         observations,
         &start.frames,
         &start.geometry,
-        settings.prior(),
+        &settings.prior(),
         &FullSettings::default(),
         Some(Vector3::z_axis()),
     )
@@ -47,7 +49,7 @@ pub fn predictions(model: &FullModel, test: &[Observation]) -> Vec<Point3<f64>> 
 
 /// Error norms with the base refitted on all test stations, unweighted.
 pub fn base_refitted(predicted: &[Point3<f64>], test: &[Observation]) -> Figures {
-    let measured: Vec<Point3<f64>> = test.iter().map(|o| o.position).collect();
+    let measured: Vec<Point3<f64>> = test.iter().map(position).collect();
     let base = align(predicted, &measured, &vec![1.0; measured.len()]).expect("stations in space");
     let norms: Vec<f64> = measured
         .iter()

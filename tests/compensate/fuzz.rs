@@ -20,6 +20,7 @@ use posegrid::ingest::AngleUnit;
 use posegrid::io::input::Bound;
 use posegrid::io::schema;
 use posegrid::io::table;
+use posegrid::io::tables::words::CorrectingTable;
 use posegrid::io::targets::{self, CorrectedBy, DataList, Targets, driving};
 use posegrid::manifest::RunKey;
 
@@ -95,7 +96,7 @@ fn check_corrected(found: &Targets) {
     let by = CorrectedBy {
         key: &key,
         table_id: "00ff",
-        table: "calibrations",
+        table: CorrectingTable::Calibrations,
         joint_names: &[],
     };
     let Ok(result) = targets::corrected(&found.targets, &outcomes, by) else {

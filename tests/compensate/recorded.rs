@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use posegrid::cli::compensate::{CompensateCommandError, UsedWithArgs};
 use posegrid::io::lake::{Correction, Lake, is_correction};
-use posegrid::io::table;
+use posegrid::io::table::{self, Word as _};
 
 use super::cell::{Cell, SAMPLE, Sample, field};
 
@@ -56,7 +56,7 @@ fn what_was_written_is_recorded_once_and_its_targets_may_be_corrected_again() {
     };
     assert_eq!((record.targets, record.corrected), (3, 2));
     assert_eq!(
-        (record.form.as_str(), record.corrected_by.as_str()),
+        (record.form.word(), record.corrected_by.word()),
         ("csv", "compensation")
     );
     assert_eq!(

@@ -243,7 +243,7 @@ fn measured(session: &Session, o: &Observation) -> f64 {
     let model = &session.model;
     let predicted = model.predict(&query(o, Angles::Both, &[]));
     let covariance = model.covariances(&predicted.rows)[0] + model.noise(o);
-    let off = predicted.position - o.position;
+    let off = predicted.position - o.point().expect("a position").position;
     let factor = covariance.cholesky().expect("positive definite");
     off.dot(&factor.solve(&off))
 }
@@ -263,6 +263,8 @@ fn query<'q>(o: &'q Observation, angles: Angles, commanded: &'q [f64]) -> Query<
         known,
         lever: Vector3::zeros(),
         session: 0,
+        source: o.source,
+        target: o.target,
         own: true,
         station: Some(o.station),
     }

@@ -10,8 +10,9 @@ use std::f64::consts::SQRT_2;
 use nalgebra::{Isometry3, Point3, Vector3};
 use posegrid::fit::commanded::{CommandFrames, commanded};
 use posegrid::fit::full::{FullModel, FullSettings};
-use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, TrackerUncertainty};
+use posegrid::fit::{self, FitSettings, Freedom, Noise, Observation, Source, TrackerUncertainty};
 use posegrid::geometry::isometry_from_rpy;
+use posegrid::join::ReadingKind;
 use posegrid::kinematics::Arm;
 use posegrid::simulate::{Poses, SimulateSettings, TrueStation, Truth, simulate};
 
@@ -54,18 +55,20 @@ pub const CELLS: [Cell; 3] = [
 /// What a simulated tracker is known to do: half of its variance is common to all readings of a station, the other half
 /// shows in their scatter. So the instrument's figure for a station is the data sheet's over √2.
 fn noise() -> Noise {
-    Noise {
-        tracker: TrackerUncertainty {
-            range_um: 10.0,
-            range_um_per_m: 0.3,
-            transverse_um: 15.0,
-            transverse_um_per_m: 6.0,
-            divisor: 2.0 * SQRT_2,
-            orientation_rad: None,
+    Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: TrackerUncertainty {
+                range_um: 10.0,
+                range_um_per_m: 0.3,
+                transverse_um: 15.0,
+                transverse_um_per_m: 6.0,
+                divisor: 2.0 * SQRT_2,
+                orientation_rad: None,
+            },
         },
-        repeatability_mm: 0.03,
-        orientations: false,
-    }
+        0.03,
+    )
 }
 
 /// A session, what is behind it, and the model that saw three quarters of it.
@@ -161,7 +164,7 @@ fn trained(arm: &Arm, training: &[Observation]) -> FullModel {
         training,
         &start.frames,
         &start.geometry,
-        settings.prior(),
+        &settings.prior(),
         &FullSettings::default(),
         Some(Vector3::z_axis()),
     )

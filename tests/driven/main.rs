@@ -17,14 +17,15 @@ use posegrid::figures::{Figures, share_interval};
 use posegrid::fit::full::FullSettings;
 use posegrid::fit::{ErrorFrame, FitSettings};
 use posegrid::geometry::{Transform, isometry_from_rpy};
-use posegrid::grid::{GridSettings, Interpolation, Source, Tolerance};
+use posegrid::grid::{GridSettings, Interpolation, Rule, Source, Tolerance};
 use posegrid::io::tables::outcome::JoinedSession;
 use posegrid::join::Station;
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::stages::{self, StageSettings};
 use posegrid::progress::Quiet;
-use posegrid::report::driven::{self, Application, DrivenStation, TablePromise};
+use posegrid::report::driven::{self, Application, DrivenStation};
 use posegrid::report::evaluate::RefitSettings;
+use posegrid::report::promise::Promise;
 use posegrid::report::{Angles, Model, Split};
 use posegrid::similarity::SimilaritySettings;
 use posegrid::simulate::{ArmErrors, Commanded, Poses, SimulateSettings, simulate, visits};
@@ -75,7 +76,7 @@ fn joined(arm: &Arm, settings: &SimulateSettings) -> JoinedSession {
 
 fn stage_settings(harmonics: usize) -> StageSettings {
     StageSettings {
-        noise: common::NOISE,
+        noise: common::NOISE.clone(),
         fit: FitSettings::default(),
         full: FullSettings {
             harmonics,
@@ -84,7 +85,8 @@ fn stage_settings(harmonics: usize) -> StageSettings {
         up: Some(Vector3::z_axis()),
         flange_from_tool: Some(tool()),
         base_from_command: Isometry3::identity(),
-        raw_command: None,
+        base: None,
+        target_is_tool: None,
         similarity: SimilaritySettings::default(),
         grid: GridSettings {
             steps_mm: vec![250.0],
@@ -94,6 +96,8 @@ fn stage_settings(harmonics: usize) -> StageSettings {
             interpolations: vec![Interpolation::Trilinear],
             sources: vec![Source::Model],
             idw_power: 2.0,
+            choose: Rule::Within,
+            within: 0.05,
         },
         tolerance: TOLERANCE,
         refit: RefitSettings {
@@ -110,7 +114,7 @@ struct Identified {
     arm: Arm,
     number: u64,
     by: IdentifiedArm,
-    promise: TablePromise,
+    promise: Promise,
 }
 
 impl Identified {
@@ -126,9 +130,9 @@ impl Identified {
                 == (Model::Full, Angles::Commanded, Split::Blocks)
         });
         let judged = judged.expect("a full error model from commands alone");
-        let promise = TablePromise {
-            mean_mm: judged.figures.expect("stations").mean,
-            bound_mm: judged.bound.expect("stations enough"),
+        let promise = Promise {
+            mean_mm: Some(judged.figures.expect("stations").mean),
+            bound_mm: Some(judged.bound.expect("stations enough")),
             share: TOLERANCE.share,
             confidence: TOLERANCE.confidence,
         };
@@ -217,7 +221,7 @@ impl Identified {
                 pose: visit.number,
                 target: *corrected.target.point(),
                 command: visit.command.as_ref()?.position,
-                attained: error_frame.attained_tool(&visit.joints, visit.attained.as_ref()?),
+                attained: error_frame.attained_tool(&visit.joints, visit.one_reading()?)?,
                 stated: corrected.correction,
                 covariance: corrected.covariance,
                 turn: None,
@@ -269,7 +273,7 @@ fn played(identified: &Identified) -> Loop {
     );
     let stations = identified.driven(&corrected, as_meant);
     let measured = driven::measured(&stations, "tuesday", 50).expect("stations span space");
-    let kept = driven::kept(&identified.promise, &measured.after).expect("stations that judge");
+    let kept = driven::kept(identified.promise, &measured.after).expect("stations that judge");
     let before = measured
         .before
         .residuals
@@ -278,7 +282,7 @@ fn played(identified: &Identified) -> Loop {
     let before: Vec<f64> = before.map(|r| r.residual.norm()).collect();
     let played = Loop {
         before: Figures::of(&before).expect("stations"),
-        after: kept.figures,
+        after: kept.figures.expect("stations that judge"),
         application: driven::application(&stations),
         broken: kept.is_broken(),
     };
@@ -288,8 +292,8 @@ fn played(identified: &Identified) -> Loop {
         played.after.mean,
         played.after.max,
         played.after.n,
-        identified.promise.mean_mm,
-        identified.promise.bound_mm,
+        identified.promise.mean_mm.expect("promised"),
+        identified.promise.bound_mm.expect("promised"),
         kept.within,
         played.application
     );

@@ -69,11 +69,9 @@ impl Since {
             )),
         );
         let half = stations.len() / 2;
-        for attained in stations[half..]
-            .iter_mut()
-            .filter_map(|s| s.attained.as_mut())
-        {
-            attained.position = base * moved * base.inverse() * attained.position;
+        for reading in stations[half..].iter_mut().flat_map(|s| &mut s.readings) {
+            let point = reading.value.point_mut().expect("a position");
+            point.position = base * moved * base.inverse() * point.position;
         }
     }
 }
@@ -122,14 +120,19 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         ..FullSettings::default()
     };
     let models = identified(own, &stations, &full(false));
-    let error_frame = ErrorFrame::new(&own.arm, models.base_target.frames[0], Some(tool()), false);
+    let error_frame = ErrorFrame::new(
+        &own.arm,
+        models.base_target.frames[0].one().expect("one of each"),
+        Some(tool()),
+        false,
+    );
     let station = |(station, corrected): (&Station, &Corrected)| {
         Some(DrivenStation {
             station: station.number,
             pose: station.number,
             target: *corrected.target.point(),
             command: station.command.as_ref()?.position,
-            attained: error_frame.attained_tool(&station.joints, station.attained.as_ref()?),
+            attained: error_frame.attained_tool(&station.joints, station.one_reading()?)?,
             stated: corrected.correction,
             covariance: corrected.covariance,
             turn: None,
@@ -148,10 +151,14 @@ fn state(own: &Identified, since: Since, harmonics: usize) -> TableState {
         outside: vec![],
     };
     let model = own.by.model.is::<FullModel>();
-    let earlier = Estimate::of_full(model.expect("a full error model")).expect("a covariance");
+    let of_full = |model: &FullModel| {
+        let estimate = Estimate::of_full(model).expect("one source and target");
+        estimate.expect("a covariance")
+    };
+    let earlier = of_full(model.expect("a full error model"));
     let state = shown.state(|| {
         let models = identified(own, &stations, &full(true));
-        let later = models.full.as_ref().and_then(Estimate::of_full);
+        let later = models.full.as_ref().map(of_full);
         Ok(between(&earlier, &later.expect("a covariance")))
     });
     println!("arm {}, {since:?}: {state}", own.number);

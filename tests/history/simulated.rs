@@ -86,11 +86,14 @@ fn full(arm: &Arm, seen: &[Observation]) -> Estimate {
         seen,
         &start.frames,
         &start.geometry,
-        settings.prior(),
+        &settings.prior(),
         &quick,
         up,
     );
-    Estimate::of_full(&model.expect("a model")).expect("an estimate")
+    let estimate = Estimate::of_full(&model.expect("a model"));
+    estimate
+        .expect("one source and target")
+        .expect("an estimate")
 }
 
 /// Sessions of the same poses, with a truth of their own each.

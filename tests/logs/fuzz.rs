@@ -16,7 +16,7 @@ use mcap::Compression;
 use posegrid::io::inspect::inspect;
 use posegrid::io::log::{Limits, SessionLogs, suggest};
 use posegrid::io::message::{FieldPath, MessageSchema, Row};
-use posegrid::pipeline::plan::{Overrides, Plan};
+use posegrid::pipeline::configuration::{Configuration, Overrides};
 use posegrid::progress::Quiet;
 
 use crate::build::{Folder, session_log};
@@ -250,12 +250,12 @@ fn read_message(bytes: &[u8]) -> String {
         .chain(known.filter(|_| encoding == "json"))
         .filter_map(|path| FieldPath::parse(&path).ok())
         .collect();
-    let plan = match schema.plan(&paths) {
+    let reader = match schema.reader(&paths) {
         Err(error) => return error.to_string(),
-        Ok(plan) => plan,
+        Ok(reader) => reader,
     };
     let mut row = Row::default();
-    let read = plan.read(message, &mut row);
+    let read = reader.read(message, &mut row);
     let values: Vec<_> = match read {
         Ok(()) => (0..paths.len())
             .map(|slot| row.value(message, slot).integer().is_some())
@@ -263,7 +263,7 @@ fn read_message(bytes: &[u8]) -> String {
         Err(_) => Vec::new(),
     };
     let mut noise = Noise(message.iter().map(|&byte| u64::from(byte)).sum());
-    let wanted = (&plan, paths.len());
+    let wanted = (&reader, paths.len());
     compare(wanted, (message, 20), &mut noise, &mut Seen::default());
     format!(
         "{encoding} {language} {read:?} {values:?} {}",
@@ -315,11 +315,11 @@ fn pipeline_text() -> String {
 }
 
 fn planned(path: &Path) -> String {
-    match Plan::load(path, &Overrides::default()) {
+    match Configuration::load(path, &Overrides::default()) {
         Err(error) => error.to_string(),
-        Ok(plan) => {
-            assert!(!plan.pieces.is_empty() || !plan.set_aside.is_empty());
-            plan.remarks.join("; ")
+        Ok(configuration) => {
+            assert!(!configuration.pieces.is_empty() || !configuration.set_aside.is_empty());
+            configuration.remarks.join("; ")
         }
     }
 }
@@ -330,7 +330,7 @@ fn pipeline_file() {
     let whole = pipeline_text();
     let path = folder.file("pipeline.toml", whole.as_bytes());
     assert!(
-        Plan::load(&path, &Overrides::default()).is_ok(),
+        Configuration::load(&path, &Overrides::default()).is_ok(),
         "{}",
         planned(&path)
     );

@@ -177,7 +177,7 @@ fn from_commands(model: &FullModel, b: &[Observation]) -> Vec<f64> {
             model.position(&query)
         })
         .collect();
-    let measured: Vec<_> = sent.iter().map(|(o, _)| o.position).collect();
+    let measured: Vec<_> = sent.iter().map(|(o, _)| common::position(o)).collect();
     let base = align(&predicted, &measured, &vec![1.0; measured.len()]).expect("stations in space");
     let left = measured.iter().zip(&predicted);
     left.map(|(m, p)| (base * m - p).norm()).collect()

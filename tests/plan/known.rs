@@ -6,9 +6,9 @@ use std::sync::Arc;
 use nalgebra::{DVector, Matrix3, Point3, Vector3};
 use posegrid::figures::Figures;
 use posegrid::fit::commanded::SettlingError;
-use posegrid::fit::full::next::{Mounted, Mounting};
+use posegrid::fit::full::next::{Mounted, Mounting, Placed};
 use posegrid::fit::full::{FullModel, FullSettings, Known, Query};
-use posegrid::fit::{FitSettings, Frames, Observation, start};
+use posegrid::fit::{FitSettings, Observation, SourceId, TargetId, start};
 use posegrid::geometry::{Transform, isometry_from_rpy};
 use posegrid::kinematics::Arm;
 use posegrid::pipeline::planning::Planning;
@@ -50,8 +50,12 @@ fn known(planning: &Planning, past: &FullModel, moved: bool) -> KnownArm {
     let base = isometry_from_rpy(cell.tracker_from_base_mm, cell.tracker_from_base_rpy);
     let mounting = Mounting {
         session: 0,
-        tracker_from_base: moved.then(|| Transform::claim(base)),
-        target: Mounted::Again { sd_mm: 0.05 },
+        sources: vec![if moved {
+            Placed::Moved(Transform::claim(base))
+        } else {
+            Placed::Same
+        }],
+        targets: vec![Mounted::Again { sd_mm: 0.05 }],
     };
     KnownArm::new(
         &planning.arm,
@@ -76,6 +80,8 @@ fn query<'q>(axes: &'q [f64], known: Known<'q>) -> Query<'q> {
         known,
         lever: Vector3::zeros(),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: None,
     }
@@ -157,9 +163,9 @@ fn learning_in_two_parts_is_learning_at_once() {
     let mut robot = Robot::draw(arm, &known_planning.settings, 3);
     let poses = random(&placer, settings, 24);
     let all = observations(arm, &stations(robot.session(&poses)), settings);
-    let frames = known.model().starts()[0];
+    let frames = &known.model().starts()[0];
     let learned = |model: &FullModel, part: &[Observation]| {
-        model.learned(arm, part, frames).expect("positive")
+        model.learned(arm, part, frames.clone()).expect("positive")
     };
     let at_once = learned(known.model(), &all);
     let in_parts = learned(&learned(known.model(), &all[..10]), &all[10..]);
@@ -261,8 +267,8 @@ fn left_after(
     let mut places = places.to_vec();
     places.sort_unstable();
     let training: Vec<Observation> = places.iter().map(|&place| a[place].clone()).collect();
-    let found = start::frames(arm, &training, 1, &settings()).expect("stations")[0];
-    let frames = mounting.starts(&known.starts()[0], &found);
+    let found = start::frames(arm, &training, 1, &settings()).expect("stations");
+    let frames = mounting.starts(&known.starts()[0], &found[0]);
     let model = known.learned(arm, &training, frames).expect("positive");
     base_refitted(&predictions(&model, b), b)
 }
@@ -280,11 +286,12 @@ fn known_before(
         .step_by(every)
         .collect();
     let past = trained(arm, &before, 1, &fit);
-    let frames: Frames = start::frames(arm, a, 1, &fit).expect("a session")[0];
+    let frames = start::frames(arm, a, 1, &fit).expect("a session");
+    let stands = *frames[0].tracker_from_base(SourceId::ONLY);
     let mounting = Mounting {
         session: 0,
-        tracker_from_base: Some(frames.tracker_from_base),
-        target: Mounted::Again { sd_mm: 0.3 },
+        sources: vec![Placed::Moved(stands)],
+        targets: vec![Mounted::Again { sd_mm: 0.3 }],
     };
     let up = Some(Vector3::z_axis());
     let next = past.next(arm, &mounting, a.len(), &FullSettings::default(), up);

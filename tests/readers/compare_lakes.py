@@ -9,7 +9,7 @@ names them. A pair is
     values   every value equal to the bit, where a row's run, settings and digests and the schema's version differ;
     differs  anything else: the first differing values are printed.
 
-A column or word that was renamed between the two builds is equal where RENAMED says so. Exit code 0: nothing differs and
+A column or word that was renamed between the two builds is equal where RENAMED or REWORDED says so. Exit code 0: nothing differs and
 nothing is missing on either side; 1 otherwise.
 """
 
@@ -27,8 +27,29 @@ OF_THE_BUILD = {
     "run", "version", "platform", "cpu_features", "settings", "settings_digest", "table_digests", "replaces",
     "replaced_row_digest", "row_digest",
 }
-# Names before -> names after: columns as "table.column", words as "table.column=word".
-RENAMED = {}
+# Names of columns before -> after, as "table.column".
+RENAMED = {
+    "parameters.confused_with": "confounded_with",
+    "drift.suspect": "hypothesis",
+}
+# Words before -> words after, as patterns, in every text of these columns: whole words, or keys and words inside JSON.
+REWORDED = {
+    "angles": [(r"^blended$", "weighted")],
+    "corrected_by": [(r"^blended$", "weighted")],
+    "identifiability": [(r"^told_apart$", "identifiable")],
+    "quantity": [(r"^blend$", "command_weight")],
+    "parameter": [(r"^blend_(\d+)$", r"command_weight_\1")],
+    "confused_with": [(r"^blend_(\d+)$", r"command_weight_\1")],
+    "parts": [(r"^command_blend$", "command_weight")],
+    "model": [
+        (r"\bsession_blend_sd\b", "session_command_weight_sd"),
+        (r"\bblend_sd\b", "command_weight_sd"),
+        (r"\b(session_|own_)?blend\b", r"\1command_weight"),
+        (r"\bstop_short\b", "approach_offset"),
+        (r"\bstop_short_sd_rad\b", "approach_offset_sd_rad"),
+        (r'"standing"', '"approach"'),
+    ],
+}
 
 
 def files(lake):
@@ -52,8 +73,13 @@ def column_after(table, name):
     return RENAMED.get(f"{table}.{name}", name)
 
 
-def word_after(table, column, value):
-    return RENAMED.get(f"{table}.{column}={value}", value)
+def words_after(column, value):
+    if isinstance(value, list):
+        return [words_after(column, v) for v in value]
+    if isinstance(value, str):
+        for before, after in REWORDED.get(column, ()):
+            value = re.sub(before, after, value)
+    return value
 
 
 def bits(value):
@@ -84,7 +110,7 @@ def differences(table, before, after):
         wrong = [
             (row, was, now)
             for row, (was, now) in enumerate(pairs)
-            if bits(word_after(table, old, was)) != bits(now)
+            if bits(words_after(old, was)) != bits(now)
         ]
         if wrong:
             row, was, now = wrong[0]

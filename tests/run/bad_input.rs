@@ -83,32 +83,57 @@ fn a_missing_unit_is_asked_for_and_not_guessed() {
 }
 
 #[test]
-fn a_step_larger_than_the_box_of_the_pipeline_file_is_reported_before_a_log_is_opened() {
-    let bounds = "box = { low_mm = [1500, 0, 800], high_mm = [1800, 300, 1100] }\n";
+fn a_flat_box_of_the_pipeline_file_is_reported_before_a_log_is_opened() {
+    let bounds = "box = { low_mm = [1500, 0, 800], high_mm = [1800, 300, 800] }\n";
     let cell = small().with("[tolerance]", &format!("{bounds}\n[tolerance]"));
     // [grid] ends where [tolerance] begins, so the box is in it.
-    bad_usage(&cell, &["[grid]", "360", "300"]);
+    bad_usage(&cell, &["[grid] box", "300 × 300 × 0 mm"]);
 }
 
 #[test]
-fn a_step_larger_than_the_measured_box_is_reported() {
-    let flags = ["--random", "12", "--size", "300,300,300"];
-    let cell = Cell::new().with_simulated("mon", &flags);
-    // Other steps fit: this one is a row that says so.
+fn steps_larger_than_the_measured_box_make_one_cell_and_are_judged_once() {
+    let flags = ["--random", "12", "--size", "250,250,250"];
+    let cell = Cell::new()
+        .with_simulated("mon", &flags)
+        .with("360]", "360, 4000]");
     cell.run(&[])
         .expect(3, &["not shown to be within tolerance"]);
     let steps = cell.table("grid_steps", "mon");
-    let told = steps.text("reason").iter().flatten();
-    let told: Vec<&str> = told
-        .filter(|reason| reason.contains("step 360 mm"))
-        .collect();
-    assert!(!told.is_empty());
-    for reason in told {
+    let is = |row: &usize, step_mm: f64| {
+        steps.text("source").value(*row) == "model"
+            && (steps.f64("step_mm").value(*row) - step_mm).abs() < 1e-9
+    };
+    let mut told = 0;
+    for row in (0..steps.rows()).filter(|row| is(row, 4000.0)) {
+        let reason = steps.text("reason").value(row);
         assert!(
-            reason.contains("does not fit into the box of 2"),
+            reason.contains("the same pitches as the step of"),
             "{reason}"
         );
+        assert_eq!(steps.i64("nodes").value(row), 0);
+        assert!(steps.f64("pitch_x_mm").value(row) < 251.0);
+        told += 1;
     }
+    // Two interpolations, by local cells and by the table.
+    assert_eq!(told, 4);
+    assert_eq!(steps.bool("chosen").true_count(), 1);
+    assert!(cell.table("compensation", "mon").rows() >= 8);
+}
+
+#[test]
+fn a_session_in_a_plane_has_an_identified_arm_and_no_table() {
+    let cell = Cell::new().with_simulated("mon", &["--random", "80", "--size", "600,600,0.2"]);
+    cell.run(&[]).expect(
+        3,
+        &[
+            "not shown to be within tolerance",
+            "the box is flat along z",
+        ],
+    );
+    let steps = cell.table("grid_steps", "mon");
+    assert_eq!(steps.bool("chosen").true_count(), 0);
+    assert_eq!(cell.table("compensation", "mon").rows(), 0);
+    assert!(cell.table("calibrations", "mon").rows() > 0);
 }
 
 #[test]

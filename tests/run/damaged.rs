@@ -96,7 +96,7 @@ fn damage_beyond_the_limit_of_the_pipeline_file_fails_the_session() {
 }
 
 /// The log without its third chunk and the indexes of it; its summary has moved, and is sound.
-fn without_a_chunk(log: &[u8]) -> Vec<u8> {
+pub fn without_a_chunk(log: &[u8]) -> Vec<u8> {
     use mcap::records::op;
     let number = |at: usize| {
         let bytes = log[at..at + 8].try_into().expect("eight");

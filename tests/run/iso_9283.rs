@@ -23,7 +23,7 @@ const OTHERS: usize = 40;
 const CYCLES: usize = 6;
 
 /// Other poses, spread by irrational steps, then the five in turn.
-fn poses() -> String {
+pub fn poses() -> String {
     let other = |number: usize| -> [f64; 6] {
         std::array::from_fn(|joint| {
             14.0 * (1.7 * number as f64 * (joint as f64 + 2.0).sqrt()).sin()

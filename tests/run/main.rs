@@ -23,3 +23,4 @@ mod targets;
 mod unattended;
 mod unwritable;
 mod verify;
+mod written;

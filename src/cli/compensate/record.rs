@@ -15,6 +15,7 @@ use super::{CompensateArgs, CompensateCommandError};
 use crate::compensation::{Corrected, Refused, Target};
 use crate::io::input::{self, Bound};
 use crate::io::lake::{Correction, Lake};
+use crate::io::table::Word as _;
 use crate::io::targets::{CorrectedBy, Form};
 use crate::manifest::{self, VERSION};
 
@@ -61,7 +62,7 @@ impl Recorded {
     /// The records of the lake around the file of a table.
     pub(super) fn around(table: &Path, source: &Source) -> Result<Self, CompensateCommandError> {
         let by = source.by(&[]);
-        let lake = Lake::around(table, by.table, by.key);
+        let lake = Lake::around(table, by.table.word(), by.key);
         let mut records = Vec::new();
         let found = lake.as_ref().map_or(Ok(Vec::new()), Lake::corrections)?;
         for (place, written, record) in found {
@@ -137,8 +138,8 @@ impl Recorded {
             .map(|done| Some(done.joints.as_ref()?.command.clone()));
         let correction = Correction {
             key: by.key.clone(),
-            corrected_by: by.table.to_owned(),
-            form: form.name().to_owned(),
+            corrected_by: by.table,
+            form,
             version: VERSION.to_owned(),
             targets_digest: digest(&args.targets)?,
             file_digest: blake3::hash(bytes).to_hex().to_string(),

@@ -7,6 +7,7 @@ use crate::compensation::{Corrected, Exception, Refused, Target, Term, Validity,
 use crate::io::calibrations_table::{self, PublishedArm};
 use crate::io::compensation_table::{self, PublishedTable, TableVerdict};
 use crate::io::table;
+use crate::io::tables::words::CorrectingTable;
 use crate::io::targets::krl::Postures;
 use crate::io::targets::{CorrectedBy, Targets};
 
@@ -137,8 +138,12 @@ impl Source {
     /// The identity of the correction, which every row of the result repeats.
     pub(super) fn by<'a>(&'a self, joint_names: &'a [String]) -> CorrectedBy<'a> {
         let (key, table_id, table) = match self {
-            Self::Table(own) => (&own.key, &own.table.terms().table_id, "compensation"),
-            Self::Arm(own) => (&own.key, &own.arm.table_id, "calibrations"),
+            Self::Table(own) => (
+                &own.key,
+                &own.table.terms().table_id,
+                CorrectingTable::Compensation,
+            ),
+            Self::Arm(own) => (&own.key, &own.arm.table_id, CorrectingTable::Calibrations),
         };
         CorrectedBy {
             key,

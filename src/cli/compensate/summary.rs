@@ -6,7 +6,8 @@ use std::fmt;
 use super::Compensated;
 use crate::compensation::Validity;
 use crate::compensation::validity::{Held, Term};
-use crate::io::targets::DataList;
+use crate::io::table::Word as _;
+use crate::io::targets::{DataList, RefusedFor};
 
 /// Most refusals that have a line of their own.
 const REFUSALS_SHOWN: usize = 20;
@@ -60,7 +61,7 @@ impl Compensated {
         }
         let mut allowed = BTreeMap::<&str, usize>::new();
         let needed = self.corrected().filter_map(|done| done.allowed);
-        needed.for_each(|exception| *allowed.entry(exception.name()).or_default() += 1);
+        needed.for_each(|exception| *allowed.entry(exception.word()).or_default() += 1);
         for (name, count) in allowed {
             writeln!(
                 f,
@@ -80,8 +81,11 @@ impl Compensated {
     /// The number of refused targets for each reason.
     fn refusals(&self) -> String {
         let mut reasons = BTreeMap::<&str, usize>::new();
-        self.refused()
-            .for_each(|refused| *reasons.entry(refused.reason.name()).or_default() += 1);
+        self.refused().for_each(|refused| {
+            *reasons
+                .entry(RefusedFor::from(&refused.reason).word())
+                .or_default() += 1;
+        });
         let counted: Vec<String> = reasons
             .iter()
             .map(|(reason, count)| format!("{count} {reason}"))

@@ -1,7 +1,7 @@
 //! The summary of a batch: a line for each session, text for each new result, the totals, the exit code.
 //!
-//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds it;
-//! a name cannot break a line or begin one. Sessions are in the order of the plan.
+//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
+//! what it says; a name cannot break a line or begin one. Sessions stand in the order of the configuration.
 
 use std::fmt::Write as _;
 
@@ -11,11 +11,11 @@ use super::work::{Ending, Failure};
 use crate::cli::messages::Printable;
 use crate::cli::{DONE, NO_RESULT, NOT_MET};
 use crate::grid::Verdict;
-use crate::pipeline::plan::{Plan, SessionFiles, SetAside, Why};
+use crate::pipeline::configuration::{Configuration, SessionFiles, SetAside, Why};
 use crate::pipeline::run::Done;
 
-/// The pieces of work as text.
-pub fn work(plan: &Plan) -> String {
+/// The pieces of work in words.
+pub fn work(configuration: &Configuration) -> String {
     let names = |sessions: &[SessionFiles]| {
         let names: Vec<_> = sessions
             .iter()
@@ -24,7 +24,7 @@ pub fn work(plan: &Plan) -> String {
         names.join(", ")
     };
     let mut text = String::new();
-    for piece in &plan.pieces {
+    for piece in &configuration.pieces {
         let session = Printable(&piece.session);
         write!(text, "{session}: learns from {}", names(&piece.training)).expect("a string");
         if !piece.test.is_empty() {
@@ -32,21 +32,28 @@ pub fn work(plan: &Plan) -> String {
         }
         text.push('\n');
     }
-    for aside in &plan.set_aside {
+    for aside in &configuration.set_aside {
         text += &aside_line(aside);
     }
     text
 }
 
-/// Lines, paragraphs and totals; `set_aside` has the plan's own sessions, and those that pools left out.
-pub fn summary(plan: &Plan, endings: &[Ending], set_aside: &[SetAside]) -> String {
-    let sessions = plan.pieces.iter().map(|piece| piece.session.as_str());
+/// Lines, words and totals; set aside are the configuration's own, and those that pools had to do without.
+pub fn summary(
+    configuration: &Configuration,
+    endings: &[Ending],
+    set_aside: &[SetAside],
+) -> String {
+    let sessions = configuration
+        .pieces
+        .iter()
+        .map(|piece| piece.session.as_str());
     let mut text = lines(sessions.zip(endings), set_aside);
     text.push('\n');
     for ending in endings {
         text += &paragraph(ending);
     }
-    text += &Totals::of(endings, set_aside).words(plan.stages.tolerance.mm);
+    text += &Totals::of(endings, set_aside).words(configuration.stages.tolerance.mm);
     text
 }
 

@@ -9,7 +9,7 @@ use std::thread;
 use super::stop::{Stop, Stoppable};
 use crate::cli::messages::Printable;
 use crate::cli::progress::Bars;
-use crate::pipeline::plan::{POOLED, Plan, SetAside, Why, WorkPiece};
+use crate::pipeline::configuration::{Configuration, POOLED, SetAside, Why, WorkPiece};
 use crate::pipeline::run::{Done, run_piece};
 
 /// The ending of one piece of work.
@@ -40,7 +40,7 @@ type Ended = (Ending, Vec<SetAside>);
 /// Does all pieces, `jobs` at once, until an end is asked for: endings in the order of the pieces, and the sessions that
 /// pools left out.
 pub fn all(
-    plan: &Plan,
+    configuration: &Configuration,
     jobs: NonZeroUsize,
     bars: &Bars,
     stop: &Stop,
@@ -50,14 +50,14 @@ pub fn all(
         let mut own = Vec::new();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(piece) = plan.pieces.get(place) else {
+            let Some(piece) = configuration.pieces.get(place) else {
                 return own;
             };
-            own.push((place, pooled(plan, place, piece, bars, stop)));
+            own.push((place, pooled(configuration, place, piece, bars, stop)));
         }
     };
     let mut ended: Vec<(usize, Ended)> = thread::scope(|scope| {
-        let workers = jobs.get().min(plan.pieces.len());
+        let workers = jobs.get().min(configuration.pieces.len());
         let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
         let joined = |worker: thread::ScopedJoinHandle<'_, _>| worker.join();
         let joined = workers.into_iter().map(joined);
@@ -70,12 +70,18 @@ pub fn all(
     (endings, without.concat())
 }
 
-/// Does one piece, and repeats it without each session that turns out to be bad, as long as others are left to learn from.
-fn pooled(plan: &Plan, place: usize, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ended {
+/// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
+fn pooled(
+    configuration: &Configuration,
+    place: usize,
+    piece: &WorkPiece,
+    bars: &Bars,
+    stop: &Stop,
+) -> Ended {
     let mut piece = piece.clone();
     let mut without: Vec<SetAside> = Vec::new();
     loop {
-        match one(plan, &piece, bars, stop) {
+        match one(configuration, &piece, bars, stop) {
             Ending::Failed(Failure {
                 reason,
                 session: Some(bad),
@@ -109,14 +115,14 @@ fn can_spare(piece: &WorkPiece, session: &str) -> bool {
 }
 
 /// Does one piece, unless an end was asked for.
-fn one(plan: &Plan, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
+fn one(configuration: &Configuration, piece: &WorkPiece, bars: &Bars, stop: &Stop) -> Ending {
     if stop.asked() {
         return Ending::NotStarted;
     }
     let session = Printable(&piece.session).to_string();
     let progress = &bars.of(&session);
     let progress = Stoppable { progress, stop };
-    let attempt = AssertUnwindSafe(|| run_piece(plan, piece, &progress));
+    let attempt = AssertUnwindSafe(|| run_piece(configuration, piece, &progress));
     let failure = match panic::catch_unwind(attempt) {
         Ok(Ok(done)) => return Ending::Done(done),
         Ok(Err(error)) => Failure {

@@ -10,8 +10,9 @@ use super::regression::Posterior;
 use super::student::Tails;
 use super::train::State;
 use super::{FullModel, FullSettings, Ready};
+use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Frames, Freedom, Prior, Problem};
+use crate::fit::problem::{Freedom, Prior, Problem};
 use crate::kinematics::Arm;
 use crate::linalg::Cholesky;
 
@@ -24,7 +25,7 @@ impl FullModel {
         frames: &Frames,
         poses: &[Vec<f64>],
         stations: usize,
-        prior: Prior,
+        prior: &Prior,
         settings: &FullSettings,
         up: Option<UnitVector3<f64>>,
     ) -> Self {
@@ -32,7 +33,7 @@ impl FullModel {
             Observation::planned(axes.clone(), Point3::origin(), Matrix3::identity())
         };
         let observations: Vec<Observation> = poses.iter().map(unmeasured).collect();
-        let frames = [*frames];
+        let frames = [frames.clone()];
         let (chain, geometry) = (arm.chain(), Freedom::Geometry);
         let problem = Problem::new(&observations, chain, &frames, geometry, prior);
         let offsets = DVector::zeros(problem.unknowns().len());

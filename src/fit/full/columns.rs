@@ -6,9 +6,10 @@ use super::design::gravity_columns;
 use super::layout::{Block, Layout};
 use super::settings::FullSettings;
 use super::train::FEW_HARMONICS;
+use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Frames, Problem};
-use crate::kinematics::HeldChain;
+use crate::fit::problem::{Problem, is_turned};
+use crate::join::SourceId;
 
 /// A joint moves the target little when its lever is below this share of the largest.
 const LITTLE: f64 = 0.05;
@@ -65,20 +66,28 @@ pub(super) fn layout(
 /// The middle of each session's stations as the nominal arm has their targets, in the base frame, mm.
 pub(super) fn middles(problem: &Problem<'_>) -> Vec<Point3<f64>> {
     let nominal = problem.held(&DVector::zeros(problem.unknowns().len()));
-    let middle = |(session, (chain, frames)): (usize, (&HeldChain, &Frames))| {
-        let own = problem
-            .observations()
-            .iter()
-            .filter(|o| o.session == session);
+    // Those that one source saw, in the base frame, and how many there are.
+    let seen_by = |session: usize, frames: &Frames, source: SourceId| {
+        let own = problem.observations().iter();
+        let own = own.filter(|o| (o.session, o.source) == (session, source));
         let (sum, count) = own.fold((Vector3::zeros(), 0_usize), |(sum, count), o| {
-            (sum + chain.view(&o.axes).end.translation.vector, count + 1)
+            let end = nominal.of(o.channel()).view(&o.axes).end;
+            (sum + end.translation.vector, count + 1)
         });
         let in_tracker = Point3::from(sum / count.max(1) as f64);
-        let base = frames.tracker_from_base.isometry();
-        base.inverse_transform_point(&in_tracker)
+        let base = frames.tracker_from_base(source).isometry();
+        (base.inverse_transform_point(&in_tracker), count)
     };
-    let sessions = nominal.iter().zip(problem.starts());
-    sessions.enumerate().map(middle).collect()
+    let middle = |(session, frames): (usize, &Frames)| {
+        let sources = (0..frames.sources().len()).map(SourceId);
+        let seen = sources.map(|source| seen_by(session, frames, source));
+        let middle = seen.reduce(|(middle, before), (other, more)| {
+            let share = more as f64 / (before + more).max(1) as f64;
+            (middle + (other - middle) * share, before + more)
+        });
+        middle.map_or_else(Point3::origin, |(middle, _)| middle)
+    };
+    problem.starts().iter().enumerate().map(middle).collect()
 }
 
 /// Weights between reported and commanded angles, for sessions whose commands say something.
@@ -123,7 +132,7 @@ fn harmonics(
     let chains = problem.held(offsets);
     let views = observations
         .iter()
-        .map(|o| chains[o.session].view(&o.axes).joints);
+        .map(|o| chains.of(o.channel()).view(&o.axes).joints);
     let levers = views.fold(vec![0.0f64; joints], |largest, twists| {
         largest
             .iter()
@@ -133,7 +142,7 @@ fn harmonics(
     });
     let longest = levers.iter().copied().fold(0.0, f64::max);
     // An orientation shows what a position near the axis does not.
-    let turned = observations.iter().any(|o| o.orientation.is_some());
+    let turned = is_turned(observations);
     let all = settings.harmonics * settings.curve_period_turns as usize;
     let few = if turned {
         2 * all / 3

@@ -8,6 +8,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Point3, Vector3};
 use super::layout::{Block, Layout};
 use super::tabulated::Tabulated;
 use crate::fit::commanded::SettlingError;
+use crate::fit::observation::measured::moved;
+use crate::join::ReadingKind;
 use crate::kinematics::Twist;
 use crate::units::MM_PER_M;
 
@@ -48,14 +50,17 @@ pub(super) fn gravity_columns(joints: usize) -> usize {
 }
 
 impl PoseView<'_> {
-    /// The rows of this pose: 3 (position) or 6 (position, orientation) by all columns.
-    pub fn rows(&self, layout: &Layout, count: usize) -> DMatrix<f64> {
+    /// The rows of a reading of this pose, by all columns.
+    pub fn rows(&self, layout: &Layout, kind: ReadingKind) -> DMatrix<f64> {
+        let count = kind.rows();
         let mut rows = DMatrix::zeros(count, layout.size());
+        let all = rows.as_mut_slice();
         self.walk(
             layout.blocks(),
             layout.period_turns(),
             &mut |column, twist, amount| {
-                put(&mut rows, column, twist, amount);
+                let own = column * count..(column + 1) * count;
+                moved(kind, twist, amount, &mut all[own]);
             },
         );
         rows
@@ -77,14 +82,6 @@ impl PoseView<'_> {
         errors
             .zip(self.joints)
             .fold(moved, |moved, (error, twist)| moved + twist.linear * error)
-    }
-
-    /// Every column but those of the joint curves that all sessions share, as in [`Self::walk`].
-    pub(super) fn other_columns(&self, layout: &Layout, each: &mut impl FnMut(usize, &Twist, f64)) {
-        let blocks = layout
-            .blocks()
-            .filter(|(block, _)| !matches!(block, Block::Curve(_)));
-        self.walk(blocks, layout.period_turns(), each);
     }
 
     /// Every column of `blocks` with the twist and the amount by which its coefficient moves the target.
@@ -235,14 +232,5 @@ impl PoseView<'_> {
             // The angle sums of (k + 1) q.
             (sin_k, cos_k) = (sin_k * cos + cos_k * sin, cos_k * cos - sin_k * sin);
         }
-    }
-}
-
-fn put(rows: &mut DMatrix<f64>, column: usize, twist: &Twist, amount: f64) {
-    rows.fixed_view_mut::<3, 1>(0, column)
-        .copy_from(&(twist.linear * amount));
-    if rows.nrows() == 6 {
-        rows.fixed_view_mut::<3, 1>(3, column)
-            .copy_from(&(twist.angular * amount));
     }
 }

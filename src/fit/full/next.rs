@@ -11,7 +11,6 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitVector3};
 
-use super::bulk::covariance;
 use super::components::Components;
 use super::layout::{Block, Layout};
 use super::leave_one_out::leave_one_out;
@@ -19,9 +18,11 @@ use super::regression::Posterior;
 use super::rows::{rows, sums};
 use super::train::State;
 use super::{FullModel, FullSettings, Ready, approach};
+use crate::fit::frames::Frames;
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Frames, Freedom, KnownTarget, Prior, Problem, Unknown};
+use crate::fit::problem::{Freedom, KnownTarget, Owner, Prior, Problem, Unknown};
 use crate::geometry::{Base, Flange, Target, Tracker, Transform};
+use crate::join::{SourceId, TargetId};
 use crate::kinematics::{Arm, Motion, Parameter};
 use crate::linalg::{Cholesky, gram};
 
@@ -31,14 +32,23 @@ const ROUNDS: usize = 3;
 type Columns = Vec<Column>;
 
 /// What a new session shares with one that was measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Mounting {
     /// The session it is held against, by its place in the model.
     pub session: usize,
-    /// Where the base will stand in the tracker's frame, roughly; `None` where neither was moved.
-    pub tracker_from_base: Option<Transform<Tracker, Base>>,
-    /// The target at the flange.
-    pub target: Mounted,
+    /// The base in the frame of each source of that session.
+    pub sources: Vec<Placed>,
+    /// Each target of that session at the flange.
+    pub targets: Vec<Mounted>,
+}
+
+/// Where the base of a new session stands in a source's frame, against that of the one before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Placed {
+    /// Neither was moved.
+    Same,
+    /// One of them was; the base stands here, roughly.
+    Moved(Transform<Tracker, Base>),
 }
 
 /// How the target of a new session sits, against that of the one before.
@@ -84,8 +94,8 @@ impl FullModel {
         up: Option<UnitVector3<f64>>,
     ) -> Option<Self> {
         let starts = [self.next_frames(mounting)];
-        let prior = mounting.prior(&starts[0]);
-        let problem = empty(arm, &starts, prior, self.is_turned());
+        let prior = mounting.prior();
+        let problem = empty(arm, &starts, &prior, self.is_turned());
         let span = stations.max(1) as f64;
         let (layout, columns) = self.next_columns(&problem, mounting, settings);
         let variances = super::columns::unknown_variances(&problem);
@@ -123,16 +133,18 @@ impl FullModel {
     }
 
     fn next_frames(&self, mounting: &Mounting) -> Frames {
-        let past = self.starts()[mounting.session];
-        Frames {
-            tracker_from_base: mounting.tracker_from_base.unwrap_or(past.tracker_from_base),
-            flange_from_target: match mounting.target {
-                Mounted::Same | Mounted::Again { .. } => past.flange_from_target,
-                Mounted::Other {
-                    flange_from_target, ..
-                } => flange_from_target,
-            },
-        }
+        let past = &self.starts()[mounting.session];
+        let source = |source, now: &Placed| match now {
+            Placed::Same => *past.tracker_from_base(source),
+            Placed::Moved(tracker_from_base) => *tracker_from_base,
+        };
+        let target = |target, now: &Mounted| match now {
+            Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
+            Mounted::Other {
+                flange_from_target, ..
+            } => *flange_from_target,
+        };
+        mounting.frames(source, target)
     }
 
     /// Whether the target's orientation is among the unknowns.
@@ -208,30 +220,29 @@ impl FullModel {
     }
 
     fn next_unknown(&self, own: &Unknown, mounting: &Mounting) -> Column {
-        let past = |session| {
-            let wanted = Unknown {
-                session,
-                parameter: own.parameter,
-            };
-            self.unknowns().iter().position(|other| *other == wanted)
+        let session = mounting.session;
+        let kept = |owner, added| {
+            let wanted = Unknown { owner, ..*own };
+            let past = self.unknowns().iter().position(|other| *other == wanted);
+            past.map_or(Column::Fresh, |column| Column::Kept(column, added))
         };
-        let kept = |session, added| {
-            past(session).map_or(Column::Fresh, |column| Column::Kept(column, added))
-        };
-        let of_session = Some(mounting.session);
-        match (own.parameter, mounting.target) {
-            (Parameter::Link { .. }, _) => kept(None, 0.0),
-            (Parameter::Base(_), _) if mounting.tracker_from_base.is_some() => Column::Fresh,
-            (Parameter::Base(_), _) | (Parameter::Target(_), Mounted::Same) => {
-                kept(of_session, 0.0)
+        match own.owner {
+            Owner::Arm => kept(Owner::Arm, 0.0),
+            Owner::Source { source, .. } => match mounting.sources[source.0] {
+                Placed::Same => kept(Owner::Source { session, source }, 0.0),
+                Placed::Moved(_) => Column::Fresh,
+            },
+            Owner::Target { target, .. } => {
+                let past = Owner::Target { session, target };
+                match mounting.targets[target.0] {
+                    Mounted::Same => kept(past, 0.0),
+                    Mounted::Again { .. } if own.parameter.is_angle() => {
+                        kept(past, PUT_ON_RAD * PUT_ON_RAD)
+                    }
+                    Mounted::Again { sd_mm } => kept(past, sd_mm * sd_mm),
+                    Mounted::Other { .. } => Column::Fresh,
+                }
             }
-            (Parameter::Target(Motion::Translation(_)), Mounted::Again { sd_mm }) => {
-                kept(of_session, sd_mm * sd_mm)
-            }
-            (Parameter::Target(Motion::Rotation(_)), Mounted::Again { .. }) => {
-                kept(of_session, PUT_ON_RAD * PUT_ON_RAD)
-            }
-            (Parameter::Target(_), Mounted::Other { .. }) => Column::Fresh,
         }
     }
 
@@ -308,16 +319,16 @@ impl FullModel {
         let mut observations = observations.to_vec();
         if !turned {
             for observation in &mut observations {
-                observation.orientation = None;
+                observation.measured = observation.measured.without_turn();
             }
         }
         let geometry = Freedom::Geometry;
         let problem = Problem::with_target_turn(
             &observations,
             arm.chain(),
-            &[frames],
+            std::slice::from_ref(&frames),
             geometry,
-            Prior::default(),
+            &Prior::default(),
             turned,
         );
         let mut state = self.state(observations.len());
@@ -333,7 +344,7 @@ impl FullModel {
         Some(Self {
             ready: Ready::of(&problem, &state.offsets, &state.layout, &mean),
             frames: problem.frames(&state.offsets),
-            problem: empty(arm, &[frames], Prior::default(), turned),
+            problem: empty(arm, &[frames], &Prior::default(), turned),
             up: self.up,
             drift_variance: self.drift_variance,
             warm_up_variance: self.warm_up_variance,
@@ -395,50 +406,77 @@ impl FullModel {
         let offsets = &self.offsets + coefficients.rows(0, self.offsets.len());
         (
             self.problem.geometry(&offsets),
-            self.problem.frames(&offsets)[session],
+            self.problem.frames(&offsets).swap_remove(session),
         )
     }
 }
 
 impl Mounting {
-    /// What is expected of a target that was not there before.
-    fn prior(&self, frames: &Frames) -> Prior {
-        let place = frames.flange_from_target.isometry().translation.vector;
-        let target = match self.target {
-            Mounted::Other { sd_mm, .. } => Some(KnownTarget {
-                xyz_mm: place.into(),
+    /// What is expected of targets that were not there before: that they sit where they are meant to.
+    fn prior(&self) -> Prior {
+        let expected = |target: &Mounted| match target {
+            Mounted::Other {
+                flange_from_target,
                 sd_mm,
+            } => Some(KnownTarget {
+                xyz_mm: flange_from_target.isometry().translation.vector.into(),
+                sd_mm: *sd_mm,
             }),
             Mounted::Same | Mounted::Again { .. } => None,
         };
         Prior {
             geometry: None,
-            target,
+            targets: self.targets.iter().map(expected).collect(),
         }
     }
 
     /// The frames that a session's stations are taken in: those of `past` where nothing was moved, else those that its
     /// `stations` give.
+    ///
+    /// # Panics
+    /// When they are not of as many sources and targets.
     pub fn starts(&self, past: &Frames, stations: &Frames) -> Frames {
-        let turned = |place: &Isometry3<f64>| {
-            let turn = stations.flange_from_target.isometry().rotation;
-            Transform::claim(Isometry3::from_parts(place.translation, turn))
+        let source = |source, now: &Placed| match now {
+            Placed::Same => *past.tracker_from_base(source),
+            Placed::Moved(_) => *stations.tracker_from_base(source),
         };
-        Frames {
-            tracker_from_base: match self.tracker_from_base {
-                Some(_) => stations.tracker_from_base,
-                None => past.tracker_from_base,
-            },
-            flange_from_target: match self.target {
-                Mounted::Same | Mounted::Again { .. } => past.flange_from_target,
-                Mounted::Other {
-                    flange_from_target, ..
-                } => turned(flange_from_target.isometry()),
-            },
-        }
+        let target = |target, now: &Mounted| match now {
+            Mounted::Same | Mounted::Again { .. } => *past.flange_from_target(target),
+            Mounted::Other {
+                flange_from_target, ..
+            } => {
+                let place = flange_from_target.isometry().translation;
+                let turn = stations.flange_from_target(target).isometry().rotation;
+                Transform::claim(Isometry3::from_parts(place, turn))
+            }
+        };
+        self.frames(source, target)
+    }
+
+    /// The frames of the new session, each from what became of its source or target.
+    fn frames(
+        &self,
+        source: impl Fn(SourceId, &Placed) -> Transform<Tracker, Base>,
+        target: impl Fn(TargetId, &Mounted) -> Transform<Flange, Target>,
+    ) -> Frames {
+        let sources = self.sources.iter().enumerate();
+        let sources = sources.map(|(place, now)| source(SourceId(place), now));
+        let targets = self.targets.iter().enumerate();
+        let targets = targets.map(|(place, now)| target(TargetId(place), now));
+        Frames::new(sources.collect(), targets.collect())
+            .expect("a session has a source and a target")
     }
 }
 
-fn empty(arm: &Arm, frames: &[Frames], prior: Prior, turned: bool) -> Problem<'static> {
+fn empty(arm: &Arm, frames: &[Frames], prior: &Prior, turned: bool) -> Problem<'static> {
     Problem::with_target_turn(&[], arm.chain(), frames, Freedom::Geometry, prior, turned)
+}
+
+/// The posterior covariance of all columns: `√v L⁻ᵀ L⁻¹ √v`.
+fn covariance(model: &FullModel) -> DMatrix<f64> {
+    let mut half = model.posterior.factor.inverse_lower();
+    for (mut column, scale) in half.column_iter_mut().zip(&model.posterior.scale) {
+        column *= *scale;
+    }
+    gram(&half.as_view())
 }

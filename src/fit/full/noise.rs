@@ -9,6 +9,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::settings::FullSettings;
 use crate::fit::observation::Observation;
+use crate::fit::observation::measured::moved;
+use crate::join::ReadingKind;
 use crate::kinematics::Twist;
 
 /// Variances of the repeatability.
@@ -42,10 +44,9 @@ impl Repeatability {
 
     /// The covariance of one observation's residual at weight 1.
     pub fn covariance(&self, observation: &Observation, joints: &[Twist]) -> DMatrix<f64> {
-        let instrument = instrument(observation);
-        let rows = instrument.nrows();
-        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, rows)).collect();
-        self.beside(instrument, &columns)
+        let kind = observation.measured.kind();
+        let columns: Vec<DVector<f64>> = joints.iter().map(|twist| column(twist, kind)).collect();
+        self.beside(observation.measured.instrument(), &columns)
     }
 
     /// The instrument's covariance and everything else.
@@ -129,29 +130,9 @@ impl NoiseEvidence {
     }
 }
 
-pub(super) fn instrument(observation: &Observation) -> DMatrix<f64> {
-    let rows = if observation.orientation.is_some() {
-        6
-    } else {
-        3
-    };
-    let mut covariance = DMatrix::zeros(rows, rows);
-    covariance
-        .fixed_view_mut::<3, 3>(0, 0)
-        .copy_from(&observation.instrument);
-    if let Some((_, sd)) = observation.orientation {
-        (3..6).for_each(|axis| covariance[(axis, axis)] = sd * sd);
-    }
-    covariance
-}
-
-/// A twist as a column of 3 (position) or 6 (position, orientation) rows.
-pub fn column(twist: &Twist, rows: usize) -> DVector<f64> {
-    DVector::from_fn(rows, |row, _| {
-        if row < 3 {
-            twist.linear[row]
-        } else {
-            twist.angular[row - 3]
-        }
-    })
+/// How a twist of the target moves the rows of a reading.
+pub fn column(twist: &Twist, kind: ReadingKind) -> DVector<f64> {
+    let mut rows = DVector::zeros(kind.rows());
+    moved(kind, twist, 1.0, rows.as_mut_slice());
+    rows
 }

@@ -4,15 +4,17 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 use super::design::PoseView;
-use super::noise::instrument;
 use super::regression::Sums;
 use super::train::{CHUNK, State};
 use crate::fit::observation::Observation;
-use crate::fit::problem::{Problem, residual};
+use crate::fit::problem::Problem;
+use crate::join::ReadingKind;
 use crate::kinematics::Twist;
 
 /// One observation's rows and residual at the current offsets.
 pub struct Row {
+    /// What kind of reading they are of.
+    pub kind: ReadingKind,
     /// Unwhitened rows.
     pub rows: DMatrix<f64>,
     /// Measured minus predicted.
@@ -38,11 +40,9 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
     let frames = problem.frames(&state.offsets);
     let chains = problem.held(&state.offsets);
     let row = |observation: &Observation| {
-        let view = chains[observation.session].view(&observation.axes);
-        let root = frames[observation.session]
-            .tracker_from_base
-            .isometry()
-            .rotation;
+        let view = chains.of(observation.channel()).view(&observation.axes);
+        let base = frames[observation.session].tracker_from_base(observation.source);
+        let root = base.isometry().rotation;
         let pose = PoseView {
             unknowns: &view.unknowns,
             joints: &view.joints,
@@ -54,17 +54,15 @@ pub(super) fn rows(problem: &Problem<'_>, state: &State, up: Option<Vector3<f64>
             settling_error: observation.settling_error.as_ref(),
             session: Some(observation.session),
             time: Some(observation.station as f64 / state.span),
-            middle: frames[observation.session].tracker_from_base.isometry()
-                * state.middles[observation.session],
+            middle: base.isometry() * state.middles[observation.session],
         };
-        let left = residual(observation, &view.end);
-        let mut value = left.position.as_slice().to_vec();
-        value.extend(left.rotation.iter().flat_map(|rotation| rotation.iter()));
+        let kind = observation.measured.kind();
         Row {
-            rows: pose.rows(&state.layout, value.len()),
-            value: DVector::from_vec(value),
+            kind,
+            rows: pose.rows(&state.layout, kind),
+            value: DVector::from_vec(observation.measured.residual(&view.end)),
             joints: view.joints,
-            instrument: instrument(observation),
+            instrument: observation.measured.instrument(),
         }
     };
     problem

@@ -346,7 +346,7 @@ impl SavedFull {
             &chain,
             &frames,
             Freedom::Geometry,
-            Prior::default(),
+            &Prior::default(),
             turned,
         );
         same_length("unknowns", problem.unknowns().len(), self.unknowns.len())?;

@@ -5,7 +5,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::fit::problem::{BlockRows, dot};
+use crate::fit::observation::rows::{BlockRows, dot};
 
 /// Rows taken in together: some thirty columns of them stay in the fastest cache.
 const AT_ONCE: usize = 96;

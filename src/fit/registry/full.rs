@@ -2,14 +2,15 @@
 
 use nalgebra::{DMatrix, Matrix3, Point3, UnitQuaternion};
 
-use super::{About, Corrects, Made};
+use super::{About, Corrects, Loaded, Made};
 use crate::fit::Frames;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, Open, PoseModel, Prediction, Query, Spread};
 use crate::fit::observation::Observation;
-use crate::fit::saved::SavedError;
+use crate::fit::saved::{SavedError, SavedHead};
+use crate::join::SourceId;
 use crate::kinematics::Arm;
 
 pub(super) const ABOUT: About = About {
@@ -23,8 +24,16 @@ pub(super) const ABOUT: About = About {
     load: Some(load),
 };
 
-fn load(text: &str, _: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
-    Ok(Box::new(FullModel::from_saved(&SavedFull::read(text)?)?))
+fn load(text: &str, _: Option<f64>) -> Result<Loaded, SavedError> {
+    let saved = SavedFull::read(text)?;
+    let model = FullModel::from_saved(&saved)?;
+    Ok(Loaded {
+        head: SavedHead {
+            arm: saved.arm,
+            sessions: saved.sessions,
+        },
+        model: Box::new(model),
+    })
 }
 
 impl PoseModel for FullModel {
@@ -53,7 +62,7 @@ impl PoseModel for FullModel {
         Ok(self.flange(query))
     }
 
-    fn spread(&self, session: usize, prediction: &Prediction) -> Spread {
+    fn spread(&self, session: usize, source: SourceId, prediction: &Prediction) -> Spread {
         let open = prediction
             .open
             .as_ref()
@@ -63,7 +72,7 @@ impl PoseModel for FullModel {
         // A command is given some day: where the base then stands is not known.
         let drift = Matrix3::identity() * self.any_time_variance();
         // And by which scale it was told: corrections are those of the mean scale of all sessions.
-        let scale = self.any_scale_covariance(session, &prediction.position);
+        let scale = self.any_scale_covariance(session, source, &prediction.position);
         Spread::Of(open + drift + scale)
     }
 

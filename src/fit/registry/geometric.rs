@@ -2,11 +2,12 @@
 
 use nalgebra::Point3;
 
-use super::{About, Corrects, Made};
+use super::{About, Corrects, Loaded, Made};
 use crate::fit::gap::Gap;
 use crate::fit::model::{Angles, At, PoseModel, Prediction, Query, Spread};
-use crate::fit::saved::{SavedCalibration, SavedError, SavedSession};
+use crate::fit::saved::{SavedCalibration, SavedError, SavedHead, SavedSession};
 use crate::fit::{Calibration, Frames, Freedom};
+use crate::join::SourceId;
 use crate::kinematics::{Arm, Chain};
 
 pub(super) const ABOUT: About = About {
@@ -31,14 +32,21 @@ pub struct IdentifiedGeometry {
     pub misfit_mm: f64,
 }
 
-pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Box<dyn PoseModel>, SavedError> {
+pub(super) fn load(text: &str, misfit_mm: Option<f64>) -> Result<Loaded, SavedError> {
     let saved = SavedCalibration::read(text)?;
     let frames = saved.sessions.iter().map(SavedSession::frames);
-    Ok(Box::new(IdentifiedGeometry {
+    let model = IdentifiedGeometry {
         chain: saved.chain()?,
         frames: frames.collect::<Result<_, _>>()?,
         misfit_mm: misfit_mm.ok_or(SavedError::NoMisfit)?,
-    }))
+    };
+    Ok(Loaded {
+        head: SavedHead {
+            arm: saved.arm,
+            sessions: saved.sessions,
+        },
+        model: Box::new(model),
+    })
 }
 
 impl PoseModel for Calibration {
@@ -50,7 +58,7 @@ impl PoseModel for Calibration {
         Ok(predict(&self.chain, &self.frames, at.joints()?))
     }
 
-    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, _: &Prediction) -> Spread {
         unexplained(self.misfit_mm)
     }
 
@@ -84,7 +92,7 @@ impl PoseModel for IdentifiedGeometry {
         Ok(predict(&self.chain, &self.frames, at.joints()?))
     }
 
-    fn spread(&self, _: usize, _: &Prediction) -> Spread {
+    fn spread(&self, _: usize, _: SourceId, _: &Prediction) -> Spread {
         unexplained(self.misfit_mm)
     }
 
@@ -94,7 +102,7 @@ impl PoseModel for IdentifiedGeometry {
 }
 
 fn predict(chain: &Chain, frames: &[Frames], query: &Query<'_>) -> Prediction {
-    let frames = &frames[query.session];
+    let frames = frames[query.session].pair(query.source, query.target);
     let flange = frames.tracker_from_base.isometry() * chain.nominal(query.axes);
     let target = frames.flange_from_target.isometry().translation.vector;
     Prediction {

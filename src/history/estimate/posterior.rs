@@ -7,7 +7,7 @@ use super::column::{Column, frame_motions};
 use crate::fit::full::FullModel;
 use crate::fit::full::layout::Block;
 use crate::fit::saved::{SavedCalibration, SavedError};
-use crate::fit::{Frames, Unknown};
+use crate::fit::{FramePair, Unknown};
 use crate::kinematics::Parameter;
 
 /// Pairs `cos, sin` of a joint's curve that sessions share: those of at least 90° a period.
@@ -21,12 +21,16 @@ struct Posterior<'p> {
     /// Precision of each column's prior; 0 without one.
     precision: Vec<f64>,
     /// The frames as they were found.
-    frames: Frames,
+    frames: FramePair,
 }
 
 impl Estimate {
-    /// Of a full error model of one session; `None` where the covariance is none.
-    pub fn of_full(model: &FullModel) -> Option<Self> {
+    /// Of a full error model of one session; `None` where the covariance is none. Refused of several sources or targets.
+    pub fn of_full(model: &FullModel) -> Result<Option<Self>, SavedError> {
+        let frames = model.fitted_frames();
+        let Some(session) = frames.first() else {
+            return Ok(None);
+        };
         let (places, columns): (Vec<usize>, Vec<Column>) =
             shared_columns(model).into_iter().unzip();
         let scale = model.prior_sd();
@@ -35,9 +39,9 @@ impl Estimate {
             covariance: &model.covariance_of(&places),
             means: places.iter().map(|&p| model.column_mean(p)).collect(),
             precision: places.iter().map(|&p| scale[p].powi(-2)).collect(),
-            frames: *model.fitted_frames().first()?,
+            frames: session.one()?,
         };
-        posterior.estimate()
+        Ok(posterior.estimate())
     }
 
     /// Of a geometric calibration of one session; `None` where the covariance is none.
@@ -57,7 +61,7 @@ impl Estimate {
             covariance: &covariance,
             means: parameters.iter().map(|(_, offset)| *offset).collect(),
             precision: saved.prior_sd.iter().map(precision).collect(),
-            frames: session.frames()?,
+            frames: session.frames()?.one()?,
         };
         Ok(posterior.estimate())
     }

@@ -7,27 +7,32 @@ use crate::grid::Interpolation;
 impl TableFile<'_> {
     pub(super) fn terms(&self) -> Result<Terms, CommonError> {
         let said = self.said();
-        said.one("orientation", |row| {
-            Some(self.table.i64("orientation").value(row))
+        said.one("orientation", |row| Some(row.orientation))?;
+        said.one("table_id", |row| Some(&row.table_id))?;
+        said.one("orientation_tolerance_deg", |row| {
+            Some(row.orientation_tolerance_deg)
         })?;
-        let interpolation: Interpolation = said.word("interpolation")?;
+        said.one("interpolation", |row| Some(row.interpolation))?;
+        let configuration = said.one("configuration", |row| row.configuration.as_deref())?;
+        let first = &self.rows[0];
         Ok(Terms {
-            table_id: said.text("table_id")?,
-            orientation: said.rotation("")?,
-            orientation_tolerance_rad: said.number("orientation_tolerance_deg")?.to_radians(),
-            configuration: said.optional_text("configuration")?,
-            interpolation,
-            idw_power: self.idw_power(interpolation)?,
+            table_id: first.table_id.to_string(),
+            orientation: said.rotation("", |row| row.turn)?,
+            orientation_tolerance_rad: first.orientation_tolerance_deg.to_radians(),
+            configuration: configuration.map(str::to_owned),
+            interpolation: first.interpolation,
+            idw_power: self.idw_power(first.interpolation)?,
             validity: said.validity()?,
         })
     }
 
     pub(super) fn verdict(&self) -> Result<TableVerdict, CommonError> {
-        self.said().word("verdict")
+        self.said().one("verdict", |row| Some(row.verdict))?;
+        Ok(self.rows[0].verdict)
     }
 
     fn idw_power(&self, interpolation: Interpolation) -> Result<f64, CommonError> {
-        let power = self.said().optional_number("idw_power")?;
+        let power = self.said().one("idw_power", |row| row.idw_power)?;
         match (interpolation, power) {
             (Interpolation::Trilinear, _) => Ok(power.unwrap_or_default()),
             (Interpolation::Idw, Some(power)) if power > 0.0 => Ok(power),

@@ -8,14 +8,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::compensation::{Conditions, Validity};
 use crate::fit::full::FullModel;
 use crate::io::calibrations_table::{self, PublishedArm};
-use crate::io::common::Common;
+use crate::io::common;
 use crate::io::lake::read_given;
 use crate::io::schema;
-use crate::io::table::Table;
+use crate::io::table::Row as _;
+use crate::io::tables::joint_errors::JointErrorRow;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 
@@ -63,7 +64,7 @@ struct Curve {
 pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError> {
     let PublishedArm { key, arm } = calibrations_table::read(path)?;
     let Some(model) = arm.model.is::<FullModel>() else {
-        return Err(ExportError::NoCurves(path.to_owned()));
+        return Err(ExportErrorKind::NoCurves.at(path));
     };
     let target = arm.frames.flange_from_target.origin().coords();
     let valid_for = ValidFor::of(&arm.validity, target.into());
@@ -77,27 +78,21 @@ pub fn of_calibrations(path: &Path, sink: impl Write) -> Result<(), ExportError>
 pub fn of_joint_errors(path: &Path, sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("joint_errors")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(path.to_owned()));
+        return Err(ExportErrorKind::Empty.at(path));
     }
-    let said = Common {
-        path,
-        table: &table,
-    };
-    let key = said
-        .key()
-        .map_err(calibrations_table::CalibrationsTableError::from)?;
+    let key =
+        common::key(path, &table).map_err(calibrations_table::CalibrationsTableError::from)?;
     let mut joints: Vec<Curve> = Vec::new();
-    for row in 0..table.rows() {
-        let joint = usize::try_from(table.i64("joint").value(row)).unwrap_or_default();
-        if joints.last().is_none_or(|last| last.joint != joint) {
+    for row in JointErrorRow::read(&table) {
+        if joints.last().is_none_or(|last| last.joint != row.joint) {
             joints.push(Curve {
-                joint,
-                name: table.text("joint_name").value(row).to_owned(),
+                joint: row.joint,
+                name: row.joint_name.to_string(),
                 ..Curve::default()
             });
         }
         if let Some(curve) = joints.last_mut() {
-            curve.point(&table, row);
+            curve.push(row.angle_rad, row.error_rad, row.sd_rad, row.measured);
         }
     }
     write(&key, None, joints, sink)
@@ -144,17 +139,6 @@ impl Curve {
             let [low, high] = self.measured_rad.unwrap_or([angle; 2]);
             self.measured_rad = Some([low.min(angle), high.max(angle)]);
         }
-    }
-
-    fn point(&mut self, table: &Table, row: usize) {
-        let number = |column: &str| table.f64(column).value(row);
-        let measured = table.bool("measured").value(row);
-        self.push(
-            number("angle_rad"),
-            number("error_rad"),
-            number("sd_rad"),
-            measured,
-        );
     }
 }
 

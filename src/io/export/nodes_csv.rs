@@ -6,7 +6,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::ingest::AngleUnit;
 use crate::io::compensation_table;
 use crate::io::schema;
@@ -71,11 +71,8 @@ fn common(path: &Path, table: &Table, column: &Spread<'_>) -> Result<String, Exp
     let cells = |row| column.cells(row, AngleUnit::Deg);
     let first = cells(0);
     if let Some(row) = (1..table.rows()).find(|&row| cells(row) != first) {
-        return Err(ExportError::NotOne {
-            path: path.to_owned(),
-            column: column.name().to_owned(),
-            row,
-        });
+        let column = column.name().to_owned();
+        return Err(ExportErrorKind::NotOne { column, row }.at(path));
     }
     let values: Vec<String> = first.iter().map(value).collect();
     Ok(no_formula(values.join(", ")))

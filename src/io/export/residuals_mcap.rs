@@ -24,12 +24,14 @@ use mcap::records::{MessageHeader, Metadata};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Serialize;
 
-use super::ExportError;
-use crate::io::common::Common;
+use super::{ExportError, ExportErrorKind};
+use crate::io::common;
 use crate::io::lake::read_given;
 use crate::io::schema;
+use crate::io::tables::residuals::ResidualRow;
 use crate::manifest::RunKey;
-use rows::{Of, Row, rows};
+use crate::report::{BaseRefit, Split};
+use rows::{Numbers, Of, rows};
 use scene::{Arrow, SceneUpdate};
 use times::Times;
 
@@ -47,19 +49,15 @@ const NUMBERS: &str = include_str!("residuals_mcap/residual.json");
 pub fn write(path: &Path, stations: &[PathBuf], mut sink: impl Write) -> Result<(), ExportError> {
     let table = read_given(path, schema::find("residuals")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(path.to_owned()));
+        return Err(ExportErrorKind::Empty.at(path));
     }
-    let common = Common {
-        path,
-        table: &table,
-    };
-    let key = common.key()?;
+    let key = common::key(path, &table)?;
     let rows = rows(&table);
     let times = Times::read(
         path,
         stations,
         &key,
-        rows.keys().map(|of| of.session.as_str()),
+        rows.iter().map(|(of, _)| of.subject.of_session.as_str()),
     )?;
     let mut log = Log::create(&key, table.rows())?;
     for (of, rows) in &rows {
@@ -100,17 +98,17 @@ impl Log {
     }
 
     /// The two topics of rows that are of the same.
-    fn add(&mut self, of: &Of, rows: &[Row], times: &Times) -> Result<(), ExportError> {
+    fn add(&mut self, of: &Of, rows: &[ResidualRow], times: &Times) -> Result<(), ExportError> {
         let topic = topic(of);
         let vectors = self.channel(&topic, "vectors", "foxglove.SceneUpdate", scene::SCHEMA)?;
         let error = self.channel(&topic, "error", "posegrid.Residual", NUMBERS)?;
         let mut entities = Vec::with_capacity(rows.len());
         let mut first = u64::MAX;
         for row in rows {
-            let ns = times.of(&of.session, row.station)?;
+            let ns = times.of(&of.subject.of_session, row.station)?;
             first = first.min(ns);
             entities.push(Arrow { of, row, ns }.entity());
-            self.push(error, ns, &row.numbers(of, ns))?;
+            self.push(error, ns, &Numbers::new(row, of, ns))?;
         }
         self.push(vectors, first, &SceneUpdate::of(entities))
     }
@@ -176,45 +174,55 @@ fn about(key: &RunKey, rows: usize) -> BTreeMap<String, String> {
 
 /// Before or after, by what, judged how, of which session.
 fn topic(of: &Of) -> String {
-    let judged = match of.split.as_str() {
-        "none" => "training",
-        "blocks" => "held_out_blocks",
-        _ => "held_out_session",
+    let judged = match of.subject.split {
+        Split::None => "training",
+        Split::Blocks => "held_out_blocks",
+        Split::Session => "held_out_session",
     };
-    let base = match of.base_refit.as_str() {
-        "first" => "_base_from_first",
-        "all" => "_base_from_all",
-        _ => "",
+    let base = match of.subject.base_refit {
+        BaseRefit::First => "_base_from_first",
+        BaseRefit::All => "_base_from_all",
+        BaseRefit::None => "",
     };
+    let words = of.words();
     format!(
         "/{}/{}_{}/{judged}{base}/{}",
         of.moment(),
-        of.model,
-        of.angles,
-        utf8_percent_encode(&of.session, TOPIC)
+        words.model,
+        words.angles,
+        utf8_percent_encode(&of.subject.of_session, TOPIC)
     )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::tables::words::Role;
+    use crate::report::{Angles, Model, Subject};
 
     #[test]
     fn a_session_of_any_name_is_the_last_part_of_its_topic() {
-        let of = |session: &str, split: &str, base_refit: &str, model: &str| Of {
-            session: session.to_owned(),
-            split: split.to_owned(),
-            model: model.to_owned(),
-            angles: "commanded".to_owned(),
-            base_refit: base_refit.to_owned(),
-            role: "held_out".to_owned(),
+        let of = |session: &str, split, base_refit, model| Of {
+            subject: Subject {
+                split,
+                of_session: session.to_owned(),
+                model,
+                angles: Angles::Commanded,
+                base_refit,
+            },
+            role: Role::HeldOut,
         };
         assert_eq!(
-            topic(&of("a/../b\n", "blocks", "none", "full")),
+            topic(&of("a/../b\n", Split::Blocks, BaseRefit::None, Model::Full)),
             "/after/full_commanded/held_out_blocks/a%2F..%2Fb%0A"
         );
         assert_eq!(
-            topic(&of("mon", "session", "first", "raw_command")),
+            topic(&of(
+                "mon",
+                Split::Session,
+                BaseRefit::First,
+                Model::RawCommand
+            )),
             "/before/raw_command_commanded/held_out_session_base_from_first/mon"
         );
     }

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use super::ExportError;
+use super::{ExportError, ExportErrorKind};
 use crate::compensation::IdentifiedArm;
 use crate::fit::IdentifiedGeometry;
 use crate::fit::saved::axes_from_joints;
@@ -26,10 +26,7 @@ use crate::manifest::RunKey;
 /// Writes the geometry that a file of table `calibrations` holds.
 pub fn write(path: &Path, mut sink: impl Write) -> Result<(), ExportError> {
     let PublishedArm { key, arm } = calibrations_table::read_geometry(path)?;
-    let refused = |problem| ExportError::NoUrdf {
-        path: path.to_owned(),
-        problem,
-    };
+    let refused = |problem| ExportErrorKind::NoUrdf(problem).at(path);
     let pieces = Pieces::of(&arm).map_err(refused)?;
     Ok(sink.write_all(text(&key, &arm, &pieces).as_bytes())?)
 }
@@ -51,7 +48,8 @@ impl Pieces {
         let Some(own) = arm.model.is::<IdentifiedGeometry>() else {
             return Err("has more than a geometry");
         };
-        let frames = &own.frames[arm.model.session];
+        let frames = own.frames[arm.model.session].one();
+        let frames = frames.map_err(|_| "was seen by several instruments or at several targets")?;
         let base_from_root =
             arm.frames.tracker_from_base.isometry().inverse() * frames.tracker_from_base.isometry();
         let target = frames.flange_from_target.isometry().translation.vector

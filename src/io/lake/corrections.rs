@@ -10,15 +10,52 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use super::{Lake, LakeError, encoded, file_key};
-use crate::io::schema;
+use crate::io::schema::{self, KEY_COLUMNS};
 use crate::io::store::Place;
-use crate::io::table::{self, Columns, Table, TableError};
+use crate::io::table::{self, Row as _, Table, TableError, Word as _, row};
+use crate::io::tables::words::{CorrectingTable, Form};
 use crate::manifest::RunKey;
 
 /// The table, and its folder.
 pub const CORRECTIONS: &str = "corrections";
 
-/// Number of a digest's letters in a file's name.
+row! {
+    /// A record as its table has it.
+    pub struct CorrectionRow of "corrections" {
+        /// Name of the record: the first letters of its digest.
+        correction: String,
+        /// The table that corrected.
+        corrected_by: CorrectingTable,
+        /// Form of the file written.
+        form: Form,
+        /// Version of the program that wrote it.
+        version: String,
+        /// BLAKE3 of the file of targets, hexadecimal.
+        targets_digest: String,
+        /// BLAKE3 of the file written, hexadecimal.
+        file_digest: String,
+        /// Targets read.
+        targets: i64,
+        /// Targets that have a command.
+        corrected: i64,
+        /// Targets that have none.
+        refused: i64,
+        /// Positions commanded, x, mm, in the frame of commands.
+        x_mm: Vec<f64>,
+        /// Positions commanded, y, mm.
+        y_mm: Vec<f64>,
+        /// Positions commanded, z, mm.
+        z_mm: Vec<f64>,
+        /// Joints of the arm; 0 where no joint angles were commanded.
+        joints: usize,
+        /// Joint angles commanded, rad, one command behind the other.
+        joints_rad: Vec<f64>,
+        /// BLAKE3 of all of it, hexadecimal.
+        digest: String,
+    }
+}
+
+/// Letters of a digest that name a file.
 const NAME: usize = 32;
 
 /// Whether a key of a lake's store is that of a record of corrections.
@@ -36,10 +73,10 @@ pub fn is_correction(key: &str) -> bool {
 pub struct Correction {
     /// The run whose table corrected the targets.
     pub key: RunKey,
-    /// The table: `compensation` or `calibrations`.
-    pub corrected_by: String,
-    /// Form of the file: `csv`, `parquet`, `json` or `krl`.
-    pub form: String,
+    /// The table.
+    pub corrected_by: CorrectingTable,
+    /// Form of the file.
+    pub form: Form,
     /// Version of the program that wrote it.
     pub version: String,
     /// BLAKE3 of the file of targets, hexadecimal.
@@ -63,74 +100,57 @@ pub type Recorded = (Place, Option<SystemTime>, Result<Correction, String>);
 impl Correction {
     /// The record as a table of one row.
     pub fn table(&self) -> Result<Table, TableError> {
-        let schema = schema::find(CORRECTIONS).expect("it is one of the program's own schemas");
-        let axis = |axis: usize| -> Vec<f64> { self.positions.iter().map(|p| p[axis]).collect() };
+        Ok(CorrectionRow::table(vec![self.row()], &self.key)?.table)
+    }
+
+    fn row(&self) -> CorrectionRow {
+        let axis = |axis: usize| self.positions.iter().map(|p| p[axis]).collect();
         let digest = self.digest();
-        Columns::new(schema, 1)
-            .key(&self.key)
-            .same("correction", &digest[..NAME])
-            .same("corrected_by", self.corrected_by.as_str())
-            .same("form", self.form.as_str())
-            .same("version", self.version.as_str())
-            .same("targets_digest", self.targets_digest.as_str())
-            .same("file_digest", self.file_digest.as_str())
-            .same("targets", self.targets)
-            .same("corrected", self.corrected)
-            .same("refused", self.targets - self.corrected)
-            .same("x_mm", axis(0))
-            .same("y_mm", axis(1))
-            .same("z_mm", axis(2))
-            .same("joints", self.joints.first().map_or(0, Vec::len))
-            .same("joints_rad", self.joints.concat())
-            .same("digest", digest.as_str())
-            .finish()
+        CorrectionRow {
+            correction: digest[..NAME].to_owned(),
+            corrected_by: self.corrected_by,
+            form: self.form,
+            version: self.version.clone(),
+            targets_digest: self.targets_digest.clone(),
+            file_digest: self.file_digest.clone(),
+            targets: self.targets,
+            corrected: self.corrected,
+            refused: self.targets.saturating_sub(self.corrected),
+            x_mm: axis(0),
+            y_mm: axis(1),
+            z_mm: axis(2),
+            joints: self.joints.first().map_or(0, Vec::len),
+            joints_rad: self.joints.concat(),
+            digest,
+        }
     }
 
     /// The record in a table; an error states what is wrong with it.
     pub fn of(table: &Table) -> Result<Self, String> {
-        if table.rows() != 1 {
-            return Err(format!(
-                "it has {} rows, and a record has one",
-                table.rows()
-            ));
-        }
-        let text = |column: &str| table.text(column).value(0).to_owned();
-        let whole = |column: &str| table.i64(column).value(0);
-        let numbers = |column: &str| -> Vec<f64> {
-            let own = table.list(column).value(0);
-            let own = arrow::array::AsArray::as_primitive::<arrow::datatypes::Float64Type>(&own);
-            own.values().to_vec()
+        let rows = CorrectionRow::read(table);
+        let [row] = &rows[..] else {
+            return Err(format!("it has {} rows, and a record has one", rows.len()));
         };
-        let [x, y, z] = ["x_mm", "y_mm", "z_mm"].map(numbers);
-        let joints = usize::try_from(whole("joints")).unwrap_or(0);
-        let angles = numbers("joints_rad");
+        let [robot, session, run] = KEY_COLUMNS.map(|part| table.text(part).value(0));
+        let [x, y, z] = [&row.x_mm, &row.y_mm, &row.z_mm];
+        let positions = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]);
         let record = Self {
-            key: RunKey::new(text("robot"), text("session"), text("run")),
-            corrected_by: text("corrected_by"),
-            form: text("form"),
-            version: text("version"),
-            targets_digest: text("targets_digest"),
-            file_digest: text("file_digest"),
-            targets: whole("targets"),
-            corrected: whole("corrected"),
-            positions: x
-                .iter()
-                .zip(&y)
-                .zip(&z)
-                .map(|((&x, &y), &z)| [x, y, z])
-                .collect(),
-            joints: match joints {
+            key: RunKey::new(robot, session, run),
+            corrected_by: row.corrected_by,
+            form: row.form,
+            version: row.version.clone(),
+            targets_digest: row.targets_digest.clone(),
+            file_digest: row.file_digest.clone(),
+            targets: row.targets,
+            corrected: row.corrected,
+            positions: positions.collect(),
+            joints: match row.joints {
                 0 => Vec::new(),
-                joints => angles.chunks(joints).map(<[f64]>::to_vec).collect(),
+                joints => row.joints_rad.chunks(joints).map(<[f64]>::to_vec).collect(),
             },
         };
-        // Lists of edited lengths would also give another digest, or none.
-        let lengths = [x.len(), y.len(), z.len()];
-        let is_whole = lengths == [record.positions.len(); 3]
-            && record.joints.concat().len() == angles.len()
-            && whole("refused") == record.targets.saturating_sub(record.corrected);
-        let digest = record.digest();
-        if is_whole && text("digest") == digest && text("correction") == digest[..NAME] {
+        // Lists that were edited to other lengths come out otherwise, as a digest does that is not the record's.
+        if record.row() == *row {
             Ok(record)
         } else {
             Err("its row is not the one that was written: its digest is different".to_owned())
@@ -163,8 +183,8 @@ impl Correction {
             robot,
             session,
             run,
-            &self.corrected_by,
-            &self.form,
+            self.corrected_by.word(),
+            self.form.word(),
             &self.version,
             &self.targets_digest,
             &self.file_digest,
@@ -243,12 +263,13 @@ impl Lake {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::table::Columns;
 
     fn sample() -> Correction {
         Correction {
             key: RunKey::new("kr 210", "mon", "00ff"),
-            corrected_by: "calibrations".to_owned(),
-            form: "krl".to_owned(),
+            corrected_by: CorrectingTable::Calibrations,
+            form: Form::Krl,
             version: "0.1.0".to_owned(),
             targets_digest: "aa".to_owned(),
             file_digest: "bb".to_owned(),

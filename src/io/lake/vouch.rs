@@ -10,7 +10,7 @@ use super::error::folder_error;
 use super::{Lake, LakeError, encoded, file_key};
 use crate::io::input::{self, Bound};
 use crate::io::schema::{self, TableSchema};
-use crate::io::table::{self, FileError, Opened, Seal, Table};
+use crate::io::table::{self, FileError, FileErrorKind, Opened, Seal, Table};
 use crate::manifest::{RunKey, digest};
 
 /// The evidence that a table is as its run wrote it.
@@ -135,10 +135,8 @@ pub(super) fn read_by_path(
     path: &Path,
     schema: &'static TableSchema,
 ) -> Result<(Table, VouchedBy), FileError> {
-    let file = input::open(path, Bound::TABLE).map_err(|source| FileError::Open {
-        path: path.to_owned(),
-        source,
-    })?;
+    let file =
+        input::open(path, Bound::TABLE).map_err(|source| FileErrorKind::Open(source).at(path))?;
     let opened = table::open_within(file, path, schema, Bound::TABLE.of_values())?;
     let Some(lake) = lake_of(path, schema) else {
         let vouched = match &opened.seal {
@@ -147,10 +145,7 @@ pub(super) fn read_by_path(
         };
         return Ok((opened.believed(path)?, vouched));
     };
-    let problem = |problem: String| FileError::NotOfLake {
-        path: path.to_owned(),
-        problem,
-    };
+    let problem = |problem: String| FileErrorKind::NotOfLake(problem).at(path);
     let root = lake.root();
     let table = opened.believed(path)?;
     let key = table.key().cloned();

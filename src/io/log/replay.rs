@@ -62,14 +62,14 @@ pub struct SessionRead {
 /// ```
 /// use std::path::Path;
 /// use posegrid::io::log::{SessionLogs, read_session};
-/// use posegrid::pipeline::plan::{Overrides, Plan};
+/// use posegrid::pipeline::configuration::{Configuration, Overrides};
 /// use posegrid::progress::Quiet;
 ///
-/// let plan = Plan::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
+/// let configuration = Configuration::load(Path::new("pipelines/quickstart.toml"), &Overrides::default())?;
 /// let log = |side: &str| Path::new("tests/recordings/quickstart").join(side);
 /// let logs = SessionLogs::of_two(&log("controller.mcap"), &log("tracker.mcap"));
-/// let rule = plan.join.arm_rule();
-/// let read = read_session(&logs, &plan.mapping, plan.limits, &rule, &mut (), &Quiet)?;
+/// let rule = configuration.join.arm_rule();
+/// let read = read_session(&logs, &configuration.mapping, configuration.limits, &rule, &mut (), &Quiet)?;
 /// assert!(read.rejects.is_empty(), "nothing is lost");
 /// assert!(read.input.joints.stretches.len() > 50, "dwells of the arm");
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -1,4 +1,4 @@
-//! ROS 2 CDR: a message's bytes, read by a plan.
+//! ROS 2 CDR: a message's bytes, read by a reader.
 //!
 //! Layout (OMG DDS-XTypes 1.3, 7.4): four bytes of encapsulation, of which the second states version, byte order and
 //! whether messages are delimited; then the fields, each number aligned to its own size (in version 2 to 4 at most) counted
@@ -14,10 +14,10 @@
 
 mod layout;
 
-use super::cdr_plan::{Repeat, Step};
+use super::cdr_reader::{Repeat, Step};
 use super::cell::{Cell, Span, number, place};
 use super::value::without_end_mark;
-use super::{CdrPlan, MessageFault, Primitive, Row};
+use super::{CdrReader, MessageFault, Primitive, Row};
 
 pub(super) use layout::Layout;
 
@@ -37,8 +37,8 @@ struct Cursor<'m> {
     layout: Layout,
 }
 
-impl CdrPlan {
-    /// Puts the wanted values of one message into the row, in the order they were asked for.
+impl CdrReader {
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
@@ -312,9 +312,9 @@ mod tests {
         paths.collect::<Result<_, _>>().expect("sound paths")
     }
 
-    fn plan(text: &str, wanted: &[&str]) -> CdrPlan {
+    fn reader(text: &str, wanted: &[&str]) -> CdrReader {
         let definition = parse("a/B", text).expect("sound text");
-        CdrPlan::resolve(&definition, &paths(wanted)).expect("fields exist")
+        CdrReader::resolve(&definition, &paths(wanted)).expect("fields exist")
     }
 
     #[test]
@@ -325,10 +325,10 @@ mod tests {
             "name",
             "position[1]",
         ];
-        let plans = [
-            plan(JOINTS, &wanted),
-            plan(JOINTS, &["position", "velocity"]),
-            plan(JOINTS, &["header.frame_id", "name"]),
+        let readers = [
+            reader(JOINTS, &wanted),
+            reader(JOINTS, &["position", "velocity"]),
+            reader(JOINTS, &["header.frame_id", "name"]),
         ];
         let mut messages = vec![joint_message(true), joint_message(false)];
         for (at, byte) in [
@@ -352,10 +352,10 @@ mod tests {
         for (first, second) in
             (0..messages.len()).flat_map(|i| (0..messages.len()).map(move |j| (i, j)))
         {
-            for (plan, then) in [(0, 0), (0, 1), (1, 1), (2, 2), (1, 0)] {
+            for (reader, then) in [(0, 0), (0, 1), (1, 1), (2, 2), (1, 0)] {
                 let mut fresh = Row::default();
-                let (plan, then) = (&plans[plan], &plans[then]);
-                let _ = plan.read(&messages[first], &mut again);
+                let (reader, then) = (&readers[reader], &readers[then]);
+                let _ = reader.read(&messages[first], &mut again);
                 for message in [&messages[second], &messages[second]] {
                     let found = then.read(message, &mut again);
                     assert_eq!(found, then.read(message, &mut fresh), "{first} {second}");
@@ -369,8 +369,8 @@ mod tests {
         }
     }
 
-    fn fault(plan: &CdrPlan, message: &[u8]) -> Result<(), MessageFault> {
-        plan.read(message, &mut Row::default())
+    fn fault(reader: &CdrReader, message: &[u8]) -> Result<(), MessageFault> {
+        reader.read(message, &mut Row::default())
     }
 
     /// Stamp 7 s 9 ns, frame "b", names "j" and "kk", positions 1.5 and -2, no velocities.
@@ -407,15 +407,15 @@ mod tests {
     }
 
     #[test]
-    fn both_byte_orders_give_the_same_values() {
-        let plan = plan(
+    fn both_byte_orders_lend_the_same_values() {
+        let reader = reader(
             JOINTS,
             &["position", "name", "header.stamp.sec", "header.frame_id"],
         );
         for little in [true, false] {
             let message = joint_message(little);
             let mut row = Row::default();
-            plan.read(&message, &mut row).expect("sound message");
+            reader.read(&message, &mut row).expect("sound message");
             let value = |slot| row.value(&message, slot);
             let position = value(0).numbers().expect("numbers");
             assert_eq!(
@@ -435,11 +435,11 @@ mod tests {
 
     #[test]
     fn every_cut_is_a_short_message() {
-        let plan = plan(JOINTS, &["position"]);
+        let reader = reader(JOINTS, &["position"]);
         let message = joint_message(true);
         for length in 0..message.len() {
             assert_eq!(
-                fault(&plan, &message[..length]),
+                fault(&reader, &message[..length]),
                 Err(MessageFault::Short),
                 "cut to {length}"
             );
@@ -448,26 +448,26 @@ mod tests {
 
     #[test]
     fn what_follows_the_last_field_must_be_padding() {
-        let plan = plan(JOINTS, &["position"]);
+        let reader = reader(JOINTS, &["position"]);
         let with = |tail: &[u8]| [&joint_message(true)[..], tail].concat();
-        assert_eq!(fault(&plan, &with(&[1, 2, 3])), Ok(()));
-        assert_eq!(fault(&plan, &with(&[0; 8])), Ok(()));
+        assert_eq!(fault(&reader, &with(&[1, 2, 3])), Ok(()));
+        assert_eq!(fault(&reader, &with(&[0; 8])), Ok(()));
         assert_eq!(
-            fault(&plan, &with(&[0, 0, 0, 0, 1])),
+            fault(&reader, &with(&[0, 0, 0, 0, 1])),
             Err(MessageFault::LeftOver)
         );
     }
 
     #[test]
     fn lying_counts_and_strange_encapsulations_are_refused() {
-        let plan = plan(JOINTS, &["position"]);
+        let reader = reader(JOINTS, &["position"]);
         let mut message = joint_message(true);
         message[4 + 36..4 + 40].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(fault(&plan, &message), Err(MessageFault::Short));
+        assert_eq!(fault(&reader, &message), Err(MessageFault::Short));
         for parameter_list in [2, 3, 0xA, 0xB] {
             message[1] = parameter_list;
             assert_eq!(
-                fault(&plan, &message),
+                fault(&reader, &message),
                 Err(MessageFault::Encapsulation(parameter_list.into()))
             );
         }
@@ -476,7 +476,7 @@ mod tests {
     #[test]
     fn elements_are_picked_and_fields_of_each_are_gathered() {
         let text = "float32[] q\nJoint[] joints\n===\nMSG: a/Joint\nstring name\nuint8 axis\nfloat64 angle";
-        let plan = plan(
+        let reader = reader(
             text,
             &[
                 "q[1]",
@@ -499,7 +499,7 @@ mod tests {
         message.extend(b"bc\0\x09"); // 36: "bc", axis 9
         message.extend(8.5_f64.to_le_bytes()); // 40
         let mut row = Row::default();
-        plan.read(&message, &mut row).expect("sound message");
+        reader.read(&message, &mut row).expect("sound message");
         let value = |slot| row.value(&message, slot);
         // Neither array has a third element.
         assert_eq!((value(0), value(1)), (Value::Number(1.5), Value::Absent));
@@ -522,7 +522,7 @@ mod tests {
     fn version_2_is_read_plain_and_delimited() {
         let text = "uint8 a\nfloat64 x\nstring[] words\nInner[1] list\nInner one\nfloat64 last\n\
             ===\nMSG: a/Inner\nuint8 b\nfloat64 y";
-        let plan = plan(text, &["x", "words", "list[0].y", "one.y", "last"]);
+        let reader = reader(text, &["x", "words", "list[0].y", "one.y", "last"]);
         let word = |n: u32| n.to_le_bytes();
         let inner = |y: f64| [&[7, 0, 0, 0][..], &y.to_le_bytes()].concat();
         let head = [&[1, 0, 0, 0][..], &1.5_f64.to_le_bytes()].concat();
@@ -546,7 +546,7 @@ mod tests {
         let delimited = [&[0, 9, 0, 0][..], &size, &body];
         for message in [plain.concat(), delimited.concat()] {
             let mut row = Row::default();
-            plan.read(&message, &mut row).expect("sound message");
+            reader.read(&message, &mut row).expect("sound message");
             let number = |slot| row.value(&message, slot).number();
             assert_eq!([0, 2, 3, 4].map(number), [1.5, 2.5, 3.5, 4.5].map(Some));
             let words = row.value(&message, 1).texts().expect("an array");
@@ -556,18 +556,22 @@ mod tests {
                     .all(|word| word.is_some_and(|word| word.is("w")))
             );
             for length in 0..message.len() {
-                assert!(fault(&plan, &message[..length]).is_err(), "cut to {length}");
+                assert!(
+                    fault(&reader, &message[..length]).is_err(),
+                    "cut to {length}"
+                );
             }
         }
     }
 
     #[test]
     fn wide_strings_are_passed_over_where_one_width_fits() {
-        let plan = plan("wstring w\nuint32 x", &["x"]);
+        let reader = reader("wstring w\nuint32 x", &["x"]);
         let read = |wide: &[u8], count: u8| {
             let message = [&[0, 1, 0, 0, count, 0, 0, 0][..], wide, &[5, 0, 0, 0]].concat();
             let mut row = Row::default();
-            plan.read(&message, &mut row)
+            reader
+                .read(&message, &mut row)
                 .map(|()| row.value(&message, 0).integer())
         };
         assert_eq!(read(&[], 0), Ok(Some(5)));
@@ -575,7 +579,7 @@ mod tests {
         assert_eq!(read(b"a\0b\0", 2), Ok(Some(5)));
         // Read with two bytes per character, x is the second character and a zero is left over.
         assert_eq!(
-            plan.read(
+            reader.read(
                 &[0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0],
                 &mut Row::default()
             ),
@@ -589,7 +593,7 @@ mod tests {
     fn nested_arrays_and_small_numbers_are_walked() {
         let text = "Inner[] list\nuint8[3] rgb\nint16 wanted\nuint64 big\nfloat32 single\nbool yes\n\
             ===\nMSG: a/Inner\nuint8 a\nstring[2] words\nfloat64 x";
-        let plan = plan(text, &["wanted", "big", "single", "yes", "rgb"]);
+        let reader = reader(text, &["wanted", "big", "single", "yes", "rgb"]);
         let mut message = vec![0, 1, 0, 0];
         message.extend(1_u32.to_le_bytes()); // 0: one Inner
         message.extend([5, 0, 0, 0]); // 4: a, padding
@@ -605,7 +609,7 @@ mod tests {
         message.extend(0.25_f32.to_le_bytes()); // 48
         message.push(1); // 52
         let mut row = Row::default();
-        plan.read(&message, &mut row).expect("sound message");
+        reader.read(&message, &mut row).expect("sound message");
         let value = |slot| row.value(&message, slot);
         assert_eq!(value(0), Value::Integer(-4));
         assert_eq!(value(1), Value::Number(u64::MAX as f64));
@@ -618,7 +622,7 @@ mod tests {
     fn plans_refuse_what_cannot_be_read() {
         let definition = |text| parse("a/B", text).expect("sound text");
         let refusal = |text, path| {
-            CdrPlan::resolve(&definition(text), &paths(&[path]))
+            CdrReader::resolve(&definition(text), &paths(&[path]))
                 .expect_err("refused")
                 .to_string()
         };

@@ -4,8 +4,8 @@
 //! no value. Where a name is given twice the last value counts, as in the usual readers. No other values are kept, and no
 //! schema is needed; where there is one (JSON Schema), it shows the fields.
 //!
-//! 1. [`JsonPlan::new`]: paths → tree.
-//! 2. [`JsonPlan::read`]: payload → the wanted values in a row.
+//! 1. [`JsonReader::new`]: paths → tree.
+//! 2. [`JsonReader::read`]: payload → the wanted values in a row.
 //!
 //! Where a message has the same template as the one before, only the numbers are read ([`template`](super::template)).
 
@@ -25,11 +25,11 @@ pub use schema::JsonSchema;
 
 /// The tree that reads the wanted values of messages.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct JsonPlan {
+pub struct JsonReader {
     /// The first one is the message itself.
     nodes: Vec<Node>,
     wanted: usize,
-    /// Identity of the plan: it shows whether a message was read by this plan.
+    /// Tells whether a message was read by this reader.
     identity: Arc<()>,
 }
 
@@ -48,18 +48,18 @@ struct Node {
     below: Vec<(usize, bool)>,
 }
 
-impl JsonPlan {
-    /// The plan that takes the fields at `wanted`, in that order.
+impl JsonReader {
+    /// The reader that takes the fields at `wanted`, in that order.
     pub fn new(wanted: &[FieldPath]) -> Self {
-        let mut plan = Self {
+        let mut reader = Self {
             nodes: vec![Node::default()],
             wanted: wanted.len(),
             identity: Arc::new(()),
         };
         for (slot, path) in wanted.iter().enumerate() {
-            plan.add(0, path.want(slot));
+            reader.add(0, path.want(slot));
         }
-        plan
+        reader
     }
 
     fn add(&mut self, node: usize, want: Want<'_>) {

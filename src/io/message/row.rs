@@ -69,23 +69,22 @@ impl Row {
         Ok(())
     }
 
-    /// Fills it from a message with the layout of the one before, which the same plan read; returns whether the layouts
-    /// agree.
+    /// Fills it from a message laid out as the one before, which the same reader read; tells whether it is.
     #[inline]
-    pub(super) fn fill_as_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
-        let alike = self.layout.is_of(plan, message);
+    pub(super) fn fill_as_before(&mut self, reader: &Arc<()>, message: &[u8]) -> bool {
+        let alike = self.layout.is_of(reader, message);
         if alike {
             self.layout.numbers_of(message, &mut self.cells);
         }
         alike
     }
 
-    /// Fills it from a message with the template of the one before, which the same plan read; returns whether the templates
-    /// agree.
+    /// Fills it from a message worded as the one before, which the same reader read; tells whether it is.
     #[inline]
-    pub(super) fn fill_as_worded_before(&mut self, plan: &Arc<()>, message: &[u8]) -> bool {
+    pub(super) fn fill_as_worded_before(&mut self, reader: &Arc<()>, message: &[u8]) -> bool {
         let (cells, lists) = (&mut self.cells, &mut self.lists);
-        self.template.read(plan, message, CellsMut { cells, lists })
+        self.template
+            .read(reader, message, CellsMut { cells, lists })
     }
 
     /// A number that changes whenever the row is filled with anything but numbers: while it stays, texts and lengths of

@@ -1,9 +1,9 @@
-//! A channel's schema in any language, and its plan for any encoding.
+//! A channel's schema, whatever its language, and the reader made of it, whatever its encoding.
 
-use super::cdr_plan::leaves;
-use super::json::{JsonPlan, JsonSchema};
-use super::protobuf::{Descriptors, ProtobufPlan};
-use super::{CdrPlan, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
+use super::cdr_reader::leaves;
+use super::json::{JsonReader, JsonSchema};
+use super::protobuf::{Descriptors, ProtobufReader};
+use super::{CdrReader, Definition, FieldPath, MessageFault, Row, SchemaError, ros2idl, ros2msg};
 
 /// The fields of the messages of a channel.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,13 +18,13 @@ pub enum MessageSchema {
 
 /// The plan that reads the wanted values of one channel's messages.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Plan {
-    /// For ROS 2 messages in CDR.
-    Cdr(CdrPlan),
-    /// For protobuf messages.
-    Protobuf(ProtobufPlan),
-    /// For JSON messages.
-    Json(JsonPlan),
+pub enum FieldReader {
+    /// Of ROS 2 messages in CDR.
+    Cdr(CdrReader),
+    /// Of protobuf messages.
+    Protobuf(ProtobufReader),
+    /// Of JSON messages.
+    Json(JsonReader),
 }
 
 impl MessageSchema {
@@ -46,12 +46,14 @@ impl MessageSchema {
         })
     }
 
-    /// The plan that takes the fields at `wanted`, in that order.
-    pub fn plan(&self, wanted: &[FieldPath]) -> Result<Plan, SchemaError> {
+    /// The reader that takes the fields at `wanted`, in that order.
+    pub fn reader(&self, wanted: &[FieldPath]) -> Result<FieldReader, SchemaError> {
         match self {
-            Self::Cdr(definition) => CdrPlan::resolve(definition, wanted).map(Plan::Cdr),
-            Self::Protobuf(types) => ProtobufPlan::resolve(types, wanted).map(Plan::Protobuf),
-            Self::Json(_) => Ok(Plan::Json(JsonPlan::new(wanted))),
+            Self::Cdr(definition) => CdrReader::resolve(definition, wanted).map(FieldReader::Cdr),
+            Self::Protobuf(types) => {
+                ProtobufReader::resolve(types, wanted).map(FieldReader::Protobuf)
+            }
+            Self::Json(_) => Ok(FieldReader::Json(JsonReader::new(wanted))),
         }
     }
 
@@ -59,7 +61,7 @@ impl MessageSchema {
     pub fn has(&self, path: &FieldPath) -> bool {
         match self {
             Self::Json(schema) => schema.has(path),
-            schema => schema.plan(std::slice::from_ref(path)).is_ok(),
+            schema => schema.reader(std::slice::from_ref(path)).is_ok(),
         }
     }
 
@@ -73,15 +75,15 @@ impl MessageSchema {
     }
 }
 
-impl Plan {
-    /// Puts the wanted values of one message into the row, in the order they were asked for.
+impl FieldReader {
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
         match self {
-            Self::Cdr(plan) => plan.read(message, row),
-            Self::Protobuf(plan) => plan.read(message, row),
-            Self::Json(plan) => plan.read(message, row),
+            Self::Cdr(reader) => reader.read(message, row),
+            Self::Protobuf(reader) => reader.read(message, row),
+            Self::Json(reader) => reader.read(message, row),
         }
     }
 }

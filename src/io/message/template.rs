@@ -20,9 +20,9 @@ const LONGEST_PAUSE: u32 = 32;
 /// The bytes of the message read last, except its slots.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Template {
-    /// The plan that read it; `None` where the next message has to be walked.
-    plan: Option<Arc<()>>,
-    /// The bytes around the slots, without them.
+    /// The reader that read it; `None` where the next message has to be walked.
+    reader: Option<Arc<()>>,
+    /// What stands around the slots, without them.
     bytes: Vec<u8>,
     /// The bytes before each slot, and the slot.
     parts: Vec<Part>,
@@ -63,7 +63,7 @@ pub(super) enum NumberSlot {
 impl Template {
     /// Forgets the template: the next message has to be walked.
     pub fn forget(&mut self) {
-        self.plan = None;
+        self.reader = None;
         self.bytes.clear();
         self.parts.clear();
         self.texts.clear();
@@ -117,20 +117,23 @@ impl Template {
         self.is_other = true;
     }
 
-    /// Keeps the template of a message that `plan` walked to its end.
-    pub fn keep(&mut self, plan: &Arc<()>, message: &[u8]) {
+    /// A message was walked to its end by `reader`, and all that was noted is of it.
+    pub fn keep(&mut self, reader: &Arc<()>, message: &[u8]) {
         if !self.is_other && message.len() <= LONGEST {
             self.bytes.extend_from_slice(&message[self.gap_end..]);
-            self.plan = Some(Arc::clone(plan));
+            self.reader = Some(Arc::clone(reader));
         }
     }
 
-    /// Reads the numbers and texts of a message with this template for `plan`; returns whether the message has it.
+    /// Reads the numbers and texts of a message worded alike for `reader`; tells whether it is.
     ///
     /// If it has not, some values may have been put into the row.
     #[inline]
-    pub fn read(&mut self, plan: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
-        let known = self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan));
+    pub fn read(&mut self, reader: &Arc<()>, message: &[u8], values: CellsMut<'_>) -> bool {
+        let known = self
+            .reader
+            .as_ref()
+            .is_some_and(|of| Arc::ptr_eq(of, reader));
         if !known {
             return false;
         }

@@ -5,7 +5,7 @@ use chrono::DateTime;
 use super::Primitive;
 use super::cell::{Cell, List, number};
 
-/// The value of one wanted path in one message.
+/// What a reader lends out of one message for one wanted path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Value<'m> {
     /// The message has no value there.
@@ -181,7 +181,7 @@ impl<'m> Texts<'m> {
         self.len() == 0
     }
 
-    /// The strings; the plan has walked them, so all are complete. An element that is no string is `None`.
+    /// The strings; the reader has walked them, so all are there. An element that is no string is `None`.
     pub fn iter(&self) -> impl Iterator<Item = Option<Text<'m>>> + use<'m> {
         let (stored, gathered) = match *self {
             Self::Stored {

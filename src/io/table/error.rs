@@ -1,7 +1,7 @@
 //! What can be wrong with columns, and with files of them.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use arrow::error::ArrowError;
 use parquet::errors::ParquetError;
@@ -110,71 +110,43 @@ pub enum TableError {
     },
 }
 
-/// Why a file cannot be read as a table, or a table not be written.
+/// Why a file cannot be read as a table.
 #[derive(Debug, Error)]
-pub enum FileError {
-    /// The file cannot be opened.
-    #[error("cannot open {path}: {source}")]
-    Open {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
-    },
+#[error("{}", kind.message(path))]
+pub struct FileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with it.
+    pub kind: FileErrorKind,
+}
+
+/// What is wrong with a file that is read as a table.
+#[derive(Debug)]
+pub enum FileErrorKind {
+    /// The file cannot be opened: the system's error.
+    Open(io::Error),
     /// Values that would take too much memory.
-    #[error("{path}: its values take more than the limit of {limit} bytes in memory; {advice}")]
     TooLarge {
-        /// The file.
-        path: PathBuf,
         /// The limit, bytes.
         limit: u64,
         /// What to try.
         advice: &'static str,
     },
-    /// Not a Parquet file, or a damaged one.
-    #[error("cannot read {path} as a Parquet file: {source}")]
-    Parquet {
-        /// The file.
-        path: PathBuf,
-        /// Parquet's error.
-        source: ParquetError,
-    },
-    /// A file so damaged that the Parquet reader gave up in the middle.
-    #[error(
-        "{path} is damaged: reading it failed with \"{problem}\"; get it anew or run its session again"
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        problem: String,
-    },
-    /// Its values cannot be read.
-    #[error("cannot read the values of {path}: {source}")]
-    Values {
-        /// The file.
-        path: PathBuf,
-        /// Arrow's error.
-        source: ArrowError,
-    },
+    /// Not a Parquet file, or a damaged one: Parquet's error.
+    Parquet(ParquetError),
+    /// A file so damaged that the Parquet reader gave up in the middle: the reader's message.
+    Damaged(String),
+    /// Its values cannot be read: Arrow's error.
+    Values(ArrowError),
     /// Not the table asked for.
-    #[error("{path} holds {found}, not table {expected:?}")]
     OtherTable {
-        /// The file.
-        path: PathBuf,
-        /// What it says it holds.
+        /// What the file holds by its own metadata.
         found: String,
         /// The table asked for.
         expected: String,
     },
     /// Another version of the table.
-    #[error(
-        "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
-         run the session again, or use the version of posegrid that wrote it (see table runs)"
-    )]
     OtherVersion {
-        /// The file.
-        path: PathBuf,
         /// The table.
         table: String,
         /// The version found.
@@ -183,40 +155,70 @@ pub enum FileError {
         expected: u32,
     },
     /// Its content is not what was written.
-    #[error(
-        "{path} is not as it was written: its content has the digest {found}, and it says {stated}; it was damaged or changed: \
-         get it anew from a copy, or run its session again into another lake"
-    )]
     Altered {
-        /// The file.
-        path: PathBuf,
         /// The digest of its content.
         found: String,
         /// The digest that its metadata has.
         stated: String,
     },
-    /// Its lake says something else of it than the file itself.
-    #[error("{path} is not believed: {problem}; `posegrid verify` tells more of its lake")]
-    NotOfLake {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: String,
-    },
+    /// Its lake says something else of it than the file itself: what differs.
+    NotOfLake(String),
     /// Its columns break the table's contract.
-    #[error("{path}: {source}")]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: TableError,
-    },
+    Content(TableError),
 }
 
 impl FileError {
     /// Whether the file itself is damaged or changed, as far as that can be told; one that is not there, or of another
     /// version, is not.
     pub const fn is_damage(&self) -> bool {
-        !matches!(self, Self::Open { .. } | Self::OtherVersion { .. })
+        !matches!(
+            self.kind,
+            FileErrorKind::Open(_) | FileErrorKind::OtherVersion { .. }
+        )
+    }
+}
+
+impl FileErrorKind {
+    /// This problem of the file at `path`.
+    pub(in crate::io) fn at(self, path: &Path) -> FileError {
+        FileError {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+
+    /// The message for a person, with the file's path.
+    fn message(&self, path: &Path) -> String {
+        let path = path.display();
+        match self {
+            Self::Open(source) => format!("cannot open {path}: {source}"),
+            Self::TooLarge { limit, advice } => format!(
+                "{path}: its values take more than the limit of {limit} bytes in memory; {advice}"
+            ),
+            Self::Parquet(source) => format!("cannot read {path} as a Parquet file: {source}"),
+            Self::Damaged(problem) => format!(
+                "{path} is damaged: reading it failed with \"{problem}\"; get it anew or run its session again"
+            ),
+            Self::Values(source) => format!("cannot read the values of {path}: {source}"),
+            Self::OtherTable { found, expected } => {
+                format!("{path} holds {found}, not table {expected:?}")
+            }
+            Self::OtherVersion {
+                table,
+                found,
+                expected,
+            } => format!(
+                "{path} holds version {found} of table {table:?}, this program reads version {expected}: \
+                 run the session again, or use the version of posegrid that wrote it (see table runs)"
+            ),
+            Self::Altered { found, stated } => format!(
+                "{path} is not as it was written: its content has the digest {found}, and it says {stated}; it was damaged or \
+                 changed: get it anew from a copy, or run its session again into another lake"
+            ),
+            Self::NotOfLake(problem) => format!(
+                "{path} is not believed: {problem}; `posegrid verify` tells more of its lake"
+            ),
+            Self::Content(source) => format!("{path}: {source}"),
+        }
     }
 }

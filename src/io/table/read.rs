@@ -16,7 +16,7 @@ use arrow::datatypes::DataType;
 use parquet::arrow::arrow_reader::{ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
 
-use super::{FileError, Table, TableError, check, digest};
+use super::{FileError, FileErrorKind, Table, TableError, check, digest};
 use crate::io::input::{self, Bound};
 use crate::io::schema::{ColumnSchema, Role, TableSchema};
 use crate::manifest::RunKey;
@@ -104,10 +104,7 @@ pub fn read_within(
 
 /// Opens a file that is one, and not too large.
 fn open_file(path: &Path, bound: Bound) -> Result<File, FileError> {
-    input::open(path, bound).map_err(|source| FileError::Open {
-        path: path.to_owned(),
-        source,
-    })
+    input::open(path, bound).map_err(|source| FileErrorKind::Open(source).at(path))
 }
 
 /// The same of an open file, which is named `path` in errors; it may be as large as it is.
@@ -124,11 +121,9 @@ impl Opened {
     pub fn believed(self, path: &Path) -> Result<Table, FileError> {
         match self.seal {
             Seal::Holds | Seal::Absent => Ok(self.table),
-            Seal::Broken { stated, found } => Err(FileError::Altered {
-                path: path.to_owned(),
-                found,
-                stated,
-            }),
+            Seal::Broken { stated, found } => {
+                Err(FileErrorKind::Altered { found, stated }.at(path))
+            }
         }
     }
 }
@@ -153,15 +148,9 @@ pub fn open_within(
     // The Parquet reader panics on some damaged pages. It owns nothing but the file, so nothing is left half done.
     let decoded = catch_unwind(AssertUnwindSafe(|| decode(path, file, schema, values)));
     let (entries, batch) = decoded.unwrap_or_else(|panic| {
-        Err(FileError::Damaged {
-            path: path.to_owned(),
-            problem: panic_message(panic.as_ref()),
-        })
+        Err(FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))
     })?;
-    let content = |source| FileError::Content {
-        path: path.to_owned(),
-        source,
-    };
+    let content = |source| FileErrorKind::Content(source).at(path);
     let version = version(&entries).unwrap_or(schema.version);
     let columns = columns(&batch, schema, version).map_err(content)?;
     let (table, _) =
@@ -196,14 +185,8 @@ fn decode(
     schema: &TableSchema,
     bound: Bound,
 ) -> Result<(Entries, RecordBatch), FileError> {
-    let parquet = |source| FileError::Parquet {
-        path: path.to_owned(),
-        source,
-    };
-    let values = |source| FileError::Values {
-        path: path.to_owned(),
-        source,
-    };
+    let parquet = |source| FileErrorKind::Parquet(source).at(path);
+    let values = |source| FileErrorKind::Values(source).at(path);
     let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
     let reader =
         ParquetRecordBatchReaderBuilder::try_new_with_options(file, options).map_err(parquet)?;
@@ -219,11 +202,8 @@ fn decode(
         let batch = batch.map_err(values)?;
         bytes = bytes.saturating_add(batch.get_array_memory_size() as u64);
         if bytes > bound.bytes {
-            return Err(FileError::TooLarge {
-                path: path.to_owned(),
-                limit: bound.bytes,
-                advice: bound.advice,
-            });
+            let (limit, advice) = (bound.bytes, bound.advice);
+            return Err(FileErrorKind::TooLarge { limit, advice }.at(path));
         }
         batches.push(batch);
     }
@@ -244,14 +224,9 @@ pub fn head_of(file: &File, path: &Path) -> Result<Head, FileError> {
         metadata.try_parse(file).and_then(|()| metadata.finish())
     };
     // As in `open`.
-    let found = catch_unwind(AssertUnwindSafe(read)).map_err(|panic| FileError::Damaged {
-        path: path.to_owned(),
-        problem: panic_message(panic.as_ref()),
-    })?;
-    let metadata = found.map_err(|source| FileError::Parquet {
-        path: path.to_owned(),
-        source,
-    })?;
+    let found = catch_unwind(AssertUnwindSafe(read))
+        .map_err(|panic| FileErrorKind::Damaged(panic_message(panic.as_ref())).at(path))?;
+    let metadata = found.map_err(|source| FileErrorKind::Parquet(source).at(path))?;
     let entries = entries(&metadata);
     Ok(Head {
         table: entries.get("posegrid.table").cloned(),
@@ -294,20 +269,20 @@ fn check_version(path: &Path, schema: &TableSchema, entries: &Entries) -> Result
     let table = entries.get("posegrid.table");
     if table != Some(&schema.table) {
         let no_table = || "no table of posegrid".to_owned();
-        return Err(FileError::OtherTable {
-            path: path.to_owned(),
+        let other = FileErrorKind::OtherTable {
             found: table.map_or_else(no_table, |name| format!("table {name:?}")),
             expected: schema.table.clone(),
-        });
+        };
+        return Err(other.at(path));
     }
     if !version(entries).is_some_and(|version| schema.reads(version)) {
         let found = entries.get("posegrid.schema_version");
-        return Err(FileError::OtherVersion {
-            path: path.to_owned(),
+        let other = FileErrorKind::OtherVersion {
             table: schema.table.clone(),
             found: found.map_or("none", String::as_str).to_owned(),
             expected: schema.version,
-        });
+        };
+        return Err(other.at(path));
     }
     Ok(())
 }

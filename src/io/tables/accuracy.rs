@@ -88,8 +88,6 @@ pub enum BeforeAfter {
 pub enum FigureKind {
     /// Of the norms of position errors.
     PositionError,
-    /// Of orientation errors.
-    OrientationError,
     /// A figure of ISO 9283.
     Iso9283,
     /// How well stated covariances fit what was found.
@@ -125,7 +123,6 @@ words! {
     BeforeAfter { Before: "before", After: "after" }
     FigureKind {
         PositionError: "position_error",
-        OrientationError: "orientation_error",
         Iso9283: "iso_9283",
         Coverage: "coverage",
     }

@@ -1,15 +1,18 @@
 //! `calibrations`: each model that was identified, whole, with how well it is determined and what it is valid for.
 
 use super::PublishContext;
+use super::error_frame::{ErrorFrameName, ErrorFrameOf};
 use super::validity::{configurations, joint_ranges, learnt_from, temperatures};
 use super::words::placement;
 use crate::fit::full::{FullModel, PartEvidence};
 use crate::fit::saved::VERSION;
 use crate::fit::{
-    Calibration, Convergence, Frames, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
+    Calibration, Convergence, FramePair, Loss, Observability, PoseModel, Unknown, WEIGHTED_DOWN,
 };
+use crate::io::common::corrects;
 use crate::io::table::{row, words};
 use crate::io::tables::outcome::Outcome;
+use crate::join::{Reading, ReadingKind, Station};
 use crate::kinematics::{Motion, Parameter};
 use crate::report::{Angles, Model};
 
@@ -134,6 +137,31 @@ row! {
             flange_from_tool_qz,
             flange_from_tool_qw,
         ]: [f64; 4],
+        /// The base that errors are stated in.
+        error_frame: ErrorFrameName,
+        /// Origin of that base in the tracker's frame, mm.
+        error_frame_base as [
+            error_frame_base_x_mm,
+            error_frame_base_y_mm,
+            error_frame_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        error_frame_base_turn as [
+            error_frame_base_qx,
+            error_frame_base_qy,
+            error_frame_base_qz,
+            error_frame_base_qw,
+        ]: [f64; 4],
+        /// The measured target in the flange's frame, as errors suppose it, mm.
+        error_frame_target as [
+            error_frame_target_x_mm,
+            error_frame_target_y_mm,
+            error_frame_target_z_mm,
+        ]: [f64; 3],
+        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        error_frame_sd_mm: Option<f64>,
+        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        error_frame_sd_deg: Option<f64>,
         /// Lowest reported angle of each joint, rad.
         joint_lower_rad: Vec<f64>,
         /// Highest reported angle of each joint, rad.
@@ -163,15 +191,13 @@ row! {
     }
 }
 
+corrects!(CalibrationRow);
+
 /// Conventions of links.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Convention {
     /// Standard (distal) Denavit–Hartenberg: the only one that robot files may be written in.
     StandardDh,
-    /// Modified (proximal) Denavit–Hartenberg.
-    ModifiedDh,
-    /// Product of exponentials.
-    Poe,
 }
 
 /// The loss on a station's residual.
@@ -188,7 +214,7 @@ pub enum LossName {
 }
 
 words! {
-    Convention { StandardDh: "standard_dh", ModifiedDh: "modified_dh", Poe: "poe" }
+    Convention { StandardDh: "standard_dh" }
     LossName { Squares: "squares", Huber: "huber", Cauchy: "cauchy", StudentT: "student_t" }
 }
 
@@ -269,6 +295,7 @@ impl<'a> Identified<'a> {
         let is_turned = frames.is_some_and(|(_, turned)| turned);
         let command_from_base = placement(context.command_from_base.isometry());
         let flange_from_tool = placement(outcome.error_frame.flange_from_tool());
+        let stated_in = ErrorFrameOf::new(outcome);
         let some = |value: f64| (value > 0.0).then_some(value);
         Ok(CalibrationRow {
             arm_model: arm.model().to_owned(),
@@ -313,6 +340,12 @@ impl<'a> Identified<'a> {
             command_from_base_turn: command_from_base.1,
             flange_from_tool: flange_from_tool.0,
             flange_from_tool_turn: flange_from_tool.1,
+            error_frame: stated_in.name,
+            error_frame_base: stated_in.base.0,
+            error_frame_base_turn: stated_in.base.1,
+            error_frame_target: stated_in.target,
+            error_frame_sd_mm: stated_in.sd_mm,
+            error_frame_sd_deg: stated_in.sd_deg,
             joint_lower_rad,
             joint_upper_rad,
             configurations: configurations(outcome),
@@ -384,14 +417,17 @@ impl<'a> Identified<'a> {
         self.model().weights()
     }
 
-    /// The frames where there is one session, and whether the target's orientation was fitted.
-    fn frames(&self) -> Option<(Frames, bool)> {
+    /// The frames where there is one session with one source and one target, and whether the target's orientation was fitted.
+    fn frames(&self) -> Option<(FramePair, bool)> {
         let (frames, unknowns) = match self.of {
             Of::Calibration(calibration) => (calibration.frames.clone(), &calibration.unknowns[..]),
             Of::Full(full) => (full.fitted_frames(), full.unknowns()),
             Of::OnTop(model) => (model.frames().to_vec(), &[][..]),
         };
-        (frames.len() == 1).then(|| (frames[0], is_turned(unknowns)))
+        match &frames[..] {
+            [one] => Some((one.one().ok()?, is_turned(unknowns))),
+            _ => None,
+        }
     }
 
     fn parameters(&self) -> usize {
@@ -454,14 +490,12 @@ fn observations(outcome: &Outcome<'_>) -> usize {
         .calibrations
         .iter()
         .any(|(_, calibration)| is_turned(&calibration.unknowns));
-    let oriented = |station: &&crate::join::Station| {
-        turned
-            && station
-                .attained
-                .as_ref()
-                .is_some_and(|attained| attained.orientation.is_some())
+    let rows = |reading: &Reading| match reading.value.kind() {
+        ReadingKind::Pose if !turned => ReadingKind::Point.rows(),
+        kind => kind.rows(),
     };
-    3 * learnt_from(outcome).count() + 3 * learnt_from(outcome).filter(oriented).count()
+    let readings = learnt_from(outcome).flat_map(Station::measured);
+    readings.map(rows).sum()
 }
 
 const fn in_words(convergence: Convergence) -> &'static str {

@@ -4,10 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+use super::error_frame::{ErrorFrameName, ErrorFrameOf};
 use super::validity::{joint_ranges, learnt_from, temperatures};
 use super::words::{TableVerdict, placement, upper, xyzw};
 use super::{PublishContext, grid_steps};
 use crate::grid::{Interpolation, Refusal, Source, Table as Chosen, TableNode};
+use crate::io::common::corrects;
 use crate::io::table::row;
 use crate::io::tables::outcome::Outcome;
 use crate::join::Station;
@@ -100,6 +102,25 @@ row! {
             flange_from_target_y_mm,
             flange_from_target_z_mm,
         ]: [f64; 3],
+        /// The base that errors are stated in.
+        error_frame: ErrorFrameName,
+        /// Origin of that base in the tracker's frame, mm.
+        error_frame_base as [
+            error_frame_base_x_mm,
+            error_frame_base_y_mm,
+            error_frame_base_z_mm,
+        ]: [f64; 3],
+        /// Its orientation, x y z w.
+        error_frame_base_turn as [
+            error_frame_base_qx,
+            error_frame_base_qy,
+            error_frame_base_qz,
+            error_frame_base_qw,
+        ]: [f64; 4],
+        /// Standard deviation of the surveyed base's origin, mm; `None` where it is not stated or the base is fitted.
+        error_frame_sd_mm: Option<f64>,
+        /// Standard deviation of the surveyed base's rotation, degrees; `None` where it is not stated or the base is fitted.
+        error_frame_sd_deg: Option<f64>,
         /// The tool, as the pipeline file states it.
         tool: Option<Arc<str>>,
         /// The payload, kg, as it states it.
@@ -119,12 +140,16 @@ row! {
     }
 }
 
-/// The rows of the chosen grid's nodes.
+corrects!(NodeRow);
+
+/// The rows of the chosen grid's nodes; none where no step gives a table.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> Vec<NodeRow> {
-    let chosen = &outcome.grids.table;
+    let Some(chosen) = &outcome.grids.table else {
+        return Vec::new();
+    };
     let (shared, support) = (
-        shared(outcome, context, key),
-        Support::new(outcome, context),
+        shared(chosen, outcome, context, key),
+        Support::new(chosen, outcome, context),
     );
     let nodes = chosen.nodes.iter().enumerate();
     nodes
@@ -141,14 +166,20 @@ pub(super) fn table_id(key: &RunKey) -> &str {
 }
 
 /// What every row says of the table, in a row of no node.
-fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> NodeRow {
-    let (chosen, stated) = (&outcome.grids.table, &context.valid_for);
+fn shared(
+    chosen: &Chosen,
+    outcome: &Outcome<'_>,
+    context: &PublishContext<'_>,
+    key: &RunKey,
+) -> NodeRow {
+    let stated = &context.valid_for;
     let joints = context.arm.joints();
     let (lower, upper): (Vec<f64>, Vec<f64>) =
         joint_ranges(outcome, joints.len()).into_iter().unzip();
     let command_from_base = context.command_from_base.isometry();
     let (origin, turn) = placement(command_from_base);
     let target = outcome.error_frame.frames().flange_from_target.origin();
+    let stated_in = ErrorFrameOf::new(outcome);
     let (temperature_min_c, temperature_max_c) = temperatures(outcome).unzip();
     let text = |text: &Option<String>| text.as_deref().map(Arc::from);
     let configuration = chosen.configuration.as_ref().map(Configuration::to_string);
@@ -177,7 +208,7 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
         command_from_base_turn: turn,
         source: chosen.source,
         interpolation: chosen.interpolation,
-        idw_power: grid_steps::power(chosen.interpolation, &outcome.grids),
+        idw_power: grid_steps::power(chosen.interpolation, chosen.idw_power),
         angles: match chosen.source {
             // A measured node is a station, and stations are at the angles that the controller reported.
             Source::Measured => Angles::Reported,
@@ -188,6 +219,11 @@ fn shared(outcome: &Outcome<'_>, context: &PublishContext<'_>, key: &RunKey) -> 
         joint_lower_rad: lower.into(),
         joint_upper_rad: upper.into(),
         flange_from_target: target.coords().into(),
+        error_frame: stated_in.name,
+        error_frame_base: stated_in.base.0,
+        error_frame_base_turn: stated_in.base.1,
+        error_frame_sd_mm: stated_in.sd_mm,
+        error_frame_sd_deg: stated_in.sd_deg,
         tool: text(&stated.tool),
         payload_kg: stated.payload_kg,
         mounting: text(&stated.mounting),
@@ -244,14 +280,14 @@ struct Support<'a> {
 }
 
 impl<'a> Support<'a> {
-    fn new(outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
+    fn new(chosen: &'a Chosen, outcome: &'a Outcome<'_>, context: &PublishContext<'_>) -> Self {
         let stations: Vec<&Station> = learnt_from(outcome).collect();
         let tool = |station: &&Station| {
             let tool = outcome.error_frame.nominal_tool(&station.joints);
             Point3::from(tool.translation.vector)
         };
         Self {
-            chosen: &outcome.grids.table,
+            chosen,
             tools: stations.iter().map(tool).collect(),
             stations,
             ranges: joint_ranges(outcome, context.arm.joints().len()),

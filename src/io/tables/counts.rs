@@ -17,7 +17,7 @@ pub fn counts(outcome: &Outcome<'_>) -> Vec<StageCount> {
     counts.push(readings(&sessions));
     counts.push(dwells(&sessions));
     counts.extend(fit(outcome));
-    counts.push(grid(outcome));
+    counts.extend(grid(outcome));
     counts
 }
 
@@ -110,9 +110,9 @@ fn fit(outcome: &Outcome<'_>) -> Vec<StageCount> {
     models.into_iter().filter_map(count).collect()
 }
 
-/// Held-out stations offered to the chosen step.
-fn grid(outcome: &Outcome<'_>) -> StageCount {
-    let held_out = &outcome.grids.judged[outcome.grids.choice.row].held_out;
+/// Held-out stations offered to the chosen step; `None` where no step gives a table.
+fn grid(outcome: &Outcome<'_>) -> Option<StageCount> {
+    let held_out = &outcome.grids.chosen()?.held_out;
     let mut rejected = nonzero([
         ("outside", held_out.outside as u64),
         ("unlike", held_out.unlike as u64),
@@ -121,13 +121,13 @@ fn grid(outcome: &Outcome<'_>) -> StageCount {
         rejected.insert(refusal.name().to_owned(), *count as u64);
     }
     let kept = held_out.counted().visits as u64;
-    StageCount {
+    Some(StageCount {
         stage: "grid",
         of: "held-out stations of the chosen step",
         read: kept + rejected.values().sum::<u64>(),
         kept,
         rejected,
-    }
+    })
 }
 
 fn nonzero<const N: usize>(counts: [(&str, u64); N]) -> BTreeMap<String, u64> {

@@ -3,7 +3,7 @@
 use super::PublishContext;
 use super::words::{self, TableVerdict};
 use crate::figures::{Figures, bound_rank, least_count};
-use crate::grid::{Grids, Interpolation, Judged, Judgement, Refusal, Source};
+use crate::grid::{Covered, Interpolation, Judged, Judgement, Picked, Refusal, Source};
 use crate::io::table::row;
 use crate::io::tables::outcome::Outcome;
 use crate::kinematics::Configuration;
@@ -34,8 +34,8 @@ row! {
         configuration: Option<String>,
         /// The step asked for, mm.
         step_mm: f64,
-        /// The step along each axis, mm.
-        steps_mm as [step_x_mm, step_y_mm, step_z_mm]: [f64; 3],
+        /// The pitch of nodes along each axis of the base frame, mm; `None` where the step does not fit.
+        pitch_mm as [pitch_x_mm, pitch_y_mm, pitch_z_mm]: Option<[f64; 3]>,
         /// Nodes of the table; for local cells, the eight of each.
         nodes: Option<usize>,
         /// Nodes without a value.
@@ -62,6 +62,14 @@ row! {
         held_out_outside: usize,
         /// Held-out stations of another orientation or configuration.
         held_out_unlike: usize,
+        /// Measured stations that the table answers for; `None` where there is no table.
+        stations_covered: Option<usize>,
+        /// Their share of all measured stations.
+        stations_covered_share: Option<f64>,
+        /// Their share of the stations of the table's orientation and configuration.
+        like_covered_share: Option<f64>,
+        /// The share of the box that the table answers for.
+        box_covered_share: Option<f64>,
         /// Blocks that the poses come from.
         blocks: Option<usize>,
         /// Mean error left, mm.
@@ -80,6 +88,8 @@ row! {
         bound_mm: Option<f64>,
         /// Upper tolerance bound of the session as it was measured, mm.
         bound_of_session_mm: Option<f64>,
+        /// Upper tolerance bound of what the model itself leaves on the same stations, mm.
+        model_bound_mm: Option<f64>,
         /// The share of errors that the bound covers.
         bound_share: f64,
         /// Its confidence.
@@ -98,6 +108,10 @@ row! {
         reason: Option<String>,
         /// Whether its table is published.
         chosen: bool,
+        /// Why the rule `within` chooses this step, in words; `None` where it does not.
+        choice_within: Option<String>,
+        /// Why the rule `fewest-nodes` chooses this step, in words; `None` where it does not.
+        choice_fewest_nodes: Option<String>,
         /// Mean error beyond what the covariances of nodes say, mm.
         excess_mm: Option<f64>,
         /// Its standard error, mm.
@@ -107,22 +121,34 @@ row! {
 
 /// The rows of all judged steps.
 pub fn rows(outcome: &Outcome<'_>, context: &PublishContext<'_>) -> Vec<StepRow> {
-    let judged = outcome.grids.judged.iter();
-    judged.map(|judged| row(judged, outcome, context)).collect()
+    let judged = outcome.grids.judged.iter().enumerate();
+    judged
+        .map(|(place, judged)| {
+            let choice = &outcome.grids.choice;
+            let why = |picked: &Option<Picked>| {
+                let own = picked.as_ref().filter(|picked| picked.row == place)?;
+                Some(own.words.clone())
+            };
+            StepRow {
+                choice_within: why(&choice.within),
+                choice_fewest_nodes: why(&choice.fewest_nodes),
+                ..row(judged, outcome, context)
+            }
+        })
+        .collect()
 }
 
 fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> StepRow {
-    let table = &outcome.grids.table;
     let is_table = judged.judgement == Judgement::Table;
     let (verdict, reason) = verdict(judged, outcome);
     let (coverage, figures) = (context.tolerance.coverage(), judged.figures.as_ref());
     let (held_out, counted) = (&judged.held_out, judged.held_out.counted());
-    let excess = held_out.excess();
+    let (excess, covered) = (held_out.excess(), judged.covered.as_ref());
     let cells = |of: &[Refusal]| refused_cells(judged, of);
     StepRow {
         source: judged.source,
         interpolation: judged.interpolation,
-        idw_power: power(judged.interpolation, &outcome.grids),
+        idw_power: power(judged.interpolation, outcome.grids.idw_power),
         model: (judged.source == Source::Model).then_some(context.grid.model),
         angles: context.grid.angles,
         judgement: judged.judgement,
@@ -132,13 +158,14 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         },
         of_session: of_session(judged, outcome),
         orientation: is_table.then_some(0),
-        configuration: table
+        configuration: outcome
+            .grids
             .configuration
             .as_ref()
             .filter(|_| is_table)
             .map(Configuration::to_string),
         step_mm: judged.step_mm,
-        steps_mm: [judged.step_mm; 3],
+        pitch_mm: judged.pitch_mm,
         nodes: Some(judged.nodes),
         nodes_refused: Some(judged.refused_nodes.values().sum()),
         cells: judged.cells,
@@ -152,6 +179,10 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         held_out_refused: held_out.refused.values().sum(),
         held_out_outside: held_out.outside,
         held_out_unlike: held_out.unlike,
+        stations_covered: covered.map(|own| own.stations),
+        stations_covered_share: covered.map(Covered::of_stations),
+        like_covered_share: covered.and_then(Covered::of_like),
+        box_covered_share: covered.map(|own| own.of_box),
         blocks: Some(held_out.blocks.len()),
         mean_mm: figures.map(|f| f.mean),
         rms_mm: figures.map(|f| f.rms),
@@ -161,6 +192,7 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         mean_plus_3sd_mm: figures.map(Figures::mean_plus_3_sd),
         bound_mm: judged.bound,
         bound_of_session_mm: judged.bound_of_session,
+        model_bound_mm: judged.model_bound,
         bound_share: coverage.share,
         bound_confidence: coverage.confidence,
         bound_rank: bound_rank(counted.poses, coverage),
@@ -170,6 +202,8 @@ fn row(judged: &Judged, outcome: &Outcome<'_>, context: &PublishContext<'_>) -> 
         verdict,
         reason,
         chosen: judged.chosen,
+        choice_within: None,
+        choice_fewest_nodes: None,
         excess_mm: excess.map(|(mm, _)| mm),
         excess_se_mm: excess.map(|(_, se_mm)| se_mm),
     }
@@ -186,8 +220,8 @@ fn of_session(judged: &Judged, outcome: &Outcome<'_>) -> String {
 }
 
 /// The power where values are weighted by inverse distance.
-pub(super) fn power(interpolation: Interpolation, grids: &Grids) -> Option<f64> {
-    (interpolation == Interpolation::Idw).then_some(grids.table.idw_power)
+pub(super) fn power(interpolation: Interpolation, idw_power: f64) -> Option<f64> {
+    (interpolation == Interpolation::Idw).then_some(idw_power)
 }
 
 /// Cells that were refused for one of these reasons.

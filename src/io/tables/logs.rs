@@ -2,13 +2,17 @@
 //!
 //! Joint samples come first in the table and are by far the most: they are written while the logs are read. All others
 //! follow at the end ([`LogTable::finish`]).
+//!
+//! It is written by columns, not by a struct of rows: a joint sample as a row of its own would be an allocation for each of
+//! millions of samples, where a part has them in one array as they come from the log. A test reads the parts as rows and holds
+//! those against the schema, as the rows of every table are.
 
 use super::PublishError;
 use crate::ingest::{CommandSamples, TargetReadings, TemperatureSamples};
 use crate::io::lake::{OpenRun, OpenTable, WholeTable};
 use crate::io::log::JointSink;
 use crate::io::schema;
-use crate::io::table::{Columns, ROW_GROUP_ROWS, Table};
+use crate::io::table::{Columns, ROW_GROUP_ROWS, Table, Word as _, words};
 use crate::join::JoinInput;
 use crate::manifest::RunKey;
 use crate::units::Stamp;
@@ -30,15 +34,33 @@ type Rows = std::ops::Range<usize>;
 /// A part of the table: some samples of one source.
 #[derive(Debug, Clone)]
 struct Part {
-    source: Source,
+    source: Behind,
     rows: Rows,
 }
 
+/// Sources that are written behind the joint samples.
 #[derive(Debug, Clone, Copy)]
-enum Source {
+enum Behind {
     Command,
     Target,
     Temperature,
+}
+
+/// Sources of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Reported joint angles.
+    Joints,
+    /// Commanded poses.
+    Command,
+    /// Readings of the target.
+    Target,
+    /// Temperatures.
+    Temperature,
+}
+
+words! {
+    Source { Joints: "joints", Command: "command", Target: "target", Temperature: "temperature" }
 }
 
 /// The table of one session, being written while its logs are read. Dropped, it leaves nothing.
@@ -104,11 +126,11 @@ impl JointSink for LogTable<'_> {
 /// The parts of the table behind the joint samples, in the order of its rows.
 fn parts(input: &JoinInput) -> Vec<Part> {
     let samples = [
-        (Source::Command, input.commands.count()),
-        (Source::Target, input.readings.count()),
-        (Source::Temperature, input.temperatures.stamps.len()),
+        (Behind::Command, input.commands.count()),
+        (Behind::Target, input.readings.count()),
+        (Behind::Temperature, input.temperatures.stamps.len()),
     ];
-    let of_source = |(source, samples): (Source, usize)| {
+    let of_source = |(source, samples): (Behind, usize)| {
         let firsts = (0..samples).step_by(ROW_GROUP_ROWS);
         firsts.map(move |first| Part {
             source,
@@ -125,22 +147,22 @@ fn rows_of(
     key: &RunKey,
 ) -> Result<Table, PublishError> {
     match source {
-        Source::Command => command_rows(&input.commands.read(rows.clone())?, rows, key),
-        Source::Target => target_rows(&input.readings.read(rows.clone())?, rows, key),
-        Source::Temperature => temperature_rows(&input.temperatures, rows, key),
+        Behind::Command => command_rows(&input.commands.read(rows.clone())?, rows, key),
+        Behind::Target => target_rows(&input.readings.read(rows.clone())?, rows, key),
+        Behind::Temperature => temperature_rows(&input.temperatures, rows, key),
     }
 }
 
 /// What every part has: the run, the source, the sample's number and stamp.
 fn columns(
     key: &RunKey,
-    source: &str,
+    source: Source,
     rows: Rows,
     stamps_ns: impl Iterator<Item = i64>,
 ) -> Result<Columns, PublishError> {
     Ok(Columns::new(schema::find("logs")?, rows.len())
         .key(key)
-        .same("source", source)
+        .same("source", source.word())
         .whole_numbers("sample", numbers(&rows))
         .whole_numbers("stamp_ns", stamps_ns.collect()))
 }
@@ -160,7 +182,7 @@ fn command_rows(
     rows: Rows,
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, "command", rows, in_ns(&commands.stamps))?
+    let table = columns(key, Source::Command, rows, in_ns(&commands.stamps))?
         .absent(["joints_rad", "temperature_c"])
         .absent(COVARIANCE);
     let orientations = commands.orientations.as_deref();
@@ -188,7 +210,7 @@ fn joint_rows(
     angles: &[f64],
     key: &RunKey,
 ) -> Result<Table, PublishError> {
-    let table = columns(key, "joints", rows, stamps_ns)?
+    let table = columns(key, Source::Joints, rows, stamps_ns)?
         .lists_alike("joints_rad", angles)
         .absent(POSITION)
         .absent(ORIENTATION)
@@ -205,7 +227,7 @@ fn target_rows(readings: &TargetReadings, rows: Rows, key: &RunKey) -> Result<Ta
         covariances,
     } = readings;
     let table =
-        columns(key, "target", rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
+        columns(key, Source::Target, rows, in_ns(stamps))?.absent(["joints_rad", "temperature_c"]);
     let table = match covariances {
         None => table.absent(COVARIANCE),
         Some(covariances) => table.group(COVARIANCE, covariances.iter().copied()),
@@ -219,7 +241,7 @@ fn temperature_rows(
     key: &RunKey,
 ) -> Result<Table, PublishError> {
     let stamps_ns = in_ns(&temperatures.stamps[rows.clone()]);
-    let table = columns(key, "temperature", rows.clone(), stamps_ns)?
+    let table = columns(key, Source::Temperature, rows.clone(), stamps_ns)?
         .column("temperature_c", temperatures.celsius[rows].iter().copied())
         .absent(["joints_rad"])
         .absent(POSITION)
@@ -233,5 +255,107 @@ fn placed(table: Columns, positions: &[[f64; 3]], orientations: Option<&[[f64; 4
     match orientations {
         None => table.absent(ORIENTATION),
         Some(orientations) => table.group(ORIENTATION, orientations.iter().copied()),
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::io::table::{Row as _, row};
+    use crate::units::{Controller, Tracker};
+
+    row! {
+        /// A sample of any kind.
+        pub struct LogRow of "logs" {
+            source: Source,
+            sample: usize,
+            stamp_ns: i64,
+            joints_rad: Option<Vec<f64>>,
+            position as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
+            orientation as [qx, qy, qz, qw]: Option<[f64; 4]>,
+            stated_cov_mm2 as [
+                stated_cov_xx_mm2,
+                stated_cov_xy_mm2,
+                stated_cov_xz_mm2,
+                stated_cov_yy_mm2,
+                stated_cov_yz_mm2,
+                stated_cov_zz_mm2,
+            ]: Option<[f64; 6]>,
+            temperature_c: Option<f64>,
+        }
+    }
+
+    const NOTHING: LogRow = LogRow {
+        source: Source::Joints,
+        sample: 0,
+        stamp_ns: 0,
+        joints_rad: None,
+        position: None,
+        orientation: None,
+        stated_cov_mm2: None,
+        temperature_c: None,
+    };
+
+    #[test]
+    fn the_columns_of_every_part_are_the_rows_that_were_sampled() {
+        let key = RunKey::new("kr210", "mon", "00ff");
+        let read = |part: Result<Table, PublishError>| LogRow::read(&part.expect("a part"));
+        let stamps = [5, 9];
+        let joints = joint_rows(3..5, stamps.into_iter(), &[0.1, 0.2, 0.3, 0.4], &key);
+        let like = joints.expect("a part");
+        let more = more_joint_rows(5..7, [11, 12].into_iter(), &[0.5, 0.6, 0.7, 0.8], &like);
+        let of_joints = |sample, stamp_ns, angles: [f64; 2]| LogRow {
+            sample,
+            stamp_ns,
+            joints_rad: Some(angles.to_vec()),
+            ..NOTHING
+        };
+        let expected = [of_joints(3, 5, [0.1, 0.2]), of_joints(4, 9, [0.3, 0.4])];
+        assert_eq!(LogRow::read(&like), expected);
+        let expected = [of_joints(5, 11, [0.5, 0.6]), of_joints(6, 12, [0.7, 0.8])];
+        assert_eq!(read(more), expected);
+        let commands = CommandSamples {
+            stamps: vec![Stamp::<Controller>::from_ns(7)],
+            positions: vec![[1.0, 2.0, 3.0]],
+            orientations: Some(vec![[0.0, 0.0, 0.0, 1.0]]),
+            covariances: None,
+        };
+        let expected = LogRow {
+            source: Source::Command,
+            stamp_ns: 7,
+            position: Some([1.0, 2.0, 3.0]),
+            orientation: Some([0.0, 0.0, 0.0, 1.0]),
+            ..NOTHING
+        };
+        assert_eq!(read(command_rows(&commands, 0..1, &key)), [expected]);
+        let readings = TargetReadings {
+            stamps: vec![Stamp::<Tracker>::from_ns(8)],
+            positions: vec![[4.0, 5.0, 6.0]],
+            orientations: None,
+            covariances: Some(vec![[1e-4, 0.0, 0.0, 1e-4, 0.0, 2e-4]]),
+        };
+        let expected = LogRow {
+            source: Source::Target,
+            sample: 2,
+            stamp_ns: 8,
+            position: Some([4.0, 5.0, 6.0]),
+            stated_cov_mm2: Some([1e-4, 0.0, 0.0, 1e-4, 0.0, 2e-4]),
+            ..NOTHING
+        };
+        assert_eq!(read(target_rows(&readings, 2..3, &key)), [expected]);
+        let temperatures = TemperatureSamples {
+            stamps: vec![Stamp::<Tracker>::from_ns(9)],
+            celsius: vec![21.5],
+        };
+        let expected = LogRow {
+            source: Source::Temperature,
+            stamp_ns: 9,
+            temperature_c: Some(21.5),
+            ..NOTHING
+        };
+        assert_eq!(
+            read(temperature_rows(&temperatures, 0..1, &key)),
+            [expected]
+        );
     }
 }

@@ -3,13 +3,12 @@
 use crate::fit::commanded::Commanded;
 use crate::fit::full::FullModel;
 use crate::fit::scale::SessionScale;
-use crate::fit::{Calibration, ErrorFrame, PoseModel};
+use crate::fit::{Calibration, ErrorBase, ErrorFrame, PoseModel};
 use crate::grid::Grids;
 use crate::ingest::LogReject;
-use crate::io::targets::driving::DrivingFile;
 use crate::join::Joined;
 use crate::manifest::RunKey;
-use crate::report::driven::{Application, DrivenStation, Matched, Measured};
+use crate::report::driven::{Application, CorrectedTarget, DrivenStation, Matched, Measured};
 use crate::report::iso_9283::Iso9283;
 use crate::report::verdict::RunVerdict;
 use crate::report::{Accuracy, Model, ResidualSet};
@@ -83,6 +82,8 @@ pub struct Outcome<'a> {
     pub best: Model,
     /// The scale of each session that trained, in their order.
     pub scales: Vec<SessionScale>,
+    /// The base that errors are stated in.
+    pub base: ErrorBase,
     /// The error reference frame of the last training session, which table and grids are for.
     pub error_frame: ErrorFrame<'a>,
     /// Residuals by model, split, angles and base.
@@ -101,4 +102,17 @@ pub struct Outcome<'a> {
     pub at_tip: Vec<Accuracy>,
     /// Figures of repeated visits.
     pub iso_9283: Vec<Iso9283>,
+}
+
+/// What drove a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DrivingFile {
+    /// The run whose table corrected the targets.
+    pub key: RunKey,
+    /// Which of its tables: `compensation` or `calibrations`.
+    pub table: String,
+    /// Targets with their commands, in the file's order.
+    pub targets: Vec<CorrectedTarget>,
+    /// Targets without a command.
+    pub refused: usize,
 }

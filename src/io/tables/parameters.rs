@@ -349,7 +349,7 @@ impl Subject {
 
     const fn session(self) -> Option<usize> {
         match self {
-            Self::Chain(unknown) => unknown.session,
+            Self::Chain(unknown) => unknown.session(),
             Self::CommandWeight { session, .. } => session,
         }
     }

@@ -15,8 +15,8 @@ row! {
         stage: Stage,
         /// What it is.
         kind: RejectKind,
-        /// How many; `None` where damage hides it.
-        number: Option<u64>,
+        /// How many bytes, messages, readings or dwells.
+        number: u64,
         /// Why, in a word or in words.
         reason: String,
         /// The log's file.
@@ -45,14 +45,6 @@ pub enum Stage {
     Ingest,
     /// Joining logs.
     Join,
-    /// Fitting.
-    Fit,
-    /// Similarity.
-    Similarity,
-    /// Grids.
-    Grid,
-    /// Compensation.
-    Compensation,
 }
 
 /// What was left out.
@@ -66,25 +58,15 @@ pub enum RejectKind {
     Readings,
     /// A dwell.
     Dwell,
-    /// A station.
-    Station,
 }
 
 words! {
-    Stage {
-        Ingest: "ingest",
-        Join: "join",
-        Fit: "fit",
-        Similarity: "similarity",
-        Grid: "grid",
-        Compensation: "compensation",
-    }
+    Stage { Ingest: "ingest", Join: "join" }
     RejectKind {
         Bytes: "bytes",
         Messages: "messages",
         Readings: "readings",
         Dwell: "dwell",
-        Station: "station",
     }
 }
 
@@ -104,7 +86,7 @@ fn of(stage: Stage, kind: RejectKind, number: u64, reason: &str) -> RejectRow {
         reject: 0,
         stage,
         kind,
-        number: Some(number),
+        number,
         reason: reason.to_owned(),
         file: None,
         topic: None,

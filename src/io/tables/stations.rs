@@ -159,9 +159,11 @@ pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
         .collect()
 }
 
-/// The dwell and its measurement, without its command.
+/// The dwell and its one reading, without its command: sessions with several sources or targets never come to be published.
 fn measured(station: &Station) -> StationRow {
-    let attained = station.attained.as_ref();
+    let reading = station.one_reading();
+    let point = reading.and_then(|reading| reading.value.point());
+    let turn = reading.and_then(|reading| reading.value.turn());
     StationRow {
         station: station.number,
         verdict: (&station.pairing).into(),
@@ -177,16 +179,16 @@ fn measured(station: &Station) -> StationRow {
         target: None,
         target_at: None,
         table_id: None,
-        at: attained.map(|a| a.position.coords.into()),
-        turn: attained.and_then(|a| a.orientation.as_ref().map(xyzw)),
-        scatter_mm: attained.map(|a| a.scatter_mm),
-        scatter_orientation_rad: attained.and_then(|a| a.orientation_scatter_rad),
-        stated_cov_mm2: attained.and_then(|a| a.stated_covariance),
-        readings: attained.map(|a| a.readings),
-        readings_kept: attained.map(|a| a.kept),
-        first_reading_ns: attained.map(|a| a.first.ns()),
-        last_reading_ns: attained.map(|a| a.last.ns()),
-        temperature_c: attained.and_then(|a| a.temperature_c),
+        at: point.map(|point| point.position.coords.into()),
+        turn: turn.map(|turn| xyzw(&turn.orientation)),
+        scatter_mm: point.map(|point| point.scatter_mm),
+        scatter_orientation_rad: turn.map(|turn| turn.scatter_rad),
+        stated_cov_mm2: point.and_then(|point| point.stated_covariance),
+        readings: reading.map(|reading| reading.taken),
+        readings_kept: reading.map(|reading| reading.kept),
+        first_reading_ns: reading.map(|reading| reading.first.ns()),
+        last_reading_ns: reading.map(|reading| reading.last.ns()),
+        temperature_c: reading.and_then(|reading| reading.temperature_c),
     }
 }
 

@@ -9,14 +9,15 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::validity::learnt_from;
 use super::*;
-use crate::fit::ToolErrors;
 use crate::fit::full::saved::SavedFull;
 use crate::fit::full::{FullModel, Known, Query};
 use crate::fit::saved::{SavedCalibration, SavedError};
+use crate::fit::{SourceId, TargetId, ToolErrors};
 use crate::io::lake::Commit;
-use crate::io::lake::Lake;
+use crate::io::lake::{CorrectionRow, Lake};
 use crate::io::schema;
 use crate::io::table::Word as _;
+use crate::io::targets::{CorrectedRow, TargetRow};
 use crate::manifest::{Work, canonical};
 use crate::page::Statements;
 use crate::pipeline::publish::publish;
@@ -50,12 +51,13 @@ fn assert_read_back<R: Row + PartialEq + std::fmt::Debug>(lake: &Lake, rows: &Ro
     assert_eq!(R::read(&table), rows.rows, "{}", R::TABLE);
 }
 
-/// That the struct of a table's rows says what its schema says: names, types, nulls and words, in one order.
-fn assert_as_schema<R: Row>() {
+/// That the struct of a table's rows says what its schema says: names, types, nulls and words, in one order. Gives the table.
+fn as_schema<R: Row>() -> &'static str {
     let schema = R::schema();
     let fields = R::columns();
     // Robot, session and run stand beside the rows, or are fields of their own.
-    let keys = if fields[0].name == schema::KEY_COLUMNS[0] {
+    let has_key = schema.columns[0].name == schema::KEY_COLUMNS[0];
+    let keys = if !has_key || fields[0].name == schema::KEY_COLUMNS[0] {
         0
     } else {
         schema::KEY_COLUMNS.len()
@@ -84,25 +86,38 @@ fn assert_as_schema<R: Row>() {
             );
         }
     }
+    R::TABLE
 }
 
 #[test]
 fn the_rows_of_every_table_say_what_its_schema_says() {
-    assert_as_schema::<StationRow>();
-    assert_as_schema::<RejectRow>();
-    assert_as_schema::<ClockRow>();
-    assert_as_schema::<CalibrationRow>();
-    assert_as_schema::<ParameterRow>();
-    assert_as_schema::<ScaleRow>();
-    assert_as_schema::<JointErrorRow>();
-    assert_as_schema::<ResidualRow>();
-    assert_as_schema::<SemivariogramRow>();
-    assert_as_schema::<StepRow>();
-    assert_as_schema::<NodeRow>();
-    assert_as_schema::<AccuracyRow>();
-    assert_as_schema::<runs::RunRow>();
-    assert_as_schema::<history::HistoryRow>();
-    assert_as_schema::<drift::DriftRow>();
+    let mut tables = vec![
+        as_schema::<StationRow>(),
+        as_schema::<RejectRow>(),
+        as_schema::<ClockRow>(),
+        as_schema::<CalibrationRow>(),
+        as_schema::<ParameterRow>(),
+        as_schema::<ScaleRow>(),
+        as_schema::<JointErrorRow>(),
+        as_schema::<ResidualRow>(),
+        as_schema::<SemivariogramRow>(),
+        as_schema::<StepRow>(),
+        as_schema::<NodeRow>(),
+        as_schema::<AccuracyRow>(),
+        as_schema::<runs::RunRow>(),
+        as_schema::<history::HistoryRow>(),
+        as_schema::<drift::DriftRow>(),
+        as_schema::<sampling_plan::VisitRow>(),
+        as_schema::<plan_figures::FigureRow>(),
+        as_schema::<logs::tests::LogRow>(),
+        as_schema::<CorrectionRow>(),
+        as_schema::<CorrectedRow>(),
+        as_schema::<TargetRow>(),
+    ];
+    tables.sort_unstable();
+    let mut all: Vec<&str> = schema::all().iter().map(|own| own.table.as_str()).collect();
+    all.sort_unstable();
+    assert_eq!(tables, all, "every table has a struct of its rows");
 }
 
 /// The rows where a text column has a word.
@@ -294,6 +309,8 @@ fn query(joints: &[f64]) -> Query<'_> {
         known: Known::Commanded,
         lever: Vector3::new(1.0, -2.0, 30.0),
         session: 0,
+        source: SourceId::ONLY,
+        target: TargetId::ONLY,
         own: true,
         station: Some(7),
     }
@@ -381,9 +398,14 @@ fn a_saved_calibration_is_the_arm_that_was_identified() {
         saved.chain().unwrap().nominal(joints),
     );
     assert!((there.translation.vector - back.translation.vector).norm() < 1e-11);
-    let frames = saved.sessions[0].frames().unwrap();
+    let frames = saved.sessions[0].frames().unwrap().one().unwrap();
     let apart = frames.tracker_from_base.origin().coords()
-        - calibration.frames[0].tracker_from_base.origin().coords();
+        - calibration.frames[0]
+            .one()
+            .unwrap()
+            .tracker_from_base
+            .origin()
+            .coords();
     assert!(apart.norm() < 1e-9);
     assert!((saved.covariance[5][2] - calibration.covariance[(5, 2)]).abs() < 1e-18);
 }
@@ -414,7 +436,7 @@ fn joint_errors_are_those_of_the_model() {
 #[test]
 fn compensation_is_stated_in_the_frame_of_commands() {
     let table = table(compensation::rows(&OUTCOME, &context(), &key()));
-    let chosen = &OUTCOME.grids.table;
+    let chosen = OUTCOME.grids.table.as_ref().expect("a table");
     let node = chosen
         .nodes
         .iter()
@@ -468,7 +490,7 @@ fn steps_account_for_every_station_that_judges() {
         .joined
         .stations
         .iter()
-        .filter(|s| s.attained.is_some())
+        .filter(|s| s.one_reading().is_some())
         .count();
     for row in rows(&table, "source", "model") {
         let parts = [

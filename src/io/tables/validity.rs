@@ -14,12 +14,13 @@ pub(super) fn learnt_from<'a>(outcome: &'a Outcome<'_>) -> impl Iterator<Item = 
         .training
         .iter()
         .flat_map(|session| &session.joined.stations);
-    stations.filter(|station| station.measured().is_some())
+    stations.filter(|station| !station.measured().is_empty())
 }
 
 /// Lowest and highest temperature of the stations learnt from, °C.
 pub(super) fn temperatures(outcome: &Outcome<'_>) -> Option<(f64, f64)> {
-    let met = learnt_from(outcome).filter_map(|station| station.attained.as_ref()?.temperature_c);
+    let readings = learnt_from(outcome).flat_map(Station::measured);
+    let met = readings.filter_map(|reading| reading.temperature_c);
     extremes(met)
 }
 

@@ -30,6 +30,28 @@ pub enum Role {
     HeldOut,
 }
 
+/// Tables that commands are corrected by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CorrectingTable {
+    /// Nodes with an error each.
+    Compensation,
+    /// The identified arm.
+    Calibrations,
+}
+
+/// Forms of a file of targets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// Comma-separated text, the columns named in its first line.
+    Csv,
+    /// Apache Parquet.
+    Parquet,
+    /// An array of objects, their keys as the columns of CSV.
+    Json,
+    /// A data list of KUKA's robot language.
+    Krl,
+}
+
 /// Units of a column that has several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
@@ -58,12 +80,13 @@ words! {
     Moment { Before: "measured", After: "predicted", MeasuredAfter: "measured_after" }
     Point { Measured: "measured_point", Tool: "tool_point", Tip: "tool_tip" }
     Role { Training: "training", HeldOut: "held_out" }
+    Form { Csv: "csv", Parquet: "parquet", Json: "json", Krl: "krl" }
+    CorrectingTable { Compensation: "compensation", Calibrations: "calibrations" }
     Unit { Mm: "mm", Rad: "rad", One: "1" }
     TableVerdict { Met: "met", NotMet: "not_met", NotShown: "not_shown" }
     ScaleVerdict { Named: "named", NotNamed: "not_named", NotShown: "not_shown" }
     Identifiability {
         Identifiable: "identifiable",
-        Fixed: "fixed",
         MovesNothing: "moves_nothing",
         StructurallyDependent: "structurally_dependent",
         Weak: "weak",
@@ -131,7 +154,7 @@ pub(super) fn reason(verdict: &Verdict) -> Option<&str> {
 }
 
 /// x y z w.
-pub(super) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+pub(in crate::io) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     rotation.coords.into()
 }
 
@@ -141,6 +164,6 @@ pub(super) fn placement(isometry: &Isometry3<f64>) -> ([f64; 3], [f64; 4]) {
 }
 
 /// xx xy xz yy yz zz.
-pub(super) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
+pub(in crate::io) fn upper(matrix: &Matrix3<f64>) -> [f64; 6] {
     [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place])
 }

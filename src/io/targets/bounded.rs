@@ -2,13 +2,10 @@
 
 use std::path::Path;
 
-use super::TargetsError;
+use super::{TargetsError, TargetsErrorKind};
 use crate::io::input::{self, Bound};
 
 /// The bytes of a file that is not too large.
 pub(super) fn read(path: &Path, bound: Bound) -> Result<Vec<u8>, TargetsError> {
-    input::bytes(path, bound).map_err(|source| TargetsError::Read {
-        path: path.to_owned(),
-        source,
-    })
+    input::bytes(path, bound).map_err(|source| TargetsErrorKind::Read(source).at(path))
 }

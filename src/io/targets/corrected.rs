@@ -1,22 +1,181 @@
 //! Commands of targets → table `corrected_targets`.
 
-use nalgebra::Vector3;
+use std::sync::Arc;
 
-use crate::compensation::{Corrected, Exception, JointCommand, Refused, Target};
-use crate::io::schema;
-use crate::io::table::{Columns, Table, TableError};
+use crate::compensation::{Corrected, Exception, JointCommand, Reason, Refused, Target, Term};
+use crate::fit::Gap;
+use crate::io::table::{Row as _, Table, TableError, row, words};
+use crate::io::tables::words::{CorrectingTable, upper, xyzw};
+use crate::kinematics::InverseError;
 use crate::manifest::RunKey;
 
-/// The origin of a correction, repeated in every row of the result.
+row! {
+    /// A target and its command, or the reason why there is none.
+    pub struct CorrectedRow of "corrected_targets" {
+        /// Place in the file of targets, from 0.
+        row: usize,
+        /// The target's name.
+        target: String,
+        /// Position to command, frame of commands, mm; `None` where the target is refused.
+        command as [x_mm, y_mm, z_mm]: Option<[f64; 3]>,
+        /// Orientation to command, x y z w; of a refused target its own. `None` where none is stated.
+        command_turn as [qx, qy, qz, qw]: Option<[f64; 4]>,
+        /// Arm configuration that the target asks for.
+        configuration: Option<String>,
+        /// Tool that the target is for.
+        tool: Option<String>,
+        /// Name of the table that corrected, which is its run's.
+        table_id: Arc<str>,
+        /// Kind of that table.
+        corrected_by: CorrectingTable,
+        /// Joints in the order of joint angles; `None` where there are no joint angles.
+        joint_names: Option<Arc<[String]>>,
+        /// Joint angles to command, rad.
+        joints_rad: Option<Vec<f64>>,
+        /// Joint angles at which the nominal arm attains the target, rad.
+        target_joints_rad: Option<Vec<f64>>,
+        /// Joint angles to command minus those, rad.
+        correction_joints_rad: Option<Vec<f64>>,
+        /// Target position, mm; `None` for a refused target that states none.
+        target_at as [target_x_mm, target_y_mm, target_z_mm]: Option<[f64; 3]>,
+        /// Command minus target, mm.
+        correction as [correction_x_mm, correction_y_mm, correction_z_mm]: Option<[f64; 3]>,
+        /// Standard deviation of the correction along each axis, mm.
+        correction_sd as [correction_sd_x_mm, correction_sd_y_mm, correction_sd_z_mm]: Option<[f64; 3]>,
+        /// Root of the trace of its covariance, mm.
+        correction_sd_mm: Option<f64>,
+        /// Covariance of the correction, mm²: xx xy xz yy yz zz.
+        correction_cov_mm2 as [
+            correction_cov_xx_mm2,
+            correction_cov_xy_mm2,
+            correction_cov_xz_mm2,
+            correction_cov_yy_mm2,
+            correction_cov_yz_mm2,
+            correction_cov_zz_mm2,
+        ]: Option<[f64; 6]>,
+        /// Times that the table or the model was asked.
+        iterations: Option<usize>,
+        /// Exception without which the target would have been refused.
+        allowed: Option<Exception>,
+        /// Reason of a refusal in a word.
+        refused: Option<RefusedFor>,
+        /// Reason of a refusal in a sentence.
+        reason: Option<String>,
+    }
+}
+
+/// Reasons of a refusal in a word.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RefusedFor {
+    /// Outside the table.
+    Outside,
+    /// A node of the cell has no value.
+    RefusedNode,
+    /// Corners of the cell are too far apart in joint angles.
+    Branches,
+    /// Another orientation than the table's.
+    Orientation,
+    /// An arm configuration that the table is not for, or that was never measured.
+    Configuration,
+    /// Another tool.
+    Tool,
+    /// The command did not converge.
+    NoConvergence,
+    /// No position.
+    NoPosition,
+    /// Neither joint angles nor an orientation.
+    NoOrientation,
+    /// Joint angles that are not the arm's.
+    Joints,
+    /// Position and joint angles that are not of one place.
+    Apart,
+    /// Joint angles beyond those measured.
+    JointRange,
+    /// Joint angles beyond the arm's limits.
+    JointLimits,
+    /// Out of the arm's reach.
+    OutOfReach,
+    /// Near a singularity.
+    Singularity,
+}
+
+words! {
+    RefusedFor {
+        Outside: "outside",
+        RefusedNode: "refused_node",
+        Branches: "branches",
+        Orientation: "orientation",
+        Configuration: "configuration",
+        Tool: "tool",
+        NoConvergence: "no_convergence",
+        NoPosition: "no_position",
+        NoOrientation: "no_orientation",
+        Joints: "joints",
+        Apart: "apart",
+        JointRange: "joint_range",
+        JointLimits: "joint_limits",
+        OutOfReach: "out_of_reach",
+        Singularity: "singularity",
+    }
+    Exception {
+        JointRange: "joint_range",
+        Configuration: "configuration",
+        Term(Term::Tool): "tool",
+        Term(Term::Payload): "payload",
+        Term(Term::Mounting): "mounting",
+        Term(Term::Base): "base",
+        Term(Term::ControllerModel): "controller_model",
+        Term(Term::AbsoluteAccuracy): "absolute_accuracy",
+        Term(Term::Temperature): "temperature",
+    }
+}
+
+impl From<&Reason> for RefusedFor {
+    fn from(reason: &Reason) -> Self {
+        match reason {
+            Reason::Target(gap) | Reason::Command(gap) => gap.into(),
+            Reason::Configuration { .. }
+            | Reason::NoConfiguration
+            | Reason::Unmeasured { .. }
+            | Reason::NeverMeasured { .. }
+            | Reason::Arm(InverseError::ConfigurationChanged { .. }) => Self::Configuration,
+            Reason::NoPosition => Self::NoPosition,
+            Reason::NoOrientation => Self::NoOrientation,
+            Reason::Joints { .. } => Self::Joints,
+            Reason::Apart { .. } => Self::Apart,
+            Reason::JointRange { .. } => Self::JointRange,
+            Reason::Arm(InverseError::NotReachable { .. }) => Self::OutOfReach,
+            Reason::Arm(InverseError::LimitReached { .. }) => Self::JointLimits,
+            Reason::Arm(InverseError::NearSingularity { .. }) => Self::Singularity,
+            Reason::Tool { .. } => Self::Tool,
+            Reason::NoConvergence { .. } => Self::NoConvergence,
+        }
+    }
+}
+
+impl From<&Gap> for RefusedFor {
+    fn from(gap: &Gap) -> Self {
+        match gap {
+            Gap::NoJoints => Self::Joints,
+            Gap::NoPosition => Self::NoPosition,
+            Gap::Orientation { .. } => Self::Orientation,
+            Gap::Outside { .. } => Self::Outside,
+            Gap::Node { .. } => Self::RefusedNode,
+            Gap::Branches => Self::Branches,
+        }
+    }
+}
+
+/// What corrected targets, as every row of the result says.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
     /// Key of the run.
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,
-    /// Name of the table: `compensation` or `calibrations`.
-    pub table: &'static str,
-    /// The joints in the order of joint angles; empty where there are no joint angles.
+    /// The kind of table.
+    pub table: CorrectingTable,
+    /// The joints in the order of joint angles; none where there are no joint angles.
     pub joint_names: &'a [String],
 }
 
@@ -26,106 +185,72 @@ pub fn corrected(
     outcomes: &[Result<Corrected, Refused>],
     by: CorrectedBy<'_>,
 ) -> Result<Table, TableError> {
-    let schema = schema::find("corrected_targets").expect("it is one of the program's own schemas");
-    let refused = || outcomes.iter().map(|outcome| outcome.as_ref().err());
-    let names = (!by.joint_names.is_empty()).then_some(by.joint_names);
-    let columns = Columns::new(schema, targets.len())
-        .key(by.key)
-        .column("row", 0..targets.len())
-        .column("target", targets.iter().map(|target| &target.name))
-        .column(
-            "configuration",
-            targets.iter().map(|target| target.configuration.as_ref()),
-        )
-        .column("tool", targets.iter().map(|target| target.tool.as_ref()))
-        .same("table_id", by.table_id)
-        .same("corrected_by", by.table)
-        .same("joint_names", names)
-        .column(
-            "refused",
-            refused().map(|refused| refused.map(|refused| refused.reason.name())),
-        )
-        .column(
-            "reason",
-            refused().map(|refused| refused.map(Refused::to_string)),
-        );
-    let columns = commands(columns, targets, outcomes);
-    corrections(columns, outcomes).finish()
+    let table_id: Arc<str> = by.table_id.into();
+    let names = (!by.joint_names.is_empty()).then(|| Arc::<[String]>::from(by.joint_names));
+    let rows = targets.iter().zip(outcomes).enumerate();
+    let rows = rows.map(|(place, (target, outcome))| {
+        let row = CorrectedRow {
+            row: place,
+            table_id: Arc::clone(&table_id),
+            corrected_by: by.table,
+            joint_names: names.clone(),
+            ..of_target(target)
+        };
+        match outcome {
+            Ok(done) => with_command(row, done),
+            Err(refused) => CorrectedRow {
+                refused: Some((&refused.reason).into()),
+                reason: Some(refused.to_string()),
+                ..row
+            },
+        }
+    });
+    Ok(CorrectedRow::table(rows.collect(), by.key)?.table)
 }
 
-/// The columns of targets and their commands.
-fn commands(
-    columns: Columns,
-    targets: &[Target],
-    outcomes: &[Result<Corrected, Refused>],
-) -> Columns {
-    let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
-    let joints =
-        |of: fn(&JointCommand) -> Vec<f64>| done().map(move |done| done?.joints.as_ref().map(of));
-    let pairs = || done().zip(targets);
-    let place = |(done, target): (Option<&Corrected>, &Target)| {
-        let place = done.map(|done| done.target).or(target.position);
-        place.map(|place| place.coords().into())
-    };
-    let turn = |(done, target): (Option<&Corrected>, &Target)| {
-        let turn = done
-            .and_then(|done| done.orientation)
-            .or(target.orientation);
-        turn.map(|turn| turn.coords.into())
-    };
-    columns
-        .group(
-            ["x_mm", "y_mm", "z_mm"],
-            done().map(|done| done.map(|done| done.command.coords().into())),
-        )
-        .group::<4, Option<[f64; 4]>>(["qx", "qy", "qz", "qw"], pairs().map(turn))
-        .group::<3, Option<[f64; 3]>>(
-            ["target_x_mm", "target_y_mm", "target_z_mm"],
-            pairs().map(place),
-        )
-        .column("joints_rad", joints(|joints| joints.command.clone()))
-        .column("target_joints_rad", joints(|joints| joints.target.clone()))
-        .column("correction_joints_rad", joints(JointCommand::correction))
+/// The row of a target, without its command and the table.
+fn of_target(target: &Target) -> CorrectedRow {
+    CorrectedRow {
+        row: 0,
+        target: target.name.clone(),
+        command: None,
+        command_turn: target.orientation.as_ref().map(xyzw),
+        configuration: target.configuration.clone(),
+        tool: target.tool.clone(),
+        table_id: "".into(),
+        corrected_by: CorrectingTable::Compensation,
+        joint_names: None,
+        joints_rad: None,
+        target_joints_rad: None,
+        correction_joints_rad: None,
+        target_at: target.position.map(|place| place.coords().into()),
+        correction: None,
+        correction_sd: None,
+        correction_sd_mm: None,
+        correction_cov_mm2: None,
+        iterations: None,
+        allowed: None,
+        refused: None,
+        reason: None,
+    }
 }
 
-/// The columns of corrections, their covariances and methods.
-fn corrections(columns: Columns, outcomes: &[Result<Corrected, Refused>]) -> Columns {
-    let done = || outcomes.iter().map(|outcome| outcome.as_ref().ok());
-    let vectors = |of: fn(&Corrected) -> Vector3<f64>| {
-        done().map(move |done| done.map(|done| of(done).into()))
-    };
-    let covariance = |done: Option<&Corrected>| {
-        let matrix = done?.covariance;
-        Some([(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].map(|place| matrix[place]))
-    };
-    let allowed = |done: Option<&Corrected>| done?.allowed.map(Exception::name);
-    columns
-        .group(
-            ["correction_x_mm", "correction_y_mm", "correction_z_mm"],
-            vectors(|done| done.correction),
-        )
-        .group(
-            [
-                "correction_sd_x_mm",
-                "correction_sd_y_mm",
-                "correction_sd_z_mm",
-            ],
-            vectors(Corrected::standard_deviation),
-        )
-        .column(
-            "correction_sd_mm",
-            done().map(|done| done.map(Corrected::standard_deviation_norm)),
-        )
-        .group(
-            ["xx", "xy", "xz", "yy", "yz", "zz"]
-                .map(|c| format!("correction_cov_{c}_mm2"))
-                .each_ref()
-                .map(String::as_str),
-            done().map(covariance),
-        )
-        .column(
-            "iterations",
-            done().map(|done| done.map(|done| done.iterations)),
-        )
-        .column("allowed", done().map(allowed))
+/// The row with the command, by how much it differs, how sure that is, and how it was found.
+fn with_command(row: CorrectedRow, done: &Corrected) -> CorrectedRow {
+    let joints = done.joints.as_ref();
+    CorrectedRow {
+        command: Some(done.command.coords().into()),
+        command_turn: done.orientation.as_ref().map(xyzw).or(row.command_turn),
+        joints_rad: joints.map(|joints| joints.command.clone()),
+        target_joints_rad: joints.map(|joints| joints.target.clone()),
+        correction_joints_rad: joints.map(JointCommand::correction),
+        target_at: Some(done.target.coords().into()),
+        correction: Some(done.correction.into()),
+        correction_sd: Some(done.standard_deviation().into()),
+        correction_sd_mm: Some(done.standard_deviation_norm()),
+        correction_cov_mm2: Some(upper(&done.covariance)),
+        iterations: Some(done.iterations),
+        allowed: done.allowed,
+        ..row
+    }
 }

@@ -5,7 +5,9 @@ use std::path::Path;
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::angles::{self, AngleColumns};
-use super::{Place, Row, RowProblem, Rows, TargetsError, bounded, formula, names};
+use super::{
+    Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, formula, names,
+};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
@@ -17,10 +19,7 @@ const TEXTS: [&str; 2] = ["configuration", "tool"];
 
 /// Reads the rows with their line numbers.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
-    let failed = |source| TargetsError::Csv {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
     let mut reader = ReaderBuilder::new()
         .trim(Trim::All)
@@ -51,26 +50,17 @@ struct Header {
 impl Header {
     fn new(path: &Path, names: &StringRecord) -> Result<Self, TargetsError> {
         let columns: Vec<String> = names.iter().map(str::to_owned).collect();
-        names::check(columns.iter().map(String::as_str)).map_err(|problem| {
-            TargetsError::Names {
-                path: path.to_owned(),
-                problem,
-            }
-        })?;
-        let angles = AngleColumns::of(&columns).map_err(|problem| TargetsError::Angles {
-            path: path.to_owned(),
-            problem,
-        })?;
+        names::check(columns.iter().map(String::as_str))
+            .map_err(|problem| TargetsErrorKind::Names(problem).at(path))?;
+        let angles = AngleColumns::of(&columns)
+            .map_err(|problem| TargetsErrorKind::Angles(problem).at(path))?;
         let header = Self { columns, angles };
         let missing = header.missing();
         if missing.is_empty() {
             return Ok(header);
         }
-        Err(TargetsError::MissingColumns {
-            path: path.to_owned(),
-            missing,
-            found: header.columns,
-        })
+        let found = header.columns;
+        Err(TargetsErrorKind::MissingColumns { missing, found }.at(path))
     }
 
     /// Columns that every file of targets has: a name, and a position or joint angles.

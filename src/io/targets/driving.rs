@@ -6,29 +6,16 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use arrow::array::Array as _;
 use nalgebra::{Matrix3, Point3};
 use serde::Deserialize;
 
-use super::{Form, TargetsError, bounded, formula};
+use super::{CorrectedRow, Form, TargetsError, TargetsErrorKind, bounded, formula};
 use crate::io::input::Bound;
-use crate::io::schema;
-use crate::io::table;
+use crate::io::schema::{self, KEY_COLUMNS};
+use crate::io::table::{self, Row as _, Word as _};
+pub use crate::io::tables::outcome::DrivingFile;
 use crate::manifest::RunKey;
 use crate::report::driven::CorrectedTarget;
-
-/// The commands that drove a session.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DrivingFile {
-    /// The run whose table corrected the targets.
-    pub key: RunKey,
-    /// Name of the table: `compensation` or `calibrations`.
-    pub table: String,
-    /// Targets with their commands, in the file's order.
-    pub targets: Vec<CorrectedTarget>,
-    /// Number of targets without a command.
-    pub refused: usize,
-}
 
 /// Tables that correct targets.
 const TABLES: [&str; 2] = ["compensation", "calibrations"];
@@ -61,7 +48,7 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         Form::Csv => from_csv(path, bound)?,
         Form::Parquet => from_parquet(path, bound)?,
         Form::Json => from_json(path, bound)?,
-        Form::Krl => return Err(TargetsError::NotDriving(path.to_owned())),
+        Form::Krl => return Err(TargetsErrorKind::NotDriving.at(path)),
     };
     let of: BTreeSet<_> = rows
         .iter()
@@ -69,16 +56,13 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
         .collect();
     let mut of = of.into_iter();
     let Some((robot, session, run, table)) = of.next() else {
-        return Err(TargetsError::Empty(path.to_owned()));
+        return Err(TargetsErrorKind::Empty.at(path));
     };
     if of.next().is_some() {
-        return Err(TargetsError::SeveralTables(path.to_owned()));
+        return Err(TargetsErrorKind::SeveralTables.at(path));
     }
     if !TABLES.contains(&table.as_str()) {
-        return Err(TargetsError::NotOfATable {
-            path: path.to_owned(),
-            found: table.clone(),
-        });
+        return Err(TargetsErrorKind::NotOfATable(table.clone()).at(path));
     }
     finite(path, &rows)?;
     let targets: Vec<CorrectedTarget> = rows.iter().filter_map(DrivingRow::corrected).collect();
@@ -91,10 +75,7 @@ pub fn read(path: &Path, bound: Bound) -> Result<DrivingFile, TargetsError> {
 }
 
 fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    let failed = |source| TargetsError::Csv {
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| TargetsErrorKind::Csv(source).at(path);
     let bytes = bounded::read(path, bound)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     reader
@@ -104,41 +85,18 @@ fn from_csv(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> 
 }
 
 fn from_json(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
-    serde_json::from_slice(&bounded::read(path, bound)?).map_err(|source| TargetsError::Json {
-        path: path.to_owned(),
-        source,
-    })
+    serde_json::from_slice(&bounded::read(path, bound)?)
+        .map_err(|source| TargetsErrorKind::Json(source).at(path))
 }
 
 fn from_parquet(path: &Path, bound: Bound) -> Result<Vec<DrivingRow>, TargetsError> {
     let table = table::read_within(path, schema::find("corrected_targets")?, bound)?;
-    let row = |row: usize| {
-        let text = |column| table.text(column).value(row).to_owned();
-        let number = |column| {
-            let numbers = table.f64(column);
-            numbers.is_valid(row).then(|| numbers.value(row))
-        };
-        DrivingRow {
-            robot: text("robot"),
-            session: text("session"),
-            run: text("run"),
-            target: text("target"),
-            corrected_by: text("corrected_by"),
-            x_mm: number("x_mm"),
-            y_mm: number("y_mm"),
-            z_mm: number("z_mm"),
-            target_x_mm: number("target_x_mm"),
-            target_y_mm: number("target_y_mm"),
-            target_z_mm: number("target_z_mm"),
-            correction_cov_xx_mm2: number("correction_cov_xx_mm2"),
-            correction_cov_xy_mm2: number("correction_cov_xy_mm2"),
-            correction_cov_xz_mm2: number("correction_cov_xz_mm2"),
-            correction_cov_yy_mm2: number("correction_cov_yy_mm2"),
-            correction_cov_yz_mm2: number("correction_cov_yz_mm2"),
-            correction_cov_zz_mm2: number("correction_cov_zz_mm2"),
-        }
-    };
-    Ok((0..table.rows()).map(row).collect())
+    let keys = (0..table.rows()).map(|row| {
+        let part = |column| table.text(column).value(row).to_owned();
+        KEY_COLUMNS.map(part)
+    });
+    let rows = CorrectedRow::read(&table).into_iter().zip(keys);
+    Ok(rows.map(|(row, key)| DrivingRow::of(row, key)).collect())
 }
 
 /// Checks that all numbers are finite: `nan` and `inf` can be written as text.
@@ -148,16 +106,46 @@ fn finite(path: &Path, rows: &[DrivingRow]) -> Result<(), TargetsError> {
         .position(|row| !row.numbers().all(f64::is_finite));
     match wrong {
         None => Ok(()),
-        Some(row) => Err(TargetsError::NotANumber {
-            path: path.to_owned(),
-            row,
-            target: rows[row].target.clone(),
-        }),
+        Some(row) => {
+            let target = rows[row].target.clone();
+            Err(TargetsErrorKind::NotANumber { row, target }.at(path))
+        }
     }
 }
 
 impl DrivingRow {
-    /// The row of a CSV file, its texts without the marks that keep spreadsheets from running them.
+    /// The row of a table, and its robot, session and run.
+    fn of(row: CorrectedRow, [robot, session, run]: [String; 3]) -> Self {
+        let apart = |point: Option<[f64; 3]>| {
+            let [x, y, z] = point.unwrap_or_default();
+            [x, y, z].map(|own| point.map(|_| own))
+        };
+        let [x_mm, y_mm, z_mm] = apart(row.command);
+        let [target_x_mm, target_y_mm, target_z_mm] = apart(row.target_at);
+        let covariance = row.correction_cov_mm2;
+        let part = |place: usize| covariance.map(|own| own[place]);
+        Self {
+            robot,
+            session,
+            run,
+            target: row.target,
+            corrected_by: row.corrected_by.word().to_owned(),
+            x_mm,
+            y_mm,
+            z_mm,
+            target_x_mm,
+            target_y_mm,
+            target_z_mm,
+            correction_cov_xx_mm2: part(0),
+            correction_cov_xy_mm2: part(1),
+            correction_cov_xz_mm2: part(2),
+            correction_cov_yy_mm2: part(3),
+            correction_cov_yz_mm2: part(4),
+            correction_cov_zz_mm2: part(5),
+        }
+    }
+
+    /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
     fn unmarked(mut self) -> Self {
         let texts = [
             &mut self.robot,
@@ -214,6 +202,7 @@ impl DrivingRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::tables::words::CorrectingTable;
     use std::fs;
 
     use super::super::{CorrectedBy, corrected, write_csv, write_json};
@@ -288,7 +277,7 @@ mod tests {
         let by = CorrectedBy {
             key: &key,
             table_id: "00ff",
-            table: "calibrations",
+            table: CorrectingTable::Calibrations,
             joint_names: &[],
         };
         corrected(&[target("A"), target("B")], &[Ok(done), Err(refused)], by).expect("a table")

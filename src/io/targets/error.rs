@@ -15,59 +15,13 @@ use crate::io::table::FileError;
 /// Why a file of targets cannot be read.
 #[derive(Debug, Error)]
 pub enum TargetsError {
-    /// The extension is none of the known forms.
-    #[error("{}: files of targets are .csv, .parquet, .json or .dat (KUKA)", .0.display())]
-    UnknownForm(PathBuf),
-    /// The file has no row.
-    #[error("{} holds no target", .0.display())]
-    Empty(PathBuf),
-    /// A form that lacks what a session is judged by.
-    #[error("{}: a session is judged by corrected targets as .csv, .parquet or .json; for a data list give the file of corrections next to it", .0.display())]
-    NotDriving(PathBuf),
-    /// The corrections are by a table that corrects nothing.
-    #[error("{}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \"calibrations\"", path.display())]
-    NotOfATable {
-        /// Path of the file.
+    /// What is wrong with the file.
+    #[error("{}", kind.message(path))]
+    File {
+        /// The file.
         path: PathBuf,
-        /// Name of the table in it.
-        found: String,
-    },
-    /// A number that is not finite.
-    #[error("{}, row {row}, target {target:?}: a length or a covariance is no finite number; take the file as `posegrid compensate` wrote it", path.display())]
-    NotANumber {
-        /// Path of the file.
-        path: PathBuf,
-        /// The row, from 0.
-        row: usize,
-        /// Name of the target.
-        target: String,
-    },
-    /// The corrections are by more than one table.
-    #[error("{}: its targets are corrected by several tables; keep those of each table in a file of their own", .0.display())]
-    SeveralTables(PathBuf),
-    /// Not a CSV file, or one that cannot be read.
-    #[error("cannot read {} as CSV: {source}", path.display())]
-    Csv {
-        /// Path of the file.
-        path: PathBuf,
-        /// The reader's error.
-        source: csv::Error,
-    },
-    /// Not a JSON text, or one of another structure.
-    #[error("cannot read {} as JSON: {source}", path.display())]
-    Json {
-        /// Path of the file.
-        path: PathBuf,
-        /// The reader's error.
-        source: serde_json::Error,
-    },
-    /// A file that cannot be read, is none, or is too large.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// Path of the file.
-        path: PathBuf,
-        /// The system's error.
-        source: io::Error,
+        /// What is wrong with it.
+        kind: TargetsErrorKind,
     },
     /// Not a Parquet file of targets.
     #[error(transparent)]
@@ -75,54 +29,98 @@ pub enum TargetsError {
     /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// A column that every target needs is missing.
-    #[error(
-        "{}: missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
-        path.display(),
-        missing.join(", ")
-    )]
+}
+
+/// What is wrong with a file of targets.
+#[derive(Debug)]
+pub enum TargetsErrorKind {
+    /// None of the forms there are.
+    UnknownForm,
+    /// No row.
+    Empty,
+    /// A form that does not hold what a session is judged by.
+    NotDriving,
+    /// Corrections of a table that corrects nothing: the table's name in the file.
+    NotOfATable(String),
+    /// A number that is none.
+    NotANumber {
+        /// The row, from 0.
+        row: usize,
+        /// Its target.
+        target: String,
+    },
+    /// Corrections of more than one table.
+    SeveralTables,
+    /// Not a CSV file, or one that cannot be read: the reader's error.
+    Csv(csv::Error),
+    /// Not a JSON text, or one of another shape: the reader's error.
+    Json(serde_json::Error),
+    /// A file that cannot be read, is none, or is too large.
+    Read(io::Error),
+    /// Columns that every target needs.
     MissingColumns {
-        /// Path of the file.
-        path: PathBuf,
-        /// Names of the missing columns.
+        /// The columns.
         missing: Vec<String>,
-        /// Names in the first line.
+        /// The column names in the file's first line.
         found: Vec<String>,
     },
-    /// Columns of joint angles that do not belong together.
-    #[error("{}: columns of joint angles: {problem}; see `posegrid compensate --help`", path.display())]
-    Angles {
-        /// Path of the file.
-        path: PathBuf,
-        /// The fault in them.
-        problem: String,
-    },
-    /// Names of columns that are ambiguous.
-    #[error("{}: {problem}", path.display())]
-    Names {
-        /// Path of the file.
-        path: PathBuf,
-        /// The fault in them.
-        problem: NamesProblem,
-    },
-    /// The file as a whole is wrong.
-    #[error("{}: {problem}", path.display())]
-    Whole {
-        /// Path of the file.
-        path: PathBuf,
-        /// The fault in it.
-        problem: RowProblem,
-    },
+    /// Columns of joint angles that do not belong together: what is wrong with them.
+    Angles(String),
+    /// Columns whose names do not say which is which.
+    Names(NamesProblem),
+    /// A file that holds no targets as a whole.
+    Whole(RowProblem),
     /// A row with a wrong value.
-    #[error("{}, {place}: {problem}", path.display())]
-    Row {
-        /// Path of the file.
-        path: PathBuf,
-        /// Place of the row.
-        place: Place,
-        /// The fault in it.
-        problem: RowProblem,
-    },
+    Row(Place, RowProblem),
+}
+
+impl TargetsErrorKind {
+    /// This problem of the file at `path`.
+    pub(super) fn at(self, path: &Path) -> TargetsError {
+        TargetsError::File {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+
+    /// The message for a person, with the file's path.
+    fn message(&self, path: &Path) -> String {
+        let path = path.display();
+        match self {
+            Self::UnknownForm => {
+                format!("{path}: files of targets are .csv, .parquet, .json or .dat (KUKA)")
+            }
+            Self::Empty => format!("{path} holds no target"),
+            Self::NotDriving => format!(
+                "{path}: a session is judged by corrected targets as .csv, .parquet or .json; of a data list that is the file \
+                 of corrections beside it"
+            ),
+            Self::NotOfATable(found) => format!(
+                "{path}: its targets are corrected by {found:?}; those of `posegrid compensate` are by \"compensation\" or \
+                 \"calibrations\""
+            ),
+            Self::NotANumber { row, target } => format!(
+                "{path}, row {row}, target {target:?}: a length or a covariance is no finite number; take the file as \
+                 `posegrid compensate` wrote it"
+            ),
+            Self::SeveralTables => format!(
+                "{path}: its targets are corrected by several tables; keep those of each table in a file of their own"
+            ),
+            Self::Csv(source) => format!("cannot read {path} as CSV: {source}"),
+            Self::Json(source) => format!("cannot read {path} as JSON: {source}"),
+            Self::Read(source) => format!("cannot read {path}: {source}"),
+            Self::MissingColumns { missing, found } => format!(
+                "{path}: missing columns {}; its first line names {found:?}, separated by commas: see `posegrid schema targets`",
+                missing.join(", ")
+            ),
+            Self::Angles(problem) => format!(
+                "{path}: columns of joint angles: {problem}; see `posegrid compensate --help`"
+            ),
+            Self::Names(problem) => format!("{path}: {problem}"),
+            Self::Whole(problem) => format!("{path}: {problem}"),
+            Self::Row(place, problem) => format!("{path}, {place}: {problem}"),
+        }
+    }
 }
 
 /// The fault in a row of a file of targets.
@@ -236,11 +234,7 @@ pub enum RowProblem {
 impl RowProblem {
     /// The error for this fault in a row of a file.
     pub(super) fn at(self, path: &Path, place: Place) -> TargetsError {
-        TargetsError::Row {
-            path: path.to_owned(),
-            place,
-            problem: self,
-        }
+        TargetsErrorKind::Row(place, self).at(path)
     }
 }
 

@@ -11,7 +11,7 @@ use std::path::Path;
 use serde::de::DeserializeSeed as _;
 
 use super::angles::{self, AngleColumns};
-use super::{Place, Row, RowProblem, Rows, TargetsError, bounded, names};
+use super::{Place, Row, RowProblem, Rows, TargetsError, TargetsErrorKind, bounded, names};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
@@ -28,20 +28,11 @@ pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     if let Some((place, problem)) = found.wrong {
         return Err(match (place, problem) {
             (Some(place), problem) => problem.at(path, place),
-            (None, RowProblem::Names(problem)) => TargetsError::Names {
-                path: path.to_owned(),
-                problem,
-            },
-            (None, problem) => TargetsError::Whole {
-                path: path.to_owned(),
-                problem,
-            },
+            (None, RowProblem::Names(problem)) => TargetsErrorKind::Names(problem).at(path),
+            (None, problem) => TargetsErrorKind::Whole(problem).at(path),
         });
     }
-    read.map_err(|source| TargetsError::Json {
-        path: path.to_owned(),
-        source,
-    })?;
+    read.map_err(|source| TargetsErrorKind::Json(source).at(path))?;
     Ok(Rows {
         placed: found.placed,
         unused: found.unused.into_iter().collect(),

@@ -2,79 +2,96 @@
 
 use std::path::Path;
 
-use arrow::array::{Array as _, AsArray as _, StringArray};
-use arrow::datatypes::Float64Type;
+use arrow::array::Array as _;
 
-use super::{Place, Row, RowProblem, Rows, TargetsError, names};
+use super::{Place, Row, RowProblem, Rows, TargetsError};
 use crate::compensation::TargetJoints;
 use crate::ingest::AngleUnit;
 use crate::io::input::Bound;
 use crate::io::schema;
-use crate::io::table::{self, Table};
+use crate::io::table::{self, Row as _, Table, row};
+
+row! {
+    /// A target as somebody else's file states it; parts of a position and of a quaternion may be missing, which is told later.
+    pub struct TargetRow of "targets" {
+        /// Its name.
+        target: String,
+        /// Position of the controller's tool point, frame of commands, x, mm.
+        x_mm: Option<f64>,
+        /// Position, y, mm.
+        y_mm: Option<f64>,
+        /// Position, z, mm.
+        z_mm: Option<f64>,
+        /// Orientation, x of its quaternion.
+        qx: Option<f64>,
+        /// Orientation, y of its quaternion.
+        qy: Option<f64>,
+        /// Orientation, z of its quaternion.
+        qz: Option<f64>,
+        /// Orientation, w of its quaternion.
+        qw: Option<f64>,
+        /// Arm configuration asked for.
+        configuration: Option<String>,
+        /// Names of the joints in the order of the angles; `None` for the order of the arm.
+        joint_names: Option<Vec<String>>,
+        /// Joint angles, rad.
+        joints_rad: Option<Vec<f64>>,
+        /// Tool that the target is for.
+        tool: Option<String>,
+        /// Name of the table that corrected it: a mark of a command.
+        table_id: Option<String>,
+        /// Kind of that table: a mark too.
+        corrected_by: Option<String>,
+    }
+}
 
 /// Reads the rows.
 pub(super) fn rows(path: &Path, bound: Bound) -> Result<Rows, TargetsError> {
     let table = table::read_within(path, schema::find("targets")?, bound)?;
-    let row = |row| {
-        let place = Place::Row(row);
-        let found = row_of(&table, row).map_err(|problem| problem.at(path, place))?;
-        Ok((place, found))
-    };
+    let placed = TargetRow::read(&table).into_iter().enumerate();
+    let placed = placed.map(|(number, row)| {
+        let place = Place::Row(number);
+        let found = row_of(row, lacks_an_angle(&table, number));
+        Ok((place, found.map_err(|problem| problem.at(path, place))?))
+    });
     Ok(Rows {
-        placed: (0..table.rows())
-            .map(row)
-            .collect::<Result<_, TargetsError>>()?,
+        placed: placed.collect::<Result<_, TargetsError>>()?,
         unused: Vec::new(),
         angle_unit: AngleUnit::Rad,
         list: None,
     })
 }
 
-fn row_of(table: &Table, row: usize) -> Result<Row, RowProblem> {
-    let number = |column| {
-        let numbers = table.f64(column);
-        numbers.is_valid(row).then(|| numbers.value(row))
-    };
-    let text = |column| optional(table.text(column), row);
+fn row_of(row: TargetRow, lacks_an_angle: bool) -> Result<Row, RowProblem> {
+    let joints = row.joints_rad.map(|angles| {
+        let names = row.joint_names.unwrap_or_default();
+        if lacks_an_angle {
+            return Err(RowProblem::PartOfJoints {
+                missing: "an angle of joints_rad".to_owned(),
+            });
+        }
+        if !names.is_empty() && names.len() != angles.len() {
+            return Err(RowProblem::JointNames {
+                names: names.len(),
+                angles: angles.len(),
+            });
+        }
+        Ok(TargetJoints { names, angles })
+    });
     Ok(Row {
-        target: table.text("target").value(row).to_owned(),
-        position: ["x_mm", "y_mm", "z_mm"].map(number),
-        joints: joints(table, row)?,
-        quaternion: ["qx", "qy", "qz", "qw"].map(number),
-        configuration: text("configuration"),
-        tool: text("tool"),
-        table_id: names::MARKS.into_iter().find_map(text),
+        target: row.target,
+        position: [row.x_mm, row.y_mm, row.z_mm],
+        joints: joints.transpose()?,
+        quaternion: [row.qx, row.qy, row.qz, row.qw],
+        configuration: row.configuration,
+        tool: row.tool,
+        table_id: row.table_id.or(row.corrected_by),
     })
 }
 
-fn joints(table: &Table, row: usize) -> Result<Option<TargetJoints>, RowProblem> {
-    let list = |column| {
-        let lists = table.list(column);
-        lists.is_valid(row).then(|| lists.value(row))
-    };
-    let Some(angles) = list("joints_rad") else {
-        return Ok(None);
-    };
-    // The check of the table has refused numbers that are not finite; nulls inside a list are found here.
-    let angles: Option<Vec<f64>> = angles.as_primitive::<Float64Type>().iter().collect();
-    let angles = angles.ok_or_else(|| RowProblem::PartOfJoints {
-        missing: "an angle of joints_rad".to_owned(),
-    })?;
-    let names = list("joint_names").map_or_else(Vec::new, |names| {
-        let texts = names.as_string::<i32>().iter();
-        texts
-            .map(|name| name.unwrap_or_default().to_owned())
-            .collect()
-    });
-    if !names.is_empty() && names.len() != angles.len() {
-        return Err(RowProblem::JointNames {
-            names: names.len(),
-            angles: angles.len(),
-        });
-    }
-    Ok(Some(TargetJoints { names, angles }))
-}
-
-fn optional(texts: &StringArray, row: usize) -> Option<String> {
-    texts.is_valid(row).then(|| texts.value(row).to_owned())
+/// Whether a value is missing inside the list of joint angles of a row: our own lists have every value, so rows know none
+/// without, and other programs' may lack some.
+fn lacks_an_angle(table: &Table, row: usize) -> bool {
+    let lists = table.list("joints_rad");
+    lists.is_valid(row) && lists.value(row).null_count() > 0
 }

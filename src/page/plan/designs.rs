@@ -2,23 +2,26 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Figure};
-use super::{steps, words};
-use crate::page::words::{optional, percent, whole};
+use super::content::Content;
+use super::{cells, steps};
+use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
+use crate::page::words::{self, optional, percent, whole};
+use crate::plan::Kind;
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 /// In the order of the legend; a design has the same look in every chart.
-const DESIGNS: [&str; 4] = ["greedy_variance", "uniform_grid", "random", "d_optimal"];
+const DESIGNS: [Kind; 4] = [
+    Kind::GreedyVariance,
+    Kind::UniformGrid,
+    Kind::Random,
+    Kind::DOptimal,
+];
 /// The look of what the model itself expects.
 const EXPECTED: usize = 4;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let mut rows: Vec<&Figure> = content
-        .figures
-        .iter()
-        .filter(|row| row.study == "design")
-        .collect();
-    let place = |row: &Figure| DESIGNS.iter().position(|design| *design == row.design);
+    let mut rows = content.of_study(FigureStudy::Design);
+    let place = |row: &FigureRow| DESIGNS.iter().position(|design| *design == row.design);
     rows.sort_by_key(|row| (place(row), row.poses));
     let first = rows.first()?;
     Some(html! {
@@ -36,27 +39,31 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 /// Poses and value of one design.
-fn points(rows: &[&Figure], design: &str, value: impl Fn(&Figure) -> Option<f64>) -> Vec<[f64; 2]> {
+fn points(
+    rows: &[&FigureRow],
+    design: Kind,
+    value: impl Fn(&FigureRow) -> Option<f64>,
+) -> Vec<[f64; 2]> {
     let own = rows.iter().filter(|row| row.design == design);
     own.filter_map(|row| Some([row.poses as f64, value(row)?]))
         .collect()
 }
 
-fn series(rows: &[&Figure], value: impl Fn(&Figure) -> Option<f64> + Copy) -> Vec<Series> {
-    let of = |(look, design): (usize, &str)| {
+fn series(rows: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64> + Copy) -> Vec<Series> {
+    let of = |(look, design): (usize, Kind)| {
         Series::line_and_points(&words::design(design), points(rows, design, value)).looking(look)
     };
     DESIGNS.into_iter().enumerate().map(of).collect()
 }
 
 /// A ring around the number of poses that the session has.
-fn ring(rows: &[&Figure], value: impl Fn(&Figure) -> Option<f64>) -> Series {
+fn ring(rows: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64>) -> Series {
     let chosen = rows.iter().filter(|row| row.chosen);
     let at = chosen.filter_map(|row| Some([row.poses as f64, value(row)?]));
     Series::new("the session's", vec![Marks::Rings(at.collect())])
 }
 
-fn means(rows: &[&Figure]) -> Markup {
+fn means(rows: &[&FigureRow]) -> Markup {
     let mut all = series(rows, |row| row.mean_mm);
     for design in DESIGNS {
         let name = format!("expected, {}", words::design(design));
@@ -74,7 +81,7 @@ fn means(rows: &[&Figure]) -> Markup {
     )
 }
 
-fn bounds(content: &Content, rows: &[&Figure]) -> Markup {
+fn bounds(content: &Content, rows: &[&FigureRow]) -> Markup {
     let mut all = series(rows, |row| row.bound_mm);
     all.push(ring(rows, |row| row.bound_mm));
     let y = Axis::new("bound over robots", "mm").including(&[0.0]);
@@ -98,24 +105,23 @@ fn chart(title: &str, y: Axis, series: Vec<Series>, limits: Vec<Limit>) -> Marku
     .svg()
 }
 
-fn all_rows(content: &Content, rows: &[&Figure]) -> Markup {
+fn all_rows(content: &Content, rows: &[&FigureRow]) -> Markup {
     let share = content
-        .promise
-        .as_ref()
+        .promise()
         .map_or(0.95, |promise| promise.bound_share);
     let head = html! {
         th.word { "Design" } th { "Poses" } th { "Mean" } th { "Mean expected" } th { "p95" }
-        th { (percent(share)) " % expected" } th { "Bound" } (words::robots_head())
+        th { (percent(share)) " % expected" } th { "Bound" } (cells::robots_head())
     };
     let body = html! {
         @for row in rows {
             tr.chosen[row.chosen] {
-                th.word scope="row" { (words::design(&row.design)) @if row.chosen { small { "the session's" } } }
-                td { (whole(row.poses.unsigned_abs())) }
+                th.word scope="row" { (words::design(row.design)) @if row.chosen { small { "the session's" } } }
+                td { (whole(row.poses as u64)) }
                 @for value in [row.mean_mm, row.expected_mean_mm, row.p95_mm, row.expected_share_mm, row.bound_mm] {
                     td { (optional(value, 3)) }
                 }
-                (words::robots(row))
+                (cells::robots(row))
             }
         }
     };

@@ -4,14 +4,17 @@ use std::collections::BTreeSet;
 
 use maud::{Markup, html};
 
-use super::content::{Content, Figure};
-use super::words;
-use crate::page::words::{fixed, optional, whole};
+use super::cells;
+use super::content::Content;
+use crate::grid::Interpolation;
+use crate::io::table::Word as _;
+use crate::io::tables::plan_figures::{CorrectedBy, FigureRow, FigureStudy};
+use crate::page::words::{self, fixed, optional, whole};
 use crate::report::chart::{Axis, Chart, Series};
 
-/// A study: its name in the table, its heading, the axis of what is varied, and what that means.
+/// A study, its heading, the axis of what is varied, and what that means.
 struct Study {
-    name: &'static str,
+    varied: FigureStudy,
     heading: &'static str,
     axis: (&'static str, &'static str),
     says: &'static str,
@@ -19,50 +22,49 @@ struct Study {
 
 const STUDIES: [Study; 4] = [
     Study {
-        name: "grid_shift",
+        varied: FigureStudy::GridShift,
         heading: "Place of the grid",
         axis: ("grid moved along each axis", "steps"),
         says: "The same step with its nodes elsewhere, judged inside all such grids.",
     },
     Study {
-        name: "orientation_mismatch",
+        varied: FigureStudy::OrientationMismatch,
         heading: "Turned tool",
         axis: ("tool turned away from the table's orientation", "°"),
         says: "Nodes at the table's orientation, fresh poses turned away from it.",
     },
     Study {
-        name: "mixed_configuration",
+        varied: FigureStudy::MixedConfiguration,
         heading: "Mixed configuration",
         axis: ("share of nodes measured with the wrist flipped", ""),
         says: "Some nodes measured in another configuration than the poses they correct.",
     },
     Study {
-        name: "singularity_distance",
+        varied: FigureStudy::SingularityDistance,
         heading: "Singularities near by",
         axis: ("least singularity factor, lower edge", ""),
         says: "Fresh poses by their distance to a singularity: 0 is in one.",
     },
 ];
 /// Sources of node values and their looks for mean and 95th percentile.
-const SOURCES: [(&str, [usize; 2]); 2] = [("measured", [1, 3]), ("model", [0, 2])];
+const SOURCES: [(CorrectedBy, [usize; 2]); 2] = [
+    (CorrectedBy::Measured, [1, 3]),
+    (CorrectedBy::Model, [0, 2]),
+];
 /// The interpolation that is drawn.
-const DRAWN: &str = "trilinear";
+const DRAWN: Interpolation = Interpolation::Trilinear;
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
     let of = |study: &'static Study| {
-        let rows: Vec<&Figure> = content
-            .figures
-            .iter()
-            .filter(|row| row.study == study.name)
-            .collect();
+        let rows = content.of_study(study.varied);
         (!rows.is_empty()).then_some((study, rows))
     };
-    let studies: Vec<(&Study, Vec<&Figure>)> = STUDIES.iter().filter_map(of).collect();
+    let studies: Vec<(&Study, Vec<&FigureRow>)> = STUDIES.iter().filter_map(of).collect();
     let first = studies.first()?.1.first()?;
     Some(html! {
         p {
             "All at one step, " (first.step_mm.unwrap_or(0.0)) " mm, on " (first.robots) " simulated robots, "
-            "with " (DRAWN) " interpolation drawn. Each chart has a scale of its own."
+            "with " (DRAWN.word()) " interpolation drawn. Each chart has a scale of its own."
         }
         div.pair {
             @for (study, rows) in &studies {
@@ -75,8 +77,8 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-fn chart(study: &Study, rows: &[&Figure]) -> Markup {
-    let points = |source: &str, value: fn(&Figure) -> Option<f64>| {
+fn chart(study: &Study, rows: &[&FigureRow]) -> Markup {
+    let points = |source: CorrectedBy, value: fn(&FigureRow) -> Option<f64>| {
         let own = rows
             .iter()
             .filter(|row| row.source == source && is_drawn(row));
@@ -87,14 +89,12 @@ fn chart(study: &Study, rows: &[&Figure]) -> Markup {
         points
     };
     let series = SOURCES.into_iter().flat_map(|(source, [mean, p95])| {
+        let name = source.word();
         [
-            Series::line_and_points(&format!("{source}, p95"), points(source, |row| row.p95_mm))
+            Series::line_and_points(&format!("{name}, p95"), points(source, |row| row.p95_mm))
                 .looking(p95),
-            Series::line_and_points(
-                &format!("{source}, mean"),
-                points(source, |row| row.mean_mm),
-            )
-            .looking(mean),
+            Series::line_and_points(&format!("{name}, mean"), points(source, |row| row.mean_mm))
+                .looking(mean),
         ]
     });
     let (quantity, unit) = study.axis;
@@ -110,14 +110,14 @@ fn chart(study: &Study, rows: &[&Figure]) -> Markup {
     .svg()
 }
 
-fn is_drawn(row: &Figure) -> bool {
-    row.interpolation.as_deref() == Some(DRAWN)
+fn is_drawn(row: &FigureRow) -> bool {
+    row.interpolation == Some(DRAWN)
 }
 
 /// Which values have no figure, and which have figures of too few poses for a bound.
-fn missing(rows: &[&Figure]) -> String {
+fn missing(rows: &[&FigureRow]) -> String {
     let drawn = || rows.iter().filter(|row| is_drawn(row));
-    let is_absent = |row: &Figure| row.refused == 0 && row.outside == 0;
+    let is_absent = |row: &FigureRow| row.refused == 0 && row.outside == 0;
     let unjudged = || drawn().filter(|row| row.mean_mm.is_none());
     let absent = values(unjudged().filter(|row| is_absent(row)));
     let none = values(unjudged().filter(|row| !is_absent(row)));
@@ -138,7 +138,7 @@ fn missing(rows: &[&Figure]) -> String {
 }
 
 /// The values of rows, each once, from the smallest.
-fn values<'r>(rows: impl Iterator<Item = &'r &'r Figure>) -> String {
+fn values<'r>(rows: impl Iterator<Item = &'r &'r FigureRow>) -> String {
     // Values are small and not negative, and such floats are in the order of their bits.
     let values: BTreeSet<u64> = rows.filter_map(|row| Some(row.value?.to_bits())).collect();
     let words = values.into_iter().map(|bits| number(f64::from_bits(bits)));
@@ -151,24 +151,24 @@ fn number(value: f64) -> String {
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-fn all_rows(study: &Study, rows: &[&Figure]) -> Markup {
+fn all_rows(study: &Study, rows: &[&FigureRow]) -> Markup {
     let (quantity, unit) = study.axis;
     let head = html! {
         th { "Value: " (quantity) @if !unit.is_empty() { ", " (unit) } } th.word { "Node values" } th { "Poses" } th { "Not reached" }
-        th { "Mean" } th { "p95" } th { "Judged" } (words::robots_head()) th { "Poses refused" } th { "Outside" }
+        th { "Mean" } th { "p95" } th { "Judged" } (cells::robots_head()) th { "Poses refused" } th { "Outside" }
     };
     let body = html! {
         @for row in rows {
             tr {
                 th scope="row" { (row.value.map_or_else(|| "–".to_owned(), number)) }
                 td.word { (words::family(row)) }
-                td { (whole(row.poses.unsigned_abs())) }
+                td { (whole(row.poses as u64)) }
                 td { (row.not_reached) }
                 @for value in [row.mean_mm, row.p95_mm] { td { (optional(value, 3)) } }
                 td { (row.judged) }
-                (words::robots(row))
-                td { (whole(row.refused.unsigned_abs())) }
-                td { (whole(row.outside.unsigned_abs())) }
+                (cells::robots(row))
+                td { (whole(row.refused as u64)) }
+                td { (whole(row.outside as u64)) }
             }
         }
     };

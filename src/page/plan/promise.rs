@@ -2,8 +2,10 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Figure, Promise};
-use super::words::asked;
+use super::cells::asked;
+use super::content::Content;
+use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
+use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::page::verdict::{fact, mm};
 use crate::page::words::{fixed, percent, whole};
 
@@ -18,7 +20,7 @@ enum Status {
 impl Status {
     /// As the row of `runs` has it: with too few robots for a bound nothing is shown.
     fn of(content: &Content) -> Self {
-        let bound = content.promise.as_ref().and_then(|own| own.bound_mm);
+        let bound = content.promise().and_then(|own| own.promised_bound_mm);
         match (found(content), bound) {
             (Some(found), _) if found.holds() => Self::Met,
             (_, Some(_)) => Self::NotMet,
@@ -41,8 +43,9 @@ impl Status {
 }
 
 /// What the planned session gave on simulated robots.
-fn found(content: &Content) -> Option<&Figure> {
-    content.figures.iter().find(|row| row.study == "promise")
+fn found(content: &Content) -> Option<&FigureRow> {
+    let mut rows = content.figures.iter();
+    rows.find(|row| row.study == FigureStudy::Promise)
 }
 
 pub(super) fn header(content: &Content) -> Markup {
@@ -52,7 +55,7 @@ pub(super) fn header(content: &Content) -> Markup {
         header {
             p.which { "Plan · " (content.robot) }
             h1 { span class={ "mark " (class) } aria-hidden="true" { (sign) } " " (headline) }
-            @if let Some(promise) = &content.promise {
+            @if let Some(promise) = content.promise() {
                 p.lead { (sentence(promise)) }
                 p.lead { (shown(content, promise, status)) }
                 (facts(content, promise))
@@ -65,42 +68,42 @@ pub(super) fn header(content: &Content) -> Markup {
     }
 }
 
-fn sentence(promise: &Promise) -> Markup {
-    let (Some(mean), Some(bound)) = (promise.mean_mm, promise.bound_mm) else {
+fn sentence(promise: &VisitRow) -> Markup {
+    let (Some(mean), Some(bound)) = (promise.promised_mean_mm, promise.promised_bound_mm) else {
         return html! {
-            "Nothing is promised: " (promise.robots) " simulated robots are too few for "
-            (asked(promise.share, promise.confidence)) ". Raise " code { "whole_model_robots" } "."
+            "Nothing is promised: " (promise.robots_simulated) " simulated robots are too few for "
+            (asked(promise.promised_share, promise.promised_confidence)) ". Raise " code { "whole_model_robots" } "."
         };
     };
     html! {
         "Measured as planned and compensated by the identified arm, the mean error stays below " strong { (fixed(mean, 3)) " mm" }
         ", and " (percent(promise.bound_share)) " % of positions come within " strong { (fixed(bound, 3)) " mm" }
-        " (with " (percent(promise.bound_confidence)) " % confidence): for " (percent(promise.share)) " % of robots, with "
-        (percent(promise.confidence)) " % confidence."
+        " (with " (percent(promise.bound_confidence)) " % confidence): for " (percent(promise.promised_share)) " % of robots, with "
+        (percent(promise.promised_confidence)) " % confidence."
     }
 }
 
 /// What the simulated robots show of the tolerance.
-fn shown(content: &Content, promise: &Promise, status: Status) -> Markup {
+fn shown(content: &Content, promise: &VisitRow, status: Status) -> Markup {
     let at_least = found(content).map(|row| row.share_at_least);
     html! {
-        (promise.meet) " of " (promise.robots) " simulated robots that took no part in choosing poses meet the tolerance of "
+        (promise.robots_meet) " of " (promise.robots_simulated) " simulated robots that took no part in choosing poses meet the tolerance of "
         (promise.tolerance_mm) " mm"
         @if let Some(share) = at_least {
-            ": with " (percent(promise.confidence)) " % confidence at least "
+            ": with " (percent(promise.promised_confidence)) " % confidence at least "
             data value=(share) { (fixed(100.0 * share, 1)) } " % of all such robots do, "
             @match status {
                 Status::Met => "and ",
                 Status::NotMet | Status::NotShown => "but ",
             }
-            (percent(promise.share)) " % are asked for"
+            (percent(promise.promised_share)) " % are asked for"
         }
         "."
     }
 }
 
-fn facts(content: &Content, promise: &Promise) -> Markup {
-    let count = |purpose: &str| {
+fn facts(content: &Content, promise: &VisitRow) -> Markup {
+    let count = |purpose: VisitPurpose| {
         content
             .visits
             .iter()
@@ -111,18 +114,18 @@ fn facts(content: &Content, promise: &Promise) -> Markup {
         "Promised bound on {} % of errors",
         percent(promise.bound_share)
     );
-    let over = asked(promise.share, promise.confidence);
+    let over = asked(promise.promised_share, promise.promised_confidence);
     html! {
         dl.facts {
-            (fact("Promised mean error", &mm(promise.mean_mm), &html! { (over) }))
-            (fact(&bound, &mm(promise.bound_mm), &html! { (over) }))
+            (fact("Promised mean error", &mm(promise.promised_mean_mm), &html! { (over) }))
+            (fact(&bound, &mm(promise.promised_bound_mm), &html! { (over) }))
             (fact("Tolerance", &html! { (promise.tolerance_mm) " mm" }, &html! {
-                (promise.meet) " of " (promise.robots) " robots meet it"
+                (promise.robots_meet) " of " (promise.robots_simulated) " robots meet it"
             }))
-            (fact("Poses to identify", &html! { (whole(count("identify"))) }, &html! {
-                (whole(count("drift_check"))) " again, for drift"
+            (fact("Poses to identify", &html! { (whole(count(VisitPurpose::Identify))) }, &html! {
+                (whole(count(VisitPurpose::DriftCheck))) " again, for drift"
             }))
-            (fact("Poses to verify", &html! { (whole(count("verify"))) }, &html! { "they take no part in the fit" }))
+            (fact("Poses to verify", &html! { (whole(count(VisitPurpose::Verify))) }, &html! { "they take no part in the fit" }))
         }
     }
 }

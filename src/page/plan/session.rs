@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::content::{Content, Visit};
-use super::words;
-use crate::page::words::{fixed, whole};
+use super::content::Content;
+use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
+use crate::page::words::{self, fixed, whole};
 use crate::report::chart::{Axis, Chart, Marks, Series};
 
 /// Visits that are listed at most; the table has all.
@@ -47,16 +47,16 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
     })
 }
 
-fn view_of(visits: &[Visit], (name, across, up): (&str, usize, usize)) -> Markup {
-    let places = |purpose: &str| {
-        let own: Vec<&Visit> = visits
+fn view_of(visits: &[VisitRow], (name, across, up): (&str, usize, usize)) -> Markup {
+    let places = |purpose: VisitPurpose| {
+        let own: Vec<&VisitRow> = visits
             .iter()
             .filter(|visit| visit.purpose == purpose)
             .collect();
         let every = own.len().div_ceil(MOST_DRAWN).max(1);
         own.iter()
             .step_by(every)
-            .map(|visit| [visit.at[across], visit.at[up]])
+            .map(|visit| [visit.position[across], visit.position[up]])
             .collect::<Vec<_>>()
     };
     Chart {
@@ -66,11 +66,11 @@ fn view_of(visits: &[Visit], (name, across, up): (&str, usize, usize)) -> Markup
         x: Axis::new(AXES[across], "mm"),
         y: Axis::new(AXES[up], "mm"),
         series: vec![
-            Series::points("verify", places("verify")).looking(1),
-            Series::points("identify", places("identify")).looking(0),
+            Series::points("verify", places(VisitPurpose::Verify)).looking(1),
+            Series::points("identify", places(VisitPurpose::Identify)).looking(0),
             Series::new(
                 "again, for drift",
-                vec![Marks::Rings(places("drift_check"))],
+                vec![Marks::Rings(places(VisitPurpose::DriftCheck))],
             )
             .looking(2),
         ],
@@ -80,8 +80,8 @@ fn view_of(visits: &[Visit], (name, across, up): (&str, usize, usize)) -> Markup
 }
 
 /// The root of the variance that is left, against how many poses are measured.
-fn early_end(visits: &[Visit]) -> Markup {
-    let point = |visit: &Visit| {
+fn early_end(visits: &[VisitRow]) -> Markup {
+    let point = |visit: &VisitRow| {
         let measured = visit.chosen_as? + 1;
         Some([measured as f64, visit.variance_left_mm2?.sqrt()])
     };
@@ -106,7 +106,7 @@ fn counts(content: &Content) -> Markup {
         @for count in &content.counts {
             p.note {
                 (whole(count.read)) " " (count.of) " were drawn and " (whole(count.kept)) " suit the constraints"
-                @for (reason, rejected) in &count.rejected { "; " (whole(*rejected)) " " (crate::page::words::plain(reason)) }
+                @for (reason, rejected) in &count.rejected { "; " (whole(*rejected)) " " (words::plain(reason)) }
                 "."
             }
         }
@@ -114,9 +114,11 @@ fn counts(content: &Content) -> Markup {
 }
 
 fn rows(content: &Content) -> Markup {
+    let joints = content.visits.iter().take(1);
+    let joints = joints.flat_map(|first| first.joint_names.iter());
     let head = html! {
         th { "Target" } th.word { "Purpose" }
-        @for joint in &content.joints { th { (joint) ", °" } }
+        @for joint in joints { th { (joint) ", °" } }
         @for axis in AXES { th { (axis) ", mm" } }
         th { "Chosen as" }
     };
@@ -124,9 +126,9 @@ fn rows(content: &Content) -> Markup {
         @for visit in content.visits.iter().take(MOST_LISTED) {
             tr {
                 th scope="row" { (visit.target) }
-                td.word { (words::purpose(&visit.purpose)) @if let Some(first) = repeated(content, visit) { ", of " (first) } }
+                td.word { (words::purpose(visit.purpose)) @if let Some(first) = repeated(content, visit) { ", of " (first) } }
                 @for angle in &visit.joints_rad { td { (fixed(angle.to_degrees(), 3)) } }
-                @for place in visit.at { td { (fixed(place, 1)) } }
+                @for place in visit.position { td { (fixed(place, 1)) } }
                 td { @match visit.chosen_as { Some(place) => (place), None => "–" } }
             }
         }
@@ -135,7 +137,7 @@ fn rows(content: &Content) -> Markup {
 }
 
 /// The name of the visit whose pose this one repeats.
-fn repeated<'c>(content: &'c Content, visit: &Visit) -> Option<&'c str> {
+fn repeated<'c>(content: &'c Content, visit: &VisitRow) -> Option<&'c str> {
     let first = content
         .visits
         .iter()

@@ -4,20 +4,17 @@ use std::collections::BTreeMap;
 
 use maud::{Markup, html};
 
-use super::content::{Content, Figure};
-use super::words;
-use crate::page::words::{fixed, percent, whole};
+use super::cells;
+use super::content::Content;
+use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
+use crate::page::words::{self, fixed, percent, whole};
 use crate::report::chart::{Axis, Chart, Limit, Marks, Series};
 
 pub(super) fn section(content: &Content) -> Option<Markup> {
-    let steps: Vec<&Figure> = content
-        .figures
-        .iter()
-        .filter(|row| row.study == "step")
-        .collect();
+    let steps = content.of_study(FigureStudy::Step);
     let chosen = steps.iter().copied().find(|row| row.chosen);
     let shown = chosen.or_else(|| best(&steps))?;
-    let own: Vec<&Figure> = steps
+    let own: Vec<&FigureRow> = steps
         .iter()
         .copied()
         .filter(|row| is_alike(row, shown))
@@ -40,19 +37,19 @@ pub(super) fn section(content: &Content) -> Option<Markup> {
 }
 
 /// Where no step holds: the row that comes nearest.
-fn best<'c>(steps: &[&'c Figure]) -> Option<&'c Figure> {
-    let key = |row: &Figure| row.bound_mm.or(row.p95_mm).unwrap_or(f64::INFINITY);
+fn best<'c>(steps: &[&'c FigureRow]) -> Option<&'c FigureRow> {
+    let key = |row: &FigureRow| row.bound_mm.or(row.p95_mm).unwrap_or(f64::INFINITY);
     steps
         .iter()
         .copied()
         .min_by(|a, b| key(a).total_cmp(&key(b)))
 }
 
-fn is_alike(row: &Figure, other: &Figure) -> bool {
-    (&row.source, &row.interpolation) == (&other.source, &other.interpolation)
+fn is_alike(row: &FigureRow, other: &FigureRow) -> bool {
+    (row.source, row.interpolation) == (other.source, other.interpolation)
 }
 
-fn sentence(chosen: Option<&Figure>) -> Markup {
+fn sentence(chosen: Option<&FigureRow>) -> Markup {
     let Some(row) = chosen else {
         return html! { "No step holds for the asked share of robots." };
     };
@@ -64,38 +61,38 @@ fn sentence(chosen: Option<&Figure>) -> Markup {
 }
 
 /// The steps of the family that is drawn.
-fn own_rows(steps: &[&Figure]) -> Markup {
+fn own_rows(steps: &[&FigureRow]) -> Markup {
     let head =
-        html! { th { "Step, mm" } th { "Poses" } (words::errors_head()) (words::robots_head()) };
+        html! { th { "Step, mm" } th { "Poses" } (cells::errors_head()) (cells::robots_head()) };
     let body = html! {
         @for row in in_order(steps) {
             tr.chosen[row.chosen] {
                 th scope="row" { (row.step_mm.unwrap_or(0.0)) @if row.chosen { small { "largest" } } }
-                td { (whole(row.poses.unsigned_abs())) }
-                (words::errors(row))
-                (words::robots(row))
+                td { (whole(row.poses as u64)) }
+                (cells::errors(row))
+                (cells::robots(row))
             }
         }
     };
     super::table(&head, &body)
 }
 
-fn all_rows(steps: &[&Figure]) -> Markup {
+fn all_rows(steps: &[&FigureRow]) -> Markup {
     let head = html! {
-        th { "Step, mm" } th.word { "Node values" } th { "Poses" } th { "Nodes not reached" } (words::errors_head())
-        (words::robots_head()) th { "Poses refused" } th { "Outside" }
+        th { "Step, mm" } th.word { "Node values" } th { "Poses" } th { "Nodes not reached" } (cells::errors_head())
+        (cells::robots_head()) th { "Poses refused" } th { "Outside" }
     };
     let body = html! {
         @for row in in_order(steps) {
             tr.chosen[row.chosen] {
                 th scope="row" { (row.step_mm.unwrap_or(0.0)) }
                 td.word { (words::family(row)) }
-                td { (whole(row.poses.unsigned_abs())) }
+                td { (whole(row.poses as u64)) }
                 td { (row.not_reached) }
-                (words::errors(row))
-                (words::robots(row))
-                td { (whole(row.refused.unsigned_abs())) }
-                td { (whole(row.outside.unsigned_abs())) }
+                (cells::errors(row))
+                (cells::robots(row))
+                td { (whole(row.refused as u64)) }
+                td { (whole(row.outside as u64)) }
             }
         }
     };
@@ -103,12 +100,12 @@ fn all_rows(steps: &[&Figure]) -> Markup {
         (super::table(&head, &body))
         p.note {
             "Refused: fresh poses, all robots together, in a cell that cannot serve, as its corners are too far apart in joint angles; "
-            "outside: beyond the grid's last nodes, where the box is no multiple of the step."
+            "outside: beyond the grid's last nodes."
         }
     }
 }
 
-fn in_order<'c>(steps: &[&'c Figure]) -> Vec<&'c Figure> {
+fn in_order<'c>(steps: &[&'c FigureRow]) -> Vec<&'c FigureRow> {
     let mut rows = steps.to_vec();
     rows.sort_by(|a, b| {
         a.step_mm
@@ -118,7 +115,12 @@ fn in_order<'c>(steps: &[&'c Figure]) -> Vec<&'c Figure> {
     rows
 }
 
-fn chart(content: &Content, steps: &[&Figure], own: &[&Figure], chosen: Option<&Figure>) -> Markup {
+fn chart(
+    content: &Content,
+    steps: &[&FigureRow],
+    own: &[&FigureRow],
+    chosen: Option<&FigureRow>,
+) -> Markup {
     let mut series = vec![
         Series::line_and_points("bound over robots", points(own, |row| row.bound_mm)),
         Series::line_and_points("95th percentile", points(own, |row| row.p95_mm)),
@@ -145,36 +147,33 @@ pub(super) fn tolerance(content: &Content) -> Vec<Limit> {
         name: format!("tolerance {mm} mm"),
         value: mm,
     };
-    content
-        .promise
-        .iter()
-        .map(|promise| limit(promise.tolerance_mm))
-        .collect()
+    let promise = content.promise().into_iter();
+    promise.map(|promise| limit(promise.tolerance_mm)).collect()
 }
 
 /// Step and value, in the order of the steps.
-fn points(steps: &[&Figure], value: impl Fn(&Figure) -> Option<f64>) -> Vec<[f64; 2]> {
-    let point = |row: &&Figure| Some([row.step_mm?, value(row)?]);
+fn points(steps: &[&FigureRow], value: impl Fn(&FigureRow) -> Option<f64>) -> Vec<[f64; 2]> {
+    let point = |row: &&FigureRow| Some([row.step_mm?, value(row)?]);
     in_order(steps).iter().filter_map(point).collect()
 }
 
 /// Bounds of each source and interpolation that is not the drawn one.
-fn other_bounds(steps: &[&Figure], own: &[&Figure]) -> Vec<Series> {
+fn other_bounds(steps: &[&FigureRow], own: &[&FigureRow]) -> Vec<Series> {
     let others = steps
         .iter()
         .filter(|row| !own.iter().any(|drawn| is_alike(row, drawn)));
-    let mut families: BTreeMap<String, Vec<&Figure>> = BTreeMap::new();
+    let mut families: BTreeMap<String, Vec<&FigureRow>> = BTreeMap::new();
     for row in others {
         families.entry(words::family(row)).or_default().push(row);
     }
-    let bounds = |(place, (family, rows)): (usize, (String, Vec<&Figure>))| {
+    let bounds = |(place, (family, rows)): (usize, (String, Vec<&FigureRow>))| {
         let name = format!("bound, {family}");
         Series::line_and_points(&name, points(&rows, |row| row.bound_mm)).looking(3 + place)
     };
     families.into_iter().enumerate().map(bounds).collect()
 }
 
-fn caption(shown: &Figure, own: &[&Figure]) -> String {
+fn caption(shown: &FigureRow, own: &[&FigureRow]) -> String {
     let unjudged = own.iter().filter(|row| row.mean_mm.is_none());
     let steps: Vec<String> = unjudged
         .filter_map(|row| Some(row.step_mm?.to_string()))

@@ -2,17 +2,21 @@
 
 use std::collections::BTreeMap;
 
-use super::content::{Content, Figure, Promise, Visit};
+use super::content::Content;
 use super::html;
+use crate::grid::Interpolation;
+use crate::io::tables::plan_figures::{CorrectedBy, FigureRow, FigureStudy};
+use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::page::content::{Count, Provenance};
 use crate::page::tests::{HOSTILE, assert_text_alone, parsed};
+use crate::plan::Kind;
 
-fn figure(study: &str, design: &str) -> Figure {
-    Figure {
-        study: study.to_owned(),
+fn figure(study: FigureStudy, design: Kind) -> FigureRow {
+    FigureRow {
+        study,
         value: None,
-        design: design.to_owned(),
-        source: "identified_arm".to_owned(),
+        design,
+        source: CorrectedBy::IdentifiedArm,
         interpolation: None,
         step_mm: None,
         poses: 25,
@@ -24,103 +28,120 @@ fn figure(study: &str, design: &str) -> Figure {
         outside: 0,
         mean_mm: Some(0.092_75),
         p95_mm: Some(0.151_625),
+        p99_mm: Some(0.2),
+        max_mm: Some(0.21),
         expected_mean_mm: None,
         expected_share_mm: None,
+        mean_bound_mm: Some(0.1),
         bound_mm: Some(0.227_875),
         meet: 60,
         share_at_least: 0.9513,
         share_asked: 0.95,
+        confidence: 0.9,
+        tolerance_mm: 0.5,
         chosen: false,
     }
 }
 
-fn on_grid(study: &str, value: Option<f64>, step_mm: f64) -> Figure {
-    Figure {
+fn on_grid(study: FigureStudy, value: Option<f64>, step_mm: f64) -> FigureRow {
+    FigureRow {
         value,
-        source: "model".to_owned(),
-        interpolation: Some("trilinear".to_owned()),
+        source: CorrectedBy::Model,
+        interpolation: Some(Interpolation::Trilinear),
         step_mm: Some(step_mm),
-        ..figure(study, "uniform_grid")
+        ..figure(study, Kind::UniformGrid)
     }
 }
 
-fn figures() -> Vec<Figure> {
-    let chosen = Figure {
+fn figures() -> Vec<FigureRow> {
+    let chosen = FigureRow {
         chosen: true,
-        ..on_grid("step", None, 500.0)
+        ..on_grid(FigureStudy::Step, None, 500.0)
     };
-    let unjudged = Figure {
+    let unjudged = FigureRow {
         mean_mm: None,
         p95_mm: None,
         bound_mm: None,
         meet: 0,
         judged: 0,
         share_at_least: 0.0,
-        ..on_grid("step", None, 1000.0)
+        ..on_grid(FigureStudy::Step, None, 1000.0)
     };
-    let greedy = Figure {
+    let greedy = FigureRow {
         expected_mean_mm: Some(0.175_25),
         chosen: true,
-        ..figure("design", "greedy_variance")
+        ..figure(FigureStudy::Design, Kind::GreedyVariance)
     };
-    let few = Figure {
+    let few = FigureRow {
         judged: 0,
         bound_mm: None,
-        ..on_grid("grid_shift", Some(0.25), 500.0)
+        ..on_grid(FigureStudy::GridShift, Some(0.25), 500.0)
     };
     vec![
         chosen,
         unjudged,
-        on_grid("step", None, 250.0),
+        on_grid(FigureStudy::Step, None, 250.0),
         few,
-        on_grid("orientation_mismatch", Some(10.000_000_000_000_002), 500.0),
-        on_grid("mixed_configuration", Some(0.2), 500.0),
-        on_grid("singularity_distance", Some(0.5), 500.0),
+        on_grid(
+            FigureStudy::OrientationMismatch,
+            Some(10.000_000_000_000_002),
+            500.0,
+        ),
+        on_grid(FigureStudy::MixedConfiguration, Some(0.2), 500.0),
+        on_grid(FigureStudy::SingularityDistance, Some(0.5), 500.0),
         greedy,
-        figure("design", "random"),
-        figure("promise", "greedy_variance"),
+        figure(FigureStudy::Design, Kind::Random),
+        figure(FigureStudy::Promise, Kind::GreedyVariance),
     ]
 }
 
-fn visit(pose: i32, purpose: &str) -> Visit {
-    let t = f64::from(pose);
-    let chosen = (purpose == "identify").then_some(i64::from(pose));
-    Visit {
-        pose: i64::from(pose),
+/// A visit of an arm whose two joints have this name.
+fn visit(pose: usize, purpose: VisitPurpose, joint: &str) -> VisitRow {
+    let t = pose as f64;
+    let chosen = (purpose == VisitPurpose::Identify).then_some(pose);
+    VisitRow {
+        pose,
         target: format!("p{pose}"),
-        purpose: purpose.to_owned(),
-        repeats: (purpose == "drift_check").then_some(0),
+        purpose,
+        repeats: (purpose == VisitPurpose::DriftCheck).then_some(0),
+        joint_names: [joint, joint].map(str::to_owned).into(),
         joints_rad: vec![0.1 * t, -0.5],
-        at: [1000.0 + 10.0 * t, -5.0 * t, 700.0],
+        position: [1000.0 + 10.0 * t, -5.0 * t, 700.0],
+        orientation: [0.0, 0.0, 0.0, 1.0],
+        configuration: None,
+        design: Some(Kind::GreedyVariance),
         chosen_as: chosen,
         variance_left_mm2: chosen.map(|_| 4.0 / (1.0 + t)),
+        step_mm: Some(500.0),
+        promised_mean_mm: Some(0.136_375),
+        promised_bound_mm: Some(0.254_125),
+        promised_share: 0.95,
+        promised_confidence: 0.9,
+        robots_simulated: 60,
+        robots_meet: 60,
+        tolerance_mm: 0.5,
+        bound_share: 0.99,
+        bound_confidence: 0.95,
     }
 }
 
 /// A plan in which every text that comes from files is `name`.
 fn content(name: &str) -> Content {
     let text = || name.to_owned();
-    let purposes = ["identify", "identify", "verify", "drift_check"];
+    let purposes = [
+        VisitPurpose::Identify,
+        VisitPurpose::Identify,
+        VisitPurpose::Verify,
+        VisitPurpose::DriftCheck,
+    ];
     Content {
         robot: text(),
         plan: "00ff".to_owned(),
-        promise: Some(Promise {
-            mean_mm: Some(0.136_375),
-            bound_mm: Some(0.254_125),
-            share: 0.95,
-            confidence: 0.9,
-            robots: 60,
-            meet: 60,
-            tolerance_mm: 0.5,
-            bound_share: 0.99,
-            bound_confidence: 0.95,
-        }),
         figures: figures(),
         visits: (0..)
             .zip(purposes)
-            .map(|(pose, purpose)| visit(pose, purpose))
+            .map(|(pose, purpose)| visit(pose, purpose, name))
             .collect(),
-        joints: vec![text(), text()],
         counts: vec![Count {
             stage: "plan".to_owned(),
             of: "candidate poses".to_owned(),
@@ -246,8 +267,9 @@ fn a_plan_that_falls_short_and_one_of_too_few_robots_say_so() {
         page.contains("The plan does not meet the tolerance")
             && page.contains("but 95 % are asked for")
     );
-    let promise = short.promise.as_mut().expect("a promise");
-    (promise.mean_mm, promise.bound_mm) = (None, None);
+    for row in &mut short.visits {
+        (row.promised_mean_mm, row.promised_bound_mm) = (None, None);
+    }
     let page = html(&short);
     parsed(&page);
     assert!(
@@ -259,10 +281,8 @@ fn a_plan_that_falls_short_and_one_of_too_few_robots_say_so() {
 #[test]
 fn a_plan_of_nothing_still_has_a_page() {
     let bare = Content {
-        promise: None,
         figures: Vec::new(),
         visits: Vec::new(),
-        joints: Vec::new(),
         counts: Vec::new(),
         ..content("kr210")
     };
@@ -274,8 +294,12 @@ fn a_plan_of_nothing_still_has_a_page() {
 #[test]
 fn the_page_of_a_long_session_can_be_mailed() {
     // As many as a plan may have: 2000 poses to identify, 2000 to verify, one of the first again after each.
-    let purposes = ["identify", "verify", "drift_check"];
-    let visits = (0..6000).map(|pose| visit(pose, purposes[pose.unsigned_abs() as usize % 3]));
+    let purposes = [
+        VisitPurpose::Identify,
+        VisitPurpose::Verify,
+        VisitPurpose::DriftCheck,
+    ];
+    let visits = (0..6000).map(|pose| visit(pose, purposes[pose % 3], "joint_a1"));
     let long = Content {
         visits: visits.collect(),
         ..content("kr210")

@@ -11,17 +11,20 @@ use crate::history::table_state::NotShown;
 use crate::history::{Judged, between};
 use crate::io::common::Common;
 use crate::io::lake::{Lake, LakeError};
-use crate::io::table::Table;
+use crate::io::table::{Row as _, Table};
+use crate::io::tables::accuracy::{AccuracyRow, FigureName};
+use crate::io::tables::calibrations::CalibrationRow;
+use crate::io::tables::compensation::NodeRow;
 use crate::io::tables::outcome::{Driven, JoinedSession, Outcome};
 use crate::kinematics::Arm;
-use crate::report::Model;
-use crate::report::driven::TablePromise;
+use crate::report::promise::Promise;
+use crate::report::{Angles, Model, Moment, Point, Split};
 
 /// What the lake has of the run that made a table.
 pub(super) struct TableRun {
     valid_for: Validity,
     calibrations: Table,
-    promise: Option<TablePromise>,
+    promise: Option<Promise>,
 }
 
 impl TableRun {
@@ -44,25 +47,31 @@ impl TableRun {
     }
 
     fn of_tables(driven: &Driven, lake: &Lake) -> Result<Result<Self, NotShown>, LakeError> {
-        let said = Common {
-            path: Path::new(&driven.key.run),
-            table: &lake.read(&driven.table, &driven.key)?,
-        };
         let calibrations = lake.read("calibrations", &driven.key)?;
-        let promise = promise(&driven.table, &lake.read("accuracy", &driven.key)?);
+        let accuracy = AccuracyRow::read(&lake.read("accuracy", &driven.key)?);
+        let path = Path::new(&driven.key.run);
+        let (valid_for, model) = if driven.table == "compensation" {
+            let nodes = NodeRow::read(&lake.read("compensation", &driven.key)?);
+            let rows = &nodes[..];
+            (Common { path, rows }.validity(), Model::Table)
+        } else {
+            let models = CalibrationRow::read(&calibrations);
+            let rows = &models[..];
+            (Common { path, rows }.validity(), Model::Full)
+        };
+        let promise = promise(model, &accuracy);
         let of = |valid_for| Self {
             valid_for,
             calibrations,
             promise,
         };
-        let valid_for = said.validity();
         Ok(valid_for
             .map(of)
             .map_err(|wrong| NotShown::Unreadable(wrong.to_string())))
     }
 
     /// What it promised.
-    pub(super) fn promised(&self) -> Result<&TablePromise, NotShown> {
+    pub(super) fn promised(&self) -> Result<&Promise, NotShown> {
         self.promise.as_ref().ok_or(NotShown::NoPromise)
     }
 
@@ -78,8 +87,8 @@ impl TableRun {
         }
         let full = outcome.full.as_ref();
         let full = full.ok_or("there is no full error model of the session")?;
-        let own =
-            Estimate::of_full(full).ok_or("the covariance of the full error model is none")?;
+        let own = Estimate::of_full(full).map_err(|several| several.to_string())?;
+        let own = own.ok_or("the covariance of the full error model is none")?;
         match history::session::estimate(&self.calibrations)? {
             (Model::Full, earlier) => Ok(between(&earlier, &own)),
             _ => Err("the table's run has no full error model".to_owned()),
@@ -90,7 +99,7 @@ impl TableRun {
     /// temperature that was met.
     pub(super) fn outside(&self, session: &JoinedSession, stated: &Conditions) -> Vec<Outside> {
         let stations = session.joined.stations.iter();
-        let met = stations.filter_map(|station| station.attained.as_ref()?.temperature_c);
+        let met = stations.filter_map(|station| station.one_reading()?.temperature_c);
         let (low, high) = extremes(met).unzip();
         let outside = |temperature_c| {
             let used = UsedWith {
@@ -106,36 +115,23 @@ impl TableRun {
     }
 }
 
-/// What a run predicted of one of its tables, by stations that took no part.
-fn promise(table: &str, figures: &Table) -> Option<TablePromise> {
-    let model = if table == "compensation" {
-        "table"
-    } else {
-        "full"
-    };
-    let text = |column: &str, row: usize| figures.text(column).value(row).to_owned();
-    let is = |row: usize, name: &str| {
-        let wanted = [
-            ("model", model),
-            ("angles", "commanded"),
-            ("split", "blocks"),
-            ("evidence", "predicted"),
-            ("name", name),
-        ];
-        let of_the_table = text("point", row) != "tool_tip";
-        of_the_table
-            && wanted
-                .iter()
-                .all(|(column, word)| text(column, row) == *word)
-    };
-    let value = |name: &str, column: &str| {
-        let row = (0..figures.rows()).find(|&row| is(row, name))?;
-        figures.f64(column).iter().nth(row).flatten()
-    };
-    Some(TablePromise {
-        mean_mm: value("mean", "value")?,
-        bound_mm: value("bound", "value")?,
-        share: value("bound", "share")?,
-        confidence: value("bound", "confidence")?,
+/// What a run predicted of the commands that this model corrects, by stations that took no part.
+fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
+    let own: Vec<&AccuracyRow> = figures
+        .iter()
+        .filter(|row| {
+            row.point != Point::Tip
+                && row.model == model
+                && (row.angles, row.split) == (Angles::Commanded, Split::Blocks)
+                && row.evidence == Moment::After
+        })
+        .collect();
+    let named = |name: FigureName| own.iter().find(|row| row.name == name);
+    let bound = named(FigureName::Bound)?;
+    Some(Promise {
+        mean_mm: Some(named(FigureName::Mean)?.value?),
+        bound_mm: Some(bound.value?),
+        share: bound.share?,
+        confidence: bound.confidence?,
     })
 }

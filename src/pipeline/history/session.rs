@@ -72,7 +72,8 @@ pub(in crate::pipeline) fn estimate(calibrations: &Table) -> Result<(Model, Esti
     if let Some(text) = text(Model::Full) {
         let saved = SavedFull::read(text).map_err(|error| error.to_string())?;
         let model = FullModel::from_saved(&saved).map_err(|error| error.to_string())?;
-        let estimate = Estimate::of_full(&model).ok_or("the covariance of model full is none")?;
+        let estimate = Estimate::of_full(&model).map_err(|several| several.to_string())?;
+        let estimate = estimate.ok_or("the covariance of model full is none")?;
         return Ok((Model::Full, estimate));
     }
     let text = text(Model::Geometric).ok_or("neither model full nor geometric is there")?;

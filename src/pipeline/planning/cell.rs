@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use crate::fit::TrackerUncertainty;
 use crate::kinematics::{Arm, SingularityFactors};
+use crate::pipeline::configuration::{ConfigurationError, placed, upwards};
 use crate::pipeline::file::PipelineFile;
-use crate::pipeline::plan::{PlanError, placed, upwards};
 use crate::plan::line_of_sight::{Constraints, KeepOut, LineOfSight};
 use crate::plan::section::{ConstraintsSection, PlanSection};
 use crate::plan::{PlanSettings, Region};
@@ -25,7 +25,7 @@ impl<'p> Placed<'p> {
         path: &'p Path,
         file: &PipelineFile,
         section: &PlanSection,
-    ) -> Result<Self, PlanError> {
+    ) -> Result<Self, ConfigurationError> {
         let tool = file
             .commanded
             .as_ref()
@@ -41,7 +41,7 @@ impl<'p> Placed<'p> {
             ),
             (None, Some(tool)) => tool,
             (None, None) => {
-                return Err(PlanError::Missing {
+                return Err(ConfigurationError::Missing {
                     path: path.to_owned(),
                     key: "[fit] target",
                     reason: "a plan has to know where the target will sit at the flange: give its xyz_mm and sd_mm, or \
@@ -66,8 +66,8 @@ impl<'p> Placed<'p> {
         arm: &Arm,
         file: &PipelineFile,
         section: &PlanSection,
-    ) -> Result<PlanSettings, PlanError> {
-        let missing = |key, reason| PlanError::Missing {
+    ) -> Result<PlanSettings, ConfigurationError> {
+        let missing = |key, reason| ConfigurationError::Missing {
             path: self.path.to_owned(),
             key,
             reason,
@@ -147,18 +147,18 @@ impl<'p> Placed<'p> {
         arm: &Arm,
         home: &[f64],
         section: &ConstraintsSection,
-    ) -> Result<Constraints, PlanError> {
+    ) -> Result<Constraints, ConfigurationError> {
         let nominal = vec![0.0; arm.chain().parameters().len()];
         let factors = SingularityFactors::of(arm, &nominal, home);
         let line_of_sight = section.line_of_sight.map(|line_of_sight| {
             let facing = Unit::try_new(Vector3::from(line_of_sight.facing), 1e-6);
-            let facing = facing.ok_or_else(|| PlanError::Setting {
+            let facing = facing.ok_or_else(|| ConfigurationError::Setting {
                 path: self.path.to_owned(),
                 key: "[plan.constraints] line_of_sight.facing".to_owned(),
                 found: format!("{:?}", line_of_sight.facing),
                 wanted: "a direction, for example [0, 0, 1]".to_owned(),
             })?;
-            Ok::<LineOfSight, PlanError>(LineOfSight {
+            Ok::<LineOfSight, ConfigurationError>(LineOfSight {
                 tracker: Point3::from(self.tracker_from_base.inverse().translation.vector),
                 facing,
                 acceptance_rad: line_of_sight.acceptance_deg.to_radians(),

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::pipeline::plan::PlanError;
-use crate::pipeline::plan::checks::{Check, each, not_negative, told, wrong_unless};
+use crate::pipeline::configuration::ConfigurationError;
+use crate::pipeline::configuration::checks::{Check, each, not_negative, told, wrong_unless};
 use crate::plan::section::{Expect, PlanSection};
 use crate::plan::session::{LEAST_KNOWN_POSES, LEAST_POSES};
 
@@ -13,7 +13,11 @@ const MOST: usize = 100_000;
 const MOST_POSES: usize = 2000;
 
 /// The first value of the section that cannot be, for an arm of `joints` joints.
-pub(super) fn check(path: &Path, section: &PlanSection, joints: usize) -> Result<(), PlanError> {
+pub(super) fn check(
+    path: &Path,
+    section: &PlanSection,
+    joints: usize,
+) -> Result<(), ConfigurationError> {
     home(section, joints)
         .and_then(|()| counts(section))
         .and_then(|()| poses(section))

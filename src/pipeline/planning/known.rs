@@ -7,13 +7,14 @@ use thiserror::Error;
 
 use crate::compensation::IdentifiedArm;
 use crate::fit::full::FullModel;
-use crate::fit::full::next::{Mounted, Mounting};
+use crate::fit::full::next::{Mounted, Mounting, Placed};
 use crate::fit::saved::SavedArm;
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::io::calibrations_table::{self, CalibrationsTableError, PublishedArm};
 use crate::io::lake::{Lake, LakeError};
 use crate::io::schema::{self, SchemaError};
 use crate::io::store::Place;
+use crate::join::Several;
 use crate::kinematics::Arm;
 use crate::manifest::RunKey;
 use crate::plan::section::{BaseMounted, KnownSection, PlanSection, TargetMounted};
@@ -66,40 +67,43 @@ pub enum KnownError {
     /// The program does not know its own table.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// A table of another robot.
-    #[error(
-        "[plan.known]: {} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
-         [robot] name", path.display()
-    )]
-    OtherRobot {
+    /// A run with several sources or targets.
+    #[error("[plan.known]: {}: {source}", path.display())]
+    Several {
         /// The table.
         path: PathBuf,
+        /// How many of each.
+        source: Several,
+    },
+    /// The past session does not fit this plan.
+    #[error("[plan.known]: {}", kind.message(path))]
+    Misfit {
+        /// The table.
+        path: PathBuf,
+        /// What does not fit.
+        kind: KnownMisfit,
+    },
+}
+
+/// Why the arm of a past session is not the one to plan for.
+#[derive(Debug)]
+pub enum KnownMisfit {
+    /// A table of another robot.
+    OtherRobot {
         /// Its robot.
         found: String,
         /// The plan's.
         wanted: String,
     },
     /// An arm of another number of joints.
-    #[error(
-        "[plan.known]: the arm of {} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm",
-        path.display()
-    )]
     Joints {
-        /// The table.
-        path: PathBuf,
         /// Joints there.
         found: usize,
         /// Joints of the plan's arm.
         wanted: usize,
     },
     /// Another nominal arm.
-    #[error(
-        "[plan.known]: the nominal arm of {} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
-         mean nothing here; plan with the robot file of that run", path.display()
-    )]
     OtherNominal {
-        /// The table.
-        path: PathBuf,
         /// The model there.
         found: String,
         /// The plan's.
@@ -108,23 +112,10 @@ pub enum KnownError {
         what: &'static str,
     },
     /// A run without the full error model.
-    #[error(
-        "[plan.known]: {} has no full error model, only geometry: run that session with [fit.full] enabled = true",
-        path.display()
-    )]
-    GeometryAlone {
-        /// The table.
-        path: PathBuf,
-    },
+    GeometryAlone,
     /// A target in another place.
-    #[error(
-        "[plan.known]: the target of {} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this plan: \
-         say target = \"other\"", path.display()
-    )]
     OtherTarget {
-        /// The table.
-        path: PathBuf,
-        /// Where it sat.
+        /// Where it sat, mm on the flange.
         found: [f64; 3],
         /// Where it will sit.
         wanted: [f64; 3],
@@ -132,14 +123,53 @@ pub enum KnownError {
         away_mm: f64,
     },
     /// Rounding.
-    #[error(
-        "[plan.known]: the covariance of {} cannot be factored again; identify that session anew with this version",
-        path.display()
-    )]
-    NotPositive {
-        /// The table.
-        path: PathBuf,
-    },
+    NotPositive,
+}
+
+impl KnownMisfit {
+    /// This misfit of the table at `path`.
+    fn at(self, path: &Path) -> KnownError {
+        KnownError::Misfit {
+            path: path.to_owned(),
+            kind: self,
+        }
+    }
+
+    /// The message for a person, with the table's path.
+    fn message(&self, path: &Path) -> String {
+        let path = path.display();
+        match self {
+            Self::OtherRobot { found, wanted } => format!(
+                "{path} is of robot {found:?}, but the plan is for {wanted:?}: name the table of this very arm, or its name in \
+                 [robot] name"
+            ),
+            Self::Joints { found, wanted } => format!(
+                "the arm of {path} has {found} joints, that of [robot] file has {wanted}: name the table of this very arm"
+            ),
+            Self::OtherNominal {
+                found,
+                wanted,
+                what,
+            } => format!(
+                "the nominal arm of {path} ({found:?}) is not that of [robot] file ({wanted:?}): {what} differ, so its offsets \
+                 mean nothing here; plan with the robot file of that run"
+            ),
+            Self::GeometryAlone => format!(
+                "{path} has no full error model, only geometry: run that session with [fit.full] enabled = true"
+            ),
+            Self::OtherTarget {
+                found,
+                wanted,
+                away_mm,
+            } => format!(
+                "the target of {path} sat at {found:.1?} mm of the flange, {away_mm:.1} mm from the {wanted:.1?} mm of this \
+                 plan: say target = \"other\""
+            ),
+            Self::NotPositive => format!(
+                "the covariance of {path} cannot be factored again; identify that session anew with this version"
+            ),
+        }
+    }
 }
 
 /// Where the table is that `[plan.known]` names.
@@ -189,36 +219,28 @@ pub(super) fn read(
 ) -> Result<Arc<KnownArm>, KnownError> {
     let PublishedArm { key, arm: past } = calibrations_table::read(path)?;
     if key.robot != robot {
-        return Err(KnownError::OtherRobot {
-            path: path.to_owned(),
-            found: key.robot,
-            wanted: robot.to_owned(),
-        });
+        let (found, wanted) = (key.robot, robot.to_owned());
+        return Err(KnownMisfit::OtherRobot { found, wanted }.at(path));
     }
     same_nominal(path, &past, arm)?;
     let Some(model) = past.model.is::<FullModel>() else {
-        return Err(KnownError::GeometryAlone {
-            path: path.to_owned(),
-        });
+        return Err(KnownMisfit::GeometryAlone.at(path));
     };
     let known = section.known.clone().unwrap_or_default();
     let mounting = mounting(path, &known, model, past.model.session, settings)?;
     let most = settings.poses.iter().copied().max().unwrap_or(0);
     let stations = 2 * most + settings.verify_poses;
     let known = KnownArm::new(arm, model, mounting, stations, &settings.full, settings.up);
-    known.map(Arc::new).ok_or_else(|| KnownError::NotPositive {
-        path: path.to_owned(),
-    })
+    known
+        .map(Arc::new)
+        .ok_or_else(|| KnownMisfit::NotPositive.at(path))
 }
 
 fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), KnownError> {
     let (found, wanted) = (SavedArm::of(&past.arm), SavedArm::of(arm));
     if found.joints.len() != wanted.joints.len() {
-        return Err(KnownError::Joints {
-            path: path.to_owned(),
-            found: found.joints.len(),
-            wanted: wanted.joints.len(),
-        });
+        let (found, wanted) = (found.joints.len(), wanted.joints.len());
+        return Err(KnownMisfit::Joints { found, wanted }.at(path));
     }
     let names = |arm: &SavedArm| {
         arm.joints
@@ -235,12 +257,13 @@ fn same_nominal(path: &Path, past: &IdentifiedArm, arm: &Arm) -> Result<(), Know
     } else {
         return Ok(());
     };
-    Err(KnownError::OtherNominal {
-        path: path.to_owned(),
-        found: found.model,
-        wanted: wanted.model,
+    let (found, wanted) = (found.model, wanted.model);
+    Err(KnownMisfit::OtherNominal {
+        found,
+        wanted,
         what,
-    })
+    }
+    .at(path))
 }
 
 fn mounting(
@@ -261,23 +284,32 @@ fn mounting(
             sd_mm,
         },
     };
-    let sat = model.fitted_frames()[session].flange_from_target;
+    let sat = model.fitted_frames()[session].one();
+    let sat = sat.map_err(|source| KnownError::Several {
+        path: path.to_owned(),
+        source,
+    })?;
+    let sat = sat.flange_from_target;
     let (found, wanted) = (
         sat.isometry().translation.vector,
         settings.flange_from_target.translation.vector,
     );
     let away_mm = (found - wanted).norm();
     if known.target != TargetMounted::Other && away_mm > SAME_PLACE_MM {
-        return Err(KnownError::OtherTarget {
-            path: path.to_owned(),
-            found: found.into(),
-            wanted: wanted.into(),
+        let (found, wanted) = (found.into(), wanted.into());
+        let other = KnownMisfit::OtherTarget {
+            found,
+            wanted,
             away_mm,
-        });
+        };
+        return Err(other.at(path));
     }
     Ok(Mounting {
         session,
-        tracker_from_base: (known.base == BaseMounted::New).then(|| Transform::claim(base)),
-        target,
+        sources: vec![match known.base {
+            BaseMounted::New => Placed::Moved(Transform::claim(base)),
+            BaseMounted::Same => Placed::Same,
+        }],
+        targets: vec![target],
     })
 }

@@ -13,16 +13,17 @@ use thiserror::Error;
 
 use super::{Planning, PlanningError, SESSION};
 use crate::fit::full::FullModel;
-use crate::fit::{self, FitError, Observation, TrainingSettings};
+use crate::fit::{self, FitError, Observation, SourceId, TrainingSettings};
 use crate::io::lake::Lake;
+use crate::io::table::Row as _;
 use crate::io::tables::outcome::JoinedSession;
-use crate::io::tables::sampling_plan::{PlannedPose, planned};
+use crate::io::tables::sampling_plan::{VisitPurpose, VisitRow};
 use crate::join::{Pairing, Station};
 use crate::manifest::RunKey;
-use crate::pipeline::plan::{Overrides, Plan};
+use crate::pipeline::configuration::{Configuration, Overrides};
 use crate::pipeline::run;
 use crate::plan::enough::{self, Next};
-use crate::plan::{Outcomes, Placer, PlanError, Purpose, compare};
+use crate::plan::{Outcomes, Placer, PlanError, compare};
 use crate::progress::Progress;
 use crate::report::promise::is_same_pose;
 
@@ -95,14 +96,14 @@ impl Planning {
             })
             .into());
         }
-        let poses = planned(&lake.read("sampling_plan", &key)?);
+        let poses = VisitRow::read(&lake.read("sampling_plan", &key)?);
         let joined = self.read_session(path, session, progress)?;
         let stations = &joined.joined.stations;
         let is_verify = |station: &Station| {
             let own = poses
                 .iter()
-                .find(|pose| is_same_pose(&pose.joints, &station.joints));
-            own.is_some_and(|pose| pose.purpose == Purpose::Verify.name())
+                .find(|pose| is_same_pose(&pose.joints_rad, &station.joints));
+            own.is_some_and(|pose| pose.purpose == VisitPurpose::Verify)
         };
         let measured = |station: &&Station| station.pairing == Pairing::Paired;
         let verify = stations
@@ -114,13 +115,13 @@ impl Planning {
         let model = self.model_of(&joined, &taken)?;
         let region = self.region()?;
         let promise = enough::promised(&model, 0, &region, &self.settings);
-        let left: Vec<&PlannedPose> = poses
+        let left: Vec<&VisitRow> = poses
             .iter()
-            .filter(|pose| pose.purpose == Purpose::Identify.name())
+            .filter(|pose| pose.purpose == VisitPurpose::Identify)
             .filter(|pose| {
                 !stations
                     .iter()
-                    .any(|s| is_same_pose(&pose.joints, &s.joints))
+                    .any(|s| is_same_pose(&pose.joints_rad, &s.joints))
             })
             .collect();
         let next = self.next(&model, &region, &left, &promise);
@@ -132,7 +133,7 @@ impl Planning {
             unmeasured: stations.len() - identify - verify,
             planned: poses
                 .iter()
-                .filter(|pose| pose.purpose == Purpose::Identify.name())
+                .filter(|pose| pose.purpose == VisitPurpose::Identify)
                 .count(),
             promise,
             next: next
@@ -155,12 +156,16 @@ impl Planning {
             test: Vec::new(),
             lake: Some(self.lake.named()),
         };
-        let plan = Plan::load(path, &overrides)?;
-        let files = plan.pieces.iter().flat_map(|piece| &piece.training).next();
-        let files = files.expect("a plan of one session has its files");
-        let read = run::read(&plan, files, &mut (), progress);
+        let configuration = Configuration::load(path, &overrides)?;
+        let files = configuration
+            .pieces
+            .iter()
+            .flat_map(|piece| &piece.training)
+            .next();
+        let files = files.expect("a configuration of one session has its files");
+        let read = run::read(&configuration, files, &mut (), progress);
         Ok(read
-            .and_then(|read| run::joined(&plan, files, read))
+            .and_then(|read| run::joined(&configuration, files, read))
             .map_err(Box::new)?)
     }
 
@@ -218,7 +223,7 @@ impl Planning {
         &self,
         model: &FullModel,
         region: &[Vec<f64>],
-        left: &[&PlannedPose],
+        left: &[&VisitRow],
         promise: &Outcomes,
     ) -> Next {
         let none = Next {
@@ -228,14 +233,14 @@ impl Planning {
         let Some(promised_mm) = promise.bound_mm.filter(|_| !promise.holds()) else {
             return none;
         };
-        let base = model.fitted_frames()[0].tracker_from_base;
+        let base = *model.fitted_frames()[0].tracker_from_base(SourceId::ONLY);
         let at_flange: Isometry3<f64> = self.settings.flange_from_target;
         let candidates: Vec<_> = left
             .iter()
             .map(|pose| {
-                let target = self.arm.flange(&pose.joints).isometry() * at_flange;
+                let target = self.arm.flange(&pose.joints_rad).isometry() * at_flange;
                 let position = base.isometry() * nalgebra::Point3::from(target.translation.vector);
-                compare::candidate(&self.arm, &pose.joints, position, model, &self.settings)
+                compare::candidate(&self.arm, &pose.joints_rad, position, model, &self.settings)
             })
             .collect();
         enough::next(model, region, &candidates, promised_mm, &self.settings)

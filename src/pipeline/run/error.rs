@@ -9,9 +9,9 @@ use crate::io::log::LogError;
 use crate::io::tables::PublishError;
 use crate::io::targets::TargetsError;
 use crate::join::JoinError;
+use crate::pipeline::configuration::SessionFiles;
 use crate::pipeline::damage::DamageError;
 use crate::pipeline::fetch::FetchError;
-use crate::pipeline::plan::SessionFiles;
 use crate::pipeline::stages::StageError;
 
 /// Why a piece of work has no result.

@@ -6,23 +6,26 @@ use std::path::{Path, PathBuf};
 use super::RunError;
 use crate::io::log::read_metadata;
 use crate::manifest::{self, Input, Work};
-use crate::pipeline::plan::{Plan, SessionFiles, WorkPiece};
+use crate::pipeline::configuration::{Configuration, SessionFiles, WorkPiece};
 
 /// The work's identity. A log is only looked into here where nothing else names the robot.
-pub(in crate::pipeline) fn work(plan: &Plan, piece: &WorkPiece) -> Result<Work, RunError> {
-    let mut inputs = vec![input(&plan.robot_file, "robot")?];
+pub(in crate::pipeline) fn work(
+    configuration: &Configuration,
+    piece: &WorkPiece,
+) -> Result<Work, RunError> {
+    let mut inputs = vec![input(&configuration.robot_file, "robot")?];
     for files in piece.training.iter().chain(&piece.test) {
         inputs.extend(session_inputs(files).map_err(|error| error.of(files))?);
     }
     let names = |files: &[SessionFiles]| files.iter().map(|files| files.name.clone()).collect();
     Ok(Work {
-        robot: robot_name(plan, piece)?,
+        robot: robot_name(configuration, piece)?,
         session: piece.session.clone(),
-        pipeline: plan.pipeline.clone(),
+        pipeline: configuration.pipeline.clone(),
         sessions: names(&piece.training),
         test_sessions: names(&piece.test),
         inputs,
-        settings: plan.settings.clone(),
+        settings: configuration.settings.clone(),
     })
 }
 
@@ -78,14 +81,14 @@ pub(in crate::pipeline) fn input(path: &Path, name: &str) -> Result<Input, RunEr
     })
 }
 
-fn robot_name(plan: &Plan, piece: &WorkPiece) -> Result<String, RunError> {
-    if let Some(name) = &plan.robot {
+fn robot_name(configuration: &Configuration, piece: &WorkPiece) -> Result<String, RunError> {
+    if let Some(name) = &configuration.robot {
         return Ok(name.clone());
     }
     let none = || RunError::NoRobotName {
         session: piece.session.clone(),
     };
     let files = piece.training.first().ok_or_else(none)?;
-    let mut metadata = read_metadata(&files.logs, plan.limits)?;
+    let mut metadata = read_metadata(&files.logs, configuration.limits)?;
     metadata.remove("session.robot").ok_or_else(none)
 }

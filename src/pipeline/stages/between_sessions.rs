@@ -125,6 +125,8 @@ impl OtherDays<'_> {
             known,
             lever: self.error_frame.lever(),
             session: self.place,
+            source: self.error_frame.frames().source,
+            target: self.error_frame.frames().target,
             own: true,
             station,
         });

@@ -39,14 +39,14 @@ fn stations(
     let turns = commanded_turns(session, error_frame);
     let station = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let target = &by.file.targets[by.matched.of_command[place]?];
-        let attained = station.measured()?;
+        let reading = station.one_reading()?;
         let stated: Vector3<f64> = target.command - target.target;
         Some(DrivenStation {
             station: station.number,
             pose: session.joined.stations[session.commanded.visits[place]].number,
             target: base_from_command * target.target,
             command: pose.as_ref()?.position,
-            attained: error_frame.attained_tool(&station.joints, attained),
+            attained: error_frame.attained_tool(&station.joints, reading)?,
             stated: base_from_command.rotation * stated,
             covariance: command * target.covariance * command.inverse(),
             turn: turns[place],

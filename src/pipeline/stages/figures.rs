@@ -8,8 +8,8 @@ use nalgebra::Vector3;
 use super::StageSettings;
 use super::turns::{commanded_turns, why_no_turns};
 use crate::figures::{self, PoseErrors};
-use crate::fit::{ErrorFrame, Models};
-use crate::grid::{GridStation, Grids, Judged};
+use crate::fit::{ErrorFrame, FramePair};
+use crate::grid::{GridStation, Grids};
 use crate::io::tables::outcome::{Driven, JoinedSession};
 use crate::report::tip::{Turn, at_tip, expanded_uncertainty_mm, without_constant};
 use crate::report::{
@@ -19,8 +19,9 @@ use crate::report::{
 /// What figures are made from besides residuals.
 pub(super) struct FigureMaker<'f> {
     pub(super) settings: &'f StageSettings,
-    pub(super) models: &'f Models,
     pub(super) training: &'f [JoinedSession],
+    /// Base and target of each session that trained.
+    pub(super) frames: &'f [FramePair],
     /// Of the last session.
     pub(super) error_frame: &'f ErrorFrame<'f>,
     pub(super) stations: &'f [GridStation],
@@ -76,8 +77,11 @@ impl FigureMaker<'_> {
         let of_session = |session: &JoinedSession| session.name == set.subject.of_session;
         // An unseen session is predicted with the frames of the first.
         let place = self.training.iter().position(of_session).unwrap_or(0);
-        let frames = &self.models.base_target.frames[place];
-        frames.flange_from_target.isometry().translation.vector
+        self.frames[place]
+            .flange_from_target
+            .isometry()
+            .translation
+            .vector
     }
 
     fn of(&self, set: &ResidualSet, guard_mm: f64) -> Accuracy {
@@ -113,7 +117,8 @@ impl FigureMaker<'_> {
     }
 
     fn guard_mm(&self, lever: &Vector3<f64>) -> f64 {
-        let orientation_rad = self.settings.noise.tracker.orientation_rad;
+        let source = self.settings.noise.source(self.error_frame.frames().source);
+        let orientation_rad = source.uncertainty.orientation_rad;
         expanded_uncertainty_mm(
             self.grids.guard_mm,
             orientation_rad.unwrap_or_default(),
@@ -121,9 +126,9 @@ impl FigureMaker<'_> {
         )
     }
 
-    /// The figures of the chosen table.
+    /// The figures of the chosen table; without any where no step gives a table.
     fn of_table(&self) -> Accuracy {
-        let chosen = self.chosen();
+        let chosen = self.grids.chosen();
         let mut folds: Vec<usize> = self.stations.iter().map(|station| station.fold).collect();
         folds.sort_unstable();
         folds.dedup();
@@ -138,9 +143,11 @@ impl FigureMaker<'_> {
             point: Point::Tool,
             moment: Moment::After,
             driven_by: None,
-            figures: chosen.figures,
-            bound: chosen.bound,
-            counted: chosen.held_out.counted(),
+            figures: chosen.and_then(|chosen| chosen.figures),
+            bound: chosen.and_then(|chosen| chosen.bound),
+            counted: chosen
+                .map(|chosen| chosen.held_out.counted())
+                .unwrap_or_default(),
             blocks: Some(folds.len()),
             coverage: None,
             expanded_uncertainty_mm: self.grids.guard_mm,
@@ -154,7 +161,8 @@ impl FigureMaker<'_> {
         let (moved, tolerance) = (self.moved(), &self.settings.tolerance);
         let mut norms = Vec::new();
         let (mut by_pose, mut between_sessions) = (PoseErrors::default(), PoseErrors::default());
-        for left in &self.chosen().held_out.left {
+        let left = self.grids.chosen().map(|chosen| &chosen.held_out.left);
+        for left in left.into_iter().flatten() {
             let Some(turn) = turns.get(&left.station) else {
                 continue;
             };
@@ -204,10 +212,6 @@ impl FigureMaker<'_> {
         stations
             .map(|station| (station.number, &*station.between_sessions))
             .collect()
-    }
-
-    fn chosen(&self) -> &Judged {
-        &self.grids.judged[self.grids.choice.row]
     }
 
     fn session(&self) -> &JoinedSession {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use super::StageSettings;
+use super::{StageSettings, stated};
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{ErrorFrame, Models, ToolErrors};
 use crate::grid::{self, GridError, GridInput, GridStation, Reach};
@@ -20,7 +20,7 @@ pub(super) fn grid_stations(
     let (all, commanded) = (&session.joined.stations, &session.commanded);
     let commands = commanded.poses.iter().zip(&commanded.visits);
     let paired = all.iter().zip(commands);
-    let paired = paired.filter(|(station, _)| station.measured().is_some());
+    let paired = paired.filter(|(station, _)| station.one_reading().is_some());
     let station = |((station, (pose, &visited)), &fold): (Paired<'_>, &usize)| {
         let position = pose.map(|pose| pose.position);
         Some(GridStation {
@@ -66,7 +66,8 @@ pub(super) fn grids<'m>(
 
 /// Expanded uncertainty (k = 2) of a measured error, mm: along the instrument's worst direction at the stations' middle, and by the
 /// scale of the session at the station furthest from there. The base is found from the same stations, so in their middle a scale does
-/// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it.
+/// nothing; at the edge of the work space it moves every position, and nothing that was measured in the same unit shows it. The survey
+/// of the base, where errors are stated in it, is joined at the station furthest from the base.
 fn guard_mm(
     stations: &[GridStation],
     error_frame: &ErrorFrame<'_>,
@@ -80,7 +81,11 @@ fn guard_mm(
     let from_middle = |station: &GridStation| (station.position - middle).norm();
     let furthest_mm = stations.iter().map(from_middle).fold(0.0, f64::max);
     let by_scale_mm = 1e-6 * settings.full.session_scale_ppm * furthest_mm;
-    let tracker = settings.noise.tracker.covariance(&in_tracker);
+    let source = settings.noise.source(error_frame.frames().source);
+    let tracker = source.uncertainty.covariance(&in_tracker);
     let by_tracker_mm = tracker.symmetric_eigenvalues().max().max(0.0).sqrt();
-    2.0 * by_tracker_mm.hypot(by_scale_mm)
+    let from_base = |station: &GridStation| station.position.coords.norm();
+    let reach_mm = stations.iter().map(from_base).fold(0.0, f64::max);
+    let by_survey_mm = stated::expanded_uncertainty_mm(settings, reach_mm);
+    (2.0 * by_tracker_mm.hypot(by_scale_mm)).hypot(by_survey_mm)
 }

@@ -13,10 +13,10 @@ use nalgebra::Point3;
 
 use super::StageSettings;
 use crate::fit::commanded::CommandedPose;
-use crate::fit::{Corrects, ErrorFrame, Frames, Models};
+use crate::fit::{Corrects, ErrorFrame, FramePair};
 use crate::geometry::Transform;
 use crate::io::tables::outcome::{Driven, JoinedSession};
-use crate::join::{Attained, Station};
+use crate::join::{Reading, Station};
 use crate::kinematics::Arm;
 use crate::report::iso_9283::{self, Iso9283, Orientation, Says, Visit, Visited};
 use crate::report::refit::{self, Placed};
@@ -27,7 +27,8 @@ use crate::report::{
 /// What the figures are made of.
 pub(super) struct Sources<'s> {
     pub(super) arm: &'s Arm,
-    pub(super) models: &'s Models,
+    /// Base and target of each session that trained, as the nominal arm has them.
+    pub(super) frames: &'s [FramePair],
     pub(super) training: &'s [JoinedSession],
     pub(super) test: &'s [JoinedSession],
     pub(super) residuals: &'s [ResidualSet],
@@ -43,7 +44,7 @@ impl Sources<'_> {
         let test: Vec<Visits<'_>> = self.test.iter().map(Visits::of).collect();
         let mut figures = Vec::new();
         for (place, visits) in training.iter().enumerate() {
-            let error_frame = self.error_frame(self.models.base_target.frames[place]);
+            let error_frame = self.error_frame(self.frames[place]);
             figures.push(self.base_target(visits, &error_frame, None));
         }
         figures.extend(test.iter().filter_map(|visits| self.unseen(visits)));
@@ -60,13 +61,13 @@ impl Sources<'_> {
         figures
     }
 
-    fn error_frame(&self, frames: Frames) -> ErrorFrame<'_> {
+    fn error_frame(&self, frames: FramePair) -> ErrorFrame<'_> {
         let settings = self.settings;
         ErrorFrame::new(
             self.arm,
             frames,
             settings.flange_from_tool,
-            settings.noise.orientations,
+            settings.noise.takes_orientations(),
         )
     }
 
@@ -80,11 +81,11 @@ impl Sources<'_> {
         let session = visits.session;
         let skipped = first.unwrap_or(0);
         let judged = paired(session).skip(skipped);
-        let attained = judged.filter_map(|(station, command, attained)| {
+        let attained = judged.filter_map(|(station, command, reading)| {
             let command = command?;
-            let position = error_frame.attained_tool(&station.joints, attained);
+            let position = error_frame.attained_tool(&station.joints, reading)?;
             let orientation = error_frame
-                .measured_flange(attained)
+                .measured_flange(reading)
                 .map(|flange| Orientation {
                     commanded: command
                         .orientation
@@ -128,13 +129,13 @@ impl Sources<'_> {
     /// stations. `None` where they do not span space.
     fn unseen(&self, visits: &Visits<'_>) -> Option<Iso9283> {
         let refit = self.settings.refit;
-        let trained = self.models.base_target.frames[0];
+        let trained = *self.frames.first()?;
         let error_frame = self.error_frame(trained);
-        let first: Vec<(&Station, &Attained)> = paired(visits.session)
+        let first: Vec<(&Station, Point3<f64>)> = paired(visits.session)
             .take(refit.first)
-            .map(|(station, _, attained)| (station, attained))
+            .filter_map(|(station, _, reading)| Some((station, reading.position()?)))
             .collect();
-        let measured: Vec<Point3<f64>> = first.iter().map(|(_, a)| a.position).collect();
+        let measured: Vec<Point3<f64>> = first.iter().map(|(_, position)| *position).collect();
         let placed = first.iter().map(|(station, _)| Placed {
             position: error_frame.nominal_target(&station.joints),
             flange: self.arm.flange(&station.joints).isometry().rotation,
@@ -143,12 +144,13 @@ impl Sources<'_> {
         let found = refit::refit(&measured, &placed, refit.with_target)?;
         let mut target = *trained.flange_from_target.isometry();
         target.translation.vector += found.target_shift;
-        let frames = Frames {
+        let frames = FramePair {
             tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
             flange_from_target: Transform::claim(target),
+            ..trained
         };
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
-        let oriented = self.settings.noise.orientations && !refit.with_target;
+        let oriented = self.settings.noise.takes_orientations() && !refit.with_target;
         let error_frame =
             ErrorFrame::new(self.arm, frames, self.settings.flange_from_tool, oriented);
         Some(self.base_target(visits, &error_frame, Some(first.len())))
@@ -203,9 +205,10 @@ type At = (Point3<f64>, Point3<f64>, Option<Orientation>);
 /// Stations with a measurement of their own, with their commands.
 fn paired(
     session: &JoinedSession,
-) -> impl Iterator<Item = (&Station, Option<&CommandedPose>, &Attained)> {
+) -> impl Iterator<Item = (&Station, Option<&CommandedPose>, &Reading)> {
     let stations = session.joined.stations.iter().zip(&session.commanded.poses);
-    stations.filter_map(|(station, command)| Some((station, command.as_ref(), station.measured()?)))
+    stations
+        .filter_map(|(station, command)| Some((station, command.as_ref(), station.one_reading()?)))
 }
 
 /// The dwells of a session with the poses they went to.

@@ -2,17 +2,18 @@
 
 use rayon::prelude::*;
 
+use super::StageSettings;
 use super::observed::{Observed, observations};
 use super::turns::commanded_turns;
-use super::{RawCommandBase, StageSettings};
+use crate::fit::ErrorBase;
 use crate::fit::commanded::CommandedPose;
 use crate::fit::{self, ErrorFrame, FitError, Models, TrainingSettings, holdout};
 use crate::io::tables::outcome::JoinedSession;
-use crate::join::Station;
+use crate::join::{Several, Station};
 use crate::kinematics::Arm;
 use crate::progress::Progress;
 use crate::report::evaluate::{self, RefitSettings, Stations};
-use crate::report::tip::{Turn, without_constant};
+use crate::report::tip::without_constant;
 use crate::report::{Angles, BaseRefit, Model, Residual, ResidualSet, Split, Subject};
 
 /// Observations up to which folds are trained side by side. A training holds its rows, some 32 KB an observation for six
@@ -68,7 +69,7 @@ impl Judged<'_> {
         if self.training.len() > 1 && settings.leave_sessions_out {
             residuals.extend(self.sessions_left_out(train, settings.refit.first, progress)?);
         }
-        residuals.extend(self.unseen_sessions(test, settings));
+        residuals.extend(self.unseen_sessions(test, settings)?);
         Ok(residuals)
     }
 
@@ -141,7 +142,7 @@ impl Judged<'_> {
                 observations: &own,
             };
             progress.advance(1);
-            Ok(evaluate::unseen_session(&models, stations, refit))
+            Ok(evaluate::unseen_session(&models, stations, refit)?)
         };
         let sessions = self.training.par_iter().enumerate();
         let judged: Result<Vec<_>, FitError> = sessions.map(judge).collect();
@@ -154,7 +155,7 @@ impl Judged<'_> {
         &self,
         test: &[JoinedSession],
         settings: &StageSettings,
-    ) -> Vec<ResidualSet> {
+    ) -> Result<Vec<ResidualSet>, FitError> {
         let of = |session: &JoinedSession| {
             let own = observations(self.arm, 0, session, settings);
             let stations = Stations {
@@ -163,7 +164,8 @@ impl Judged<'_> {
             };
             evaluate::unseen_session(self.models, stations, settings.refit)
         };
-        test.iter().flat_map(of).collect()
+        let judged: Result<Vec<_>, Several> = test.iter().map(of).collect();
+        Ok(judged?.into_iter().flatten().collect())
     }
 }
 
@@ -178,36 +180,30 @@ pub(super) fn merge(sets: &mut Vec<ResidualSet>, set: ResidualSet) {
     }
 }
 
-/// Errors against the raw command, where command and target are one point and the base is known or said to be fitted.
+/// Errors against the raw command in the error reference frame: where the base is surveyed, and where it is said to be fitted and
+/// command and target are one point.
 pub(super) fn raw_command(
     session: &JoinedSession,
     error_frame: &ErrorFrame<'_>,
-    base: Option<RawCommandBase>,
+    settings: &StageSettings,
 ) -> Option<ResidualSet> {
-    let tracker_from_base = match base? {
-        RawCommandBase::Surveyed(tracker_from_base) => tracker_from_base,
-        RawCommandBase::Fitted => *error_frame.frames().tracker_from_base.isometry(),
-    };
-    let base = tracker_from_base.rotation.inverse()
-        * error_frame.frames().tracker_from_base.isometry().rotation;
-    let seen = |turn: &Turn| Turn {
-        attained: base * turn.attained,
-        ..*turn
-    };
+    let is_tool = settings.target_is_tool?;
+    if settings.base? == ErrorBase::Fitted && !is_tool {
+        return None;
+    }
     let turns = commanded_turns(session, error_frame);
-    let turns: Vec<_> = turns.iter().map(|turn| turn.as_ref().map(seen)).collect();
     let turns = without_constant(&turns, |_| true);
     let (stations, visits) = (&session.joined.stations, &session.commanded.visits);
     let residual = |(place, (station, pose)): (usize, (&Station, &Option<CommandedPose>))| {
         let commanded = pose.as_ref()?.position;
-        let attained = station.measured()?;
+        let attained = error_frame.attained_tool(&station.joints, station.one_reading()?)?;
         Some(Residual {
             station: station.number,
             pose: stations[visits[place]].number,
             fold: None,
             used_for_refit: false,
             predicted: commanded,
-            residual: tracker_from_base.inverse_transform_point(&attained.position) - commanded,
+            residual: attained - commanded,
             covariance: None,
             weight: None,
             turn: turns[place],

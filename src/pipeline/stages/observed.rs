@@ -72,9 +72,9 @@ fn dwells_of(session: &JoinedSession) -> impl Iterator<Item = Dwell<'_>> {
     let commanded = &session.commanded;
     let stations = &session.joined.stations;
     let dwells = commanded::dwells(stations, &commanded.poses, commanded.trust);
-    let measured = stations.iter().map(|station| station.measured().is_some());
-    let paired = dwells.into_iter().zip(measured);
-    paired.filter_map(|(dwell, is_measured)| is_measured.then_some(dwell))
+    let readings = stations.iter().map(|station| station.measured().len());
+    let measured = dwells.into_iter().zip(readings);
+    measured.flat_map(|(dwell, readings)| std::iter::repeat_n(dwell, readings))
 }
 
 pub(super) fn observations(

@@ -19,9 +19,9 @@ pub(super) fn commanded_turns(
     let sent = session.commanded.trust.agrees();
     let tool_from_flange = error_frame.flange_from_tool().rotation.inverse();
     let turn = |(station, pose): (&Station, &Option<CommandedPose>)| {
-        let attained = station.measured().filter(|_| sent)?;
+        let reading = station.one_reading().filter(|_| sent)?;
         Some(Turn {
-            attained: error_frame.measured_flange(attained)?,
+            attained: error_frame.measured_flange(reading)?,
             wanted: pose.as_ref()?.orientation? * tool_from_flange,
         })
     };
@@ -37,7 +37,7 @@ pub(super) fn why_no_turns(
 ) -> Verdict {
     let against_command = model.is_against_commands();
     Verdict::NotShown(match session.commanded.trust {
-        _ if !settings.noise.orientations => {
+        _ if !settings.noise.takes_orientations() => {
             "orientations were not taken into the fit; of a 6-DoF target they are with [fit] orientations = true and [tracker] \
              uncertainty.orientation_rad"
                 .to_owned()

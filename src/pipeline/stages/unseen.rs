@@ -13,7 +13,7 @@ use super::gridded::grid_stations;
 use super::observed::observations;
 use crate::figures::median;
 use crate::fit::same_arm::{self, LeftBy};
-use crate::fit::{ErrorFrame, Frames, Models, ToolErrors};
+use crate::fit::{ErrorFrame, FramePair, Models, ToolErrors};
 use crate::geometry::Transform;
 use crate::grid::{GridStation, Grids, Judged};
 use crate::io::tables::outcome::JoinedSession;
@@ -69,8 +69,9 @@ impl Judges<'_> {
         first: &[GridStation],
         errors: &ToolErrors<'_>,
     ) -> Option<ErrorFrame<'_>> {
-        let paired = session.joined.stations.iter().filter_map(|s| s.measured());
-        let measured: Vec<Point3<f64>> = paired.take(first.len()).map(|a| a.position).collect();
+        let paired = session.joined.stations.iter();
+        let paired = paired.filter_map(|station| station.one_reading()?.position());
+        let measured: Vec<Point3<f64>> = paired.take(first.len()).collect();
         let flange_from_tool = *self.error_frame.flange_from_tool();
         let placed = first.iter().map(|station| {
             let flange = station.orientation * flange_from_tool.rotation.inverse();
@@ -85,12 +86,13 @@ impl Judges<'_> {
         let found = refit::refit(&measured, &placed, with_target)?;
         let mut target = *self.error_frame.frames().flange_from_target.isometry();
         target.translation.vector += found.target_shift;
-        let frames = Frames {
+        let frames = FramePair {
             tracker_from_base: Transform::claim(found.base_from_tracker.inverse()),
             flange_from_target: Transform::claim(target),
+            ..*self.error_frame.frames()
         };
         // How a target of its own is turned is not known: its orientations say nothing of the tool's.
-        let oriented = self.settings.noise.orientations && !with_target;
+        let oriented = self.settings.noise.takes_orientations() && !with_target;
         Some(ErrorFrame::new(
             self.arm,
             frames,
@@ -116,13 +118,19 @@ impl Judges<'_> {
             accuracy.iter().find(is_it)
         };
         let own = &self.own.0.name;
-        let blocks = of_table(Split::Blocks, own)
-            .map(|table| Judge::blocks(own, table, &grids.choice.words, tolerance));
+        let blocks = of_table(Split::Blocks, own).map(|table| {
+            let covered = grids.chosen().and_then(|chosen| chosen.covered.as_ref());
+            Judge::blocks(own, table, &grids.choice.words, covered, tolerance)
+        });
         let sessions = self.test.iter().map(|session| {
             let name = &session.name;
             let model = figure_of_model(accuracy, name);
             let table = model.and_then(|_| of_table(Split::Session, name));
             let remark = self.remark(session, residuals);
+            let is_own = |row: &&Judged| row.of_test.as_ref() == Some(name);
+            let row = grids.judged.iter().find(is_own);
+            let covered = row.and_then(|row| row.covered.as_ref());
+            let table = table.map(|table| (table, covered));
             Judge::session(name, model, table, tolerance, remark)
         });
         RunVerdict::of(blocks.into_iter().chain(sessions).collect())
@@ -135,13 +143,8 @@ impl Judges<'_> {
         let best = self.models.best().0;
         let of = |name: &str, split, refit| left_by(residuals, best, name, split, refit);
         let left = of(&session.name, Split::Session, BaseRefit::All)?;
-        let target = self
-            .error_frame
-            .frames()
-            .flange_from_target
-            .isometry()
-            .translation
-            .vector;
+        let fitted = self.models.base_target.frames[self.own.1].one().ok()?;
+        let target = fitted.flange_from_target.isometry().translation.vector;
         let own = observations(self.arm, 0, session, self.settings);
         let change_rad = self.settings.full.session_curve_sd_rad;
         let fit = same_arm::unseen(self.arm, &own, &target, &left, change_rad)?;

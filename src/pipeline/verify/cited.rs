@@ -12,6 +12,8 @@ use super::altered::{KNOWN_ARM, file_name, is_gone};
 use super::claim::Claim;
 use super::register::Register;
 use crate::io::lake::Lake;
+use crate::io::table::Row as _;
+use crate::io::tables::stations::StationRow;
 use crate::manifest::RunKey;
 
 /// Another run that a run rests on.
@@ -132,11 +134,9 @@ fn drove(claim: &Claim, lake: &Lake) -> BTreeSet<String> {
     let files = claim.files.iter().filter(|file| file.table == "stations");
     let keys = files.map(|file| claim.key.of_session(&file.session));
     let tables = keys.filter_map(|key| lake.read_as_it_is("stations", &key).ok());
-    let ids = tables.flat_map(|opened| -> Vec<String> {
-        let ids = opened.table.text("table_id").iter().flatten();
-        ids.map(str::to_owned).collect()
-    });
-    ids.collect()
+    let stations = tables.flat_map(|opened| StationRow::read(&opened.table));
+    let ids = stations.filter_map(|station| station.table_id);
+    ids.map(|id| id.to_string()).collect()
 }
 
 /// The plan that the settings name.

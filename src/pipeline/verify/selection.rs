@@ -9,7 +9,7 @@ use super::register::Register;
 use crate::io::lake::{Lake, LakeError, RunRow, Stands};
 use crate::io::store::Place;
 use crate::io::table::Seal;
-use crate::pipeline::plan::files;
+use crate::pipeline::configuration::files;
 
 /// Which runs are asked for.
 #[derive(Debug, Clone, Default)]

@@ -9,8 +9,10 @@ use crate::io::input::Bound;
 use crate::io::log::read_metadata;
 use crate::io::targets::driving;
 use crate::manifest::{RunKey, Work};
+use crate::pipeline::configuration::{
+    Configuration, ConfigurationError, Overrides, SessionFiles, Tree, WorkPiece,
+};
 use crate::pipeline::fetch::Fetched;
-use crate::pipeline::plan::{Overrides, Plan, PlanError, SessionFiles, Tree, WorkPiece};
 use crate::pipeline::planning::{self, Planning, PlanningError};
 use crate::pipeline::run::{run_piece, work};
 use crate::progress::Progress;
@@ -19,7 +21,7 @@ use crate::progress::Progress;
 #[derive(Debug)]
 pub(super) enum Source {
     /// Sessions, their logs at hand, and what is made of them.
-    Sessions(Box<Plan>, Fetched),
+    Sessions(Box<Configuration>, Fetched),
     /// A plan before measuring.
     Planning(Box<Planning>),
 }
@@ -56,15 +58,18 @@ impl Source {
             test: claim.test_sessions.clone(),
             lake: Some(lake.to_owned()),
         };
-        let plan = Plan::load(pipeline, &overrides).map_err(|error| match error {
-            PlanError::Session {
-                session, reason, ..
-            } => of_session(&session, &reason),
-            PlanError::Folder { .. } => NoSource::Missing(Lost::Sessions, error.to_string()),
-            error => other(error),
-        })?;
+        let configuration =
+            Configuration::load(pipeline, &overrides).map_err(|error| match error {
+                ConfigurationError::Session {
+                    session, reason, ..
+                } => of_session(&session, &reason),
+                ConfigurationError::Folder { .. } => {
+                    NoSource::Missing(Lost::Sessions, error.to_string())
+                }
+                error => other(error),
+            })?;
         let files = |piece: &WorkPiece| [piece.training.clone(), piece.test.clone()].concat();
-        let files: BTreeMap<String, SessionFiles> = plan
+        let files: BTreeMap<String, SessionFiles> = configuration
             .pieces
             .iter()
             .flat_map(files)
@@ -72,7 +77,10 @@ impl Source {
             .collect();
         let named = |names: &[String]| -> Result<Vec<SessionFiles>, NoSource> {
             let missing = |name: &String| {
-                let aside = plan.set_aside.iter().find(|aside| aside.session == *name);
+                let aside = configuration
+                    .set_aside
+                    .iter()
+                    .find(|aside| aside.session == *name);
                 let reason = aside.map_or("it is not there", |aside| aside.why.reason());
                 of_session(name, reason)
             };
@@ -84,22 +92,22 @@ impl Source {
             training: named(&claim.sessions)?,
             test: named(&claim.test_sessions)?,
         };
-        let fetched = Fetched::of(&plan.tree, &piece).map_err(other)?;
+        let fetched = Fetched::of(&configuration.tree, &piece).map_err(other)?;
         // Whatever stood elsewhere stands here now.
-        let plan = Plan {
+        let configuration = Configuration {
             tree: Tree::Folder,
-            ..plan
+            ..configuration
         };
-        Ok(Self::Sessions(Box::new(plan), fetched))
+        Ok(Self::Sessions(Box::new(configuration), fetched))
     }
 
     /// The plan that the last session's logs say it was measured by.
     pub(super) fn sampling_plan(&self) -> Option<String> {
-        let Self::Sessions(plan, fetched) = self else {
+        let Self::Sessions(configuration, fetched) = self else {
             return None;
         };
         let session = fetched.piece().training.last()?;
-        let mut metadata = read_metadata(&session.logs, plan.limits).ok()?;
+        let mut metadata = read_metadata(&session.logs, configuration.limits).ok()?;
         metadata.remove("session.plan")
     }
 
@@ -107,10 +115,10 @@ impl Source {
     pub(super) fn work(&self, claim: &Claim) -> Result<Work, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.work.clone()),
-            Self::Sessions(plan, fetched) => {
-                let named = Plan {
+            Self::Sessions(configuration, fetched) => {
+                let named = Configuration {
                     robot: Some(claim.key.robot.clone()),
-                    ..(**plan).clone()
+                    ..(**configuration).clone()
                 };
                 let work = work(&named, fetched.piece());
                 work.map_err(|error| other(fetched.told(&error.to_string())))
@@ -120,20 +128,24 @@ impl Source {
 
     /// The run whose table drove the last session, which that session is held against.
     pub(super) fn driven_by(&self) -> Option<RunKey> {
-        let Self::Sessions(plan, fetched) = self else {
+        let Self::Sessions(configuration, fetched) = self else {
             return None;
         };
         let path = fetched.piece().training.last()?.corrected.as_ref()?;
         // A file that cannot be read is told by the run.
-        Some(driving::read(path, Bound::of(plan.limits)).ok()?.key)
+        Some(
+            driving::read(path, Bound::of(configuration.limits))
+                .ok()?
+                .key,
+        )
     }
 
     /// Does the work by the code of `posegrid run`; gives the run in the temporary lake.
     pub(super) fn run(&self, claim: &Claim, progress: &dyn Progress) -> Result<RunKey, NoSource> {
         match self {
             Self::Planning(planning) => Ok(planning.make(progress).map_err(other)?.key),
-            Self::Sessions(plan, fetched) => {
-                let done = run_piece(plan, fetched.piece(), progress);
+            Self::Sessions(configuration, fetched) => {
+                let done = run_piece(configuration, fetched.piece(), progress);
                 let done = done.map_err(|error| other(fetched.told(&error.to_string())))?;
                 Ok(RunKey::new(&claim.key.robot, &done.session, done.run))
             }

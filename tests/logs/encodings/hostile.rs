@@ -1,9 +1,9 @@
 //! Bytes from anywhere: no decoder and no reader of schemas panics, whatever it is given.
 
-use posegrid::io::message::{MessageSchema, Plan, Row};
+use posegrid::io::message::{FieldReader, MessageSchema, Row};
 use proptest::prelude::*;
 
-use super::messages::plan;
+use super::messages::reader;
 use super::{IDL, joint_forms, reading_forms};
 use crate::build::stamp;
 
@@ -17,7 +17,7 @@ const JOINTS: [&str; 6] = [
 ];
 
 /// Plans of every encoding, each with a sound message.
-fn plans() -> Vec<(Plan, Vec<u8>, usize)> {
+fn readers() -> Vec<(FieldReader, Vec<u8>, usize)> {
     let forms = joint_forms().into_iter().chain(reading_forms());
     let planned = forms.map(|form| {
         let read = MessageSchema::read(
@@ -42,14 +42,14 @@ fn plans() -> Vec<(Plan, Vec<u8>, usize)> {
             // The whole and an element of it cannot both be wanted.
             .filter(|path| form.encoding == "json" || *path != "position[1]")
             .collect();
-        let plan = plan(
+        let reader = reader(
             form.encoding,
             form.type_name,
             form.language,
             &form.definition,
             &there,
         );
-        (plan, (form.message)(stamp(7), 0.25), there.len())
+        (reader, (form.message)(stamp(7), 0.25), there.len())
     });
     planned.collect()
 }
@@ -59,8 +59,8 @@ fn schema_has(schema: &MessageSchema, path: &str) -> bool {
 }
 
 /// Reads a message and looks at everything that is lent out of it.
-fn look(plan: &Plan, message: &[u8], values: usize, row: &mut Row) -> bool {
-    let read = plan.read(message, row).is_ok();
+fn look(reader: &FieldReader, message: &[u8], values: usize, row: &mut Row) -> bool {
+    let read = reader.read(message, row).is_ok();
     for slot in 0..values {
         let value = row.value(message, slot);
         let _ = super::sample::word(&value);
@@ -75,17 +75,17 @@ fn look(plan: &Plan, message: &[u8], values: usize, row: &mut Row) -> bool {
 
 #[test]
 fn a_message_cut_anywhere_is_no_message() {
-    for (plan, message, values) in plans() {
+    for (reader, message, values) in readers() {
         let mut row = Row::default();
-        assert!(look(&plan, &message, values, &mut row));
+        assert!(look(&reader, &message, values, &mut row));
         for length in 0..message.len() {
-            let read = look(&plan, &message[..length], values, &mut row);
+            let read = look(&reader, &message[..length], values, &mut row);
             // Protobuf may be cut between two fields; a JSON text and a CDR message have an end. What is behind JSON's
             // last brace is blank.
             let whole = message[length..].iter().all(u8::is_ascii_whitespace);
             assert!(
-                !read || whole || matches!(plan, Plan::Protobuf(_)),
-                "cut to {length}: {plan:?}"
+                !read || whole || matches!(reader, FieldReader::Protobuf(_)),
+                "cut to {length}: {reader:?}"
             );
         }
     }
@@ -97,11 +97,11 @@ proptest! {
     #[test]
     fn random_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let mut row = Row::default();
-        for (plan, _, values) in plans() {
-            look(&plan, &bytes, values, &mut row);
+        for (reader, _, values) in readers() {
+            look(&reader, &bytes, values, &mut row);
             // With the first bytes of a message that is read, so that more than those are met.
-            look(&plan, &[&[0, 1, 0, 0][..], &bytes].concat(), values, &mut row);
-            look(&plan, &[&[0, 9, 0, 0][..], &bytes].concat(), values, &mut row);
+            look(&reader, &[&[0, 1, 0, 0][..], &bytes].concat(), values, &mut row);
+            look(&reader, &[&[0, 9, 0, 0][..], &bytes].concat(), values, &mut row);
         }
     }
 
@@ -110,12 +110,12 @@ proptest! {
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
     ) {
         let mut row = Row::default();
-        for (plan, mut message, values) in plans() {
+        for (reader, mut message, values) in readers() {
             for (place, byte) in &changes {
                 let place = place.index(message.len());
                 message[place] = *byte;
             }
-            look(&plan, &message, values, &mut row);
+            look(&reader, &message, values, &mut row);
         }
     }
 

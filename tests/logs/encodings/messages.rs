@@ -1,11 +1,17 @@
 //! Protobuf and JSON, down to the rules for what is missing, doubled or unknown.
 
-use posegrid::io::message::{FieldPath, MessageFault, MessageSchema, Plan, Row};
+use posegrid::io::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
 
 use super::proto::{Field, Proto, describe, file, set};
 
-/// The plan for these fields of messages of a channel.
-pub fn plan(encoding: &str, name: &str, language: &str, text: &[u8], wanted: &[&str]) -> Plan {
+/// The reader for these fields of messages of a channel.
+pub fn reader(
+    encoding: &str,
+    name: &str,
+    language: &str,
+    text: &[u8],
+    wanted: &[&str],
+) -> FieldReader {
     let schema =
         MessageSchema::read(encoding, name, language, text).expect("an encoding that is read");
     let paths = wanted
@@ -13,14 +19,14 @@ pub fn plan(encoding: &str, name: &str, language: &str, text: &[u8], wanted: &[&
         .map(|path| FieldPath::parse(path).expect("a sound path"));
     schema
         .expect("a sound schema")
-        .plan(&paths.collect::<Vec<_>>())
+        .reader(&paths.collect::<Vec<_>>())
         .expect("fields exist")
 }
 
 /// Each value in words.
-fn words(plan: &Plan, message: &[u8], count: usize) -> Result<Vec<String>, MessageFault> {
+fn words(reader: &FieldReader, message: &[u8], count: usize) -> Result<Vec<String>, MessageFault> {
     let mut row = Row::default();
-    plan.read(message, &mut row)?;
+    reader.read(message, &mut row)?;
     Ok((0..count)
         .map(|slot| super::sample::word(&row.value(message, slot)))
         .collect())
@@ -64,10 +70,10 @@ const WANTED: [&str; 10] = [
 ];
 
 fn outer(syntax: &str, message: &Proto) -> Vec<String> {
-    // `n` and an element of it cannot both be wanted of one plan.
+    // `n` and an element of it cannot both be wanted of one reader.
     let whole: Vec<_> = WANTED.into_iter().filter(|path| *path != "n[1]").collect();
-    let plan = plan("protobuf", "t.Outer", "protobuf", &types(syntax), &whole);
-    words(&plan, &message.0, whole.len()).expect("sound")
+    let reader = reader("protobuf", "t.Outer", "protobuf", &types(syntax), &whole);
+    words(&reader, &message.0, whole.len()).expect("sound")
 }
 
 #[test]
@@ -135,7 +141,7 @@ fn doubled_and_unknown_fields_are_read_as_official_readers_do() {
     // The other way round, the double ousts the message.
     let other = Proto::default().message(4, &inner(3.5)).double(3, 2.5);
     assert_eq!(outer("proto3", &other)[4..6], ["2.5", "absent"]);
-    let picked = plan(
+    let picked = reader(
         "protobuf",
         "t.Outer",
         "protobuf",
@@ -150,14 +156,14 @@ fn doubled_and_unknown_fields_are_read_as_official_readers_do() {
 
 #[test]
 fn bytes_that_are_no_protobuf_are_refused() {
-    let plan = plan(
+    let reader = reader(
         "protobuf",
         "t.Outer",
         "protobuf",
         &types("proto3"),
         &["inner.a", "n"],
     );
-    let fault = |bytes: &[u8]| words(&plan, bytes, 2).expect_err("refused");
+    let fault = |bytes: &[u8]| words(&reader, bytes, 2).expect_err("refused");
     for (bytes, expected) in [
         (&[0x00][..], MessageFault::Wire),          // field number 0
         (&[0x0F], MessageFault::Wire),              // wire type 7
@@ -207,15 +213,15 @@ fn descriptor_sets_that_cannot_be_are_refused() {
         &[Field::of("own", 1, ".t.Outer"), Field::one("x", 2, 1)],
     );
     let own = set(&[file("t.proto", "t", &[], "proto3", &[own])]);
-    let plan = plan("protobuf", "t.Outer", "protobuf", &own, &["own.own.x"]);
+    let reader = reader("protobuf", "t.Outer", "protobuf", &own, &["own.own.x"]);
     let message = Proto::default().double(2, 1.5);
     let message = Proto::default().message(1, &Proto::default().message(1, &message));
-    assert_eq!(words(&plan, &message.0, 1), Ok(vec!["1.5".to_owned()]));
+    assert_eq!(words(&reader, &message.0, 1), Ok(vec!["1.5".to_owned()]));
 }
 
 fn json(wanted: &[&str], message: &str) -> Result<Vec<String>, MessageFault> {
     words(
-        &plan("json", "", "", b"", wanted),
+        &reader("json", "", "", b"", wanted),
         message.as_bytes(),
         wanted.len(),
     )

@@ -190,7 +190,7 @@ fn ros_schemas() -> (String, String, Vec<String>) {
         ]
         .map(str::to_owned),
     );
-    // An element and the whole of an array of numbers cannot both be wanted of one plan: the test makes two.
+    // An element and the whole of an array of numbers cannot both be wanted of one reader: the test makes two.
     let inner = "================\nMSG: samples/Inner\nuint8 x\nfloat64 y\nstring s\n";
     let line = "=".repeat(80);
     let idl = format!(
@@ -513,17 +513,18 @@ impl Sample {
             .iter()
             .map(|path| FieldPath::parse(path).expect("a path"))
             .collect();
-        // One path a plan: whole arrays and elements of them are both compared.
+        // One path a reader: whole arrays and elements of them are both compared.
         let alone: Vec<_> = parsed
             .iter()
-            .map(|path| schema.plan(std::slice::from_ref(path)))
+            .map(|path| schema.reader(std::slice::from_ref(path)))
             .collect();
         let mut row = Row::default();
         for (index, message) in messages.iter().enumerate() {
             self.log.write(channel, index as u64, message);
-            for (path, plan) in paths.iter().zip(&alone) {
-                let plan = plan.as_ref().expect("a field that is there");
-                plan.read(message, &mut row)
+            for (path, reader) in paths.iter().zip(&alone) {
+                let reader = reader.as_ref().expect("a field that is there");
+                reader
+                    .read(message, &mut row)
                     .unwrap_or_else(|fault| panic!("{topic} {index} {path}: {fault}"));
                 let values = elements(&row.value(message, 0));
                 let line = serde_json::json!({ "topic": topic, "index": index, "path": path, "values": values });

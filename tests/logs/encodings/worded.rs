@@ -1,9 +1,9 @@
 //! A row that has read messages like this one reads it as a new one does: what is kept of the message before is never
 //! mistaken for what this one says.
 
-use posegrid::io::message::{FieldPath, MessageFault, MessageSchema, Plan, Row};
+use posegrid::io::message::{FieldPath, FieldReader, MessageFault, MessageSchema, Row};
 
-use super::messages::plan;
+use super::messages::reader;
 use super::sample::{
     JSON_PATHS, Noise, elements, json_message, protobuf_message, protobuf_schema, word,
 };
@@ -25,7 +25,7 @@ fn said(row: &Row, message: &[u8], count: usize) -> Vec<(Vec<serde_json::Value>,
 
 /// Reads a message and `changes` that differ from it in a few bytes, in a row and in new ones.
 pub fn compare(
-    (plan, count): (&Plan, usize),
+    (reader, count): (&FieldReader, usize),
     (message, changes): (&[u8], usize),
     noise: &mut Noise,
     seen: &mut Seen,
@@ -35,14 +35,14 @@ pub fn compare(
     for _ in 0..=changes {
         let filled = row.filled();
         let mut fresh = Row::default();
-        let expected: Result<_, MessageFault> = plan
+        let expected: Result<_, MessageFault> = reader
             .read(&changed, &mut fresh)
             .map(|()| said(&fresh, &changed, count));
-        let found = plan
+        let found = reader
             .read(&changed, &mut row)
             .map(|()| said(&row, &changed, count));
         let shown = changed.escape_ascii();
-        assert_eq!(found, expected, "{shown} after {plan:?}");
+        assert_eq!(found, expected, "{shown} after {reader:?}");
         seen.as_before += usize::from(filled > 0 && row.filled() == filled);
         seen.refused += usize::from(found.is_err());
         if found.is_err() {
@@ -93,15 +93,15 @@ fn compare_all(schema: &MessageSchema, paths: &[String], messages: &[Vec<u8>]) -
         .map(|path| FieldPath::parse(path).expect("a path"))
         .collect();
     let alone = parsed.iter().map(std::slice::from_ref);
-    let together = schema.plan(&parsed).ok();
-    let mut plans: Vec<_> = together
-        .map(|plan| (plan, paths.len()))
+    let together = schema.reader(&parsed).ok();
+    let mut readers: Vec<_> = together
+        .map(|reader| (reader, paths.len()))
         .into_iter()
         .collect();
-    plans.extend(alone.map(|path| (schema.plan(path).expect("a field that is there"), 1)));
+    readers.extend(alone.map(|path| (schema.reader(path).expect("a field that is there"), 1)));
     for message in messages {
-        for (plan, count) in &plans {
-            compare((plan, *count), (message, 60), &mut noise, &mut seen);
+        for (reader, count) in &readers {
+            compare((reader, *count), (message, 60), &mut noise, &mut seen);
         }
     }
     seen
@@ -179,10 +179,10 @@ fn a_value_given_twice_or_moved_is_not_taken_for_the_one_before() {
             "9223372036854776000",
         ),
     ] {
-        let plan = plan("json", "", "", b"", &[path]);
+        let reader = reader("json", "", "", b"", &[path]);
         let mut row = Row::default();
-        plan.read(before.as_bytes(), &mut row).expect("sound");
-        let read = plan.read(message.as_bytes(), &mut row);
+        reader.read(before.as_bytes(), &mut row).expect("sound");
+        let read = reader.read(message.as_bytes(), &mut row);
         assert_eq!(read, Ok(()), "{message}");
         assert_eq!(
             word(&row.value(message.as_bytes(), 0)),
@@ -194,7 +194,7 @@ fn a_value_given_twice_or_moved_is_not_taken_for_the_one_before() {
 
 #[test]
 fn what_may_not_be_is_refused_in_known_words_too() {
-    let plan = plan("json", "", "", b"", &["x"]);
+    let reader = reader("json", "", "", b"", &["x"]);
     let mut row = Row::default();
     for (message, expected) in [
         (r#"{"y":[1],"x":1}"#, Ok(())),
@@ -208,7 +208,7 @@ fn what_may_not_be_is_refused_in_known_words_too() {
         (r#"{"y":[1.],"x":2}"#, Err(MessageFault::Json)),
     ] {
         assert_eq!(
-            plan.read(message.as_bytes(), &mut row),
+            reader.read(message.as_bytes(), &mut row),
             expected,
             "{message}"
         );
@@ -221,9 +221,9 @@ fn what_may_not_be_is_refused_in_known_words_too() {
             "]".repeat(levels)
         );
         let (mut row, mut fresh) = (Row::default(), Row::default());
-        assert_eq!(plan.read(br#"{"y":[],"x":1}"#, &mut row), Ok(()));
-        let expected = plan.read(deep.as_bytes(), &mut fresh);
-        assert_eq!(plan.read(deep.as_bytes(), &mut row), expected, "{levels}");
+        assert_eq!(reader.read(br#"{"y":[],"x":1}"#, &mut row), Ok(()));
+        let expected = reader.read(deep.as_bytes(), &mut fresh);
+        assert_eq!(reader.read(deep.as_bytes(), &mut row), expected, "{levels}");
         expected == Err(MessageFault::Deep)
     });
     assert!((1..20).contains(&refused.count()));
@@ -232,7 +232,7 @@ fn what_may_not_be_is_refused_in_known_words_too() {
 #[test]
 fn an_array_and_elements_of_it_are_wanted_at_once() {
     let wanted = ["a", "a[1]", "a[]", "a"];
-    let plan = plan("json", "", "", b"", &wanted);
+    let reader = reader("json", "", "", b"", &wanted);
     let mut row = Row::default();
     for (message, expected) in [
         ("{\"a\":[1,2]}", ["[1, 2]", "2", "[1, 2]", "[1, 2]"]),
@@ -245,7 +245,7 @@ fn an_array_and_elements_of_it_are_wanted_at_once() {
             ["[3, absent]", "[4]", "[3, absent]", "[3, absent]"],
         ),
     ] {
-        plan.read(message.as_bytes(), &mut row).expect("sound");
+        reader.read(message.as_bytes(), &mut row).expect("sound");
         let found: Vec<_> = (0..wanted.len())
             .map(|slot| word(&row.value(message.as_bytes(), slot)))
             .collect();

@@ -1,45 +1,53 @@
 //! Rows of table `residuals` by what they are of, and their numbers as a message.
 
-use std::collections::BTreeMap;
-
-use arrow::array::Array as _;
 use serde::Serialize;
 
 use super::scene::Time;
-use crate::io::table::Table;
+use crate::io::table::{Row as _, Table, Word as _};
+use crate::io::tables::residuals::ResidualRow;
+use crate::io::tables::words::Role;
+use crate::report::{Model, Subject};
 
-/// What residuals are of, in the words of the table.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+/// What residuals are of, and the part that the stations had in the fit.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Of {
-    pub(super) session: String,
-    pub(super) split: String,
-    pub(super) model: String,
-    pub(super) angles: String,
-    pub(super) base_refit: String,
-    pub(super) role: String,
+    pub(super) subject: Subject,
+    pub(super) role: Role,
+}
+
+/// [`Of`] in the words of the table, in which messages state it and topics are ordered.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+pub(super) struct Words<'o> {
+    session: &'o str,
+    split: &'static str,
+    pub(super) model: &'static str,
+    pub(super) angles: &'static str,
+    base_refit: &'static str,
+    role: &'static str,
 }
 
 impl Of {
-    /// Before compensation, or after.
-    pub(super) fn moment(&self) -> &'static str {
-        match self.model.as_str() {
-            "raw_command" | "base_target" => "before",
-            _ => "after",
+    pub(super) fn words(&self) -> Words<'_> {
+        let subject = &self.subject;
+        Words {
+            session: &subject.of_session,
+            split: subject.split.word(),
+            model: subject.model.word(),
+            angles: subject.angles.word(),
+            base_refit: subject.base_refit.word(),
+            role: self.role.word(),
         }
     }
-}
 
-/// One residual.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Row {
-    pub(super) station: i64,
-    fold: Option<i64>,
-    used_for_refit: bool,
-    /// Attained position, base frame, mm.
-    attained_mm: [f64; 3],
-    /// Measured minus predicted, mm.
-    pub(super) error_mm: [f64; 3],
-    pub(super) norm_mm: f64,
+    /// Whether the robot is as it is without compensation.
+    pub(super) const fn is_before(&self) -> bool {
+        matches!(self.subject.model, Model::RawCommand | Model::BaseTarget)
+    }
+
+    /// Before compensation, or after.
+    pub(super) const fn moment(&self) -> &'static str {
+        if self.is_before() { "before" } else { "after" }
+    }
 }
 
 /// A point or a vector.
@@ -60,72 +68,53 @@ impl From<[f64; 3]> for Xyz {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Numbers<'r> {
     timestamp: Time,
-    station: i64,
+    station: usize,
     error_mm: f64,
     error_vector_mm: Xyz,
     attained_mm: Xyz,
     used_for_refit: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
-    fold: Option<i64>,
+    fold: Option<usize>,
     moment: &'static str,
     #[serde(flatten)]
-    of: &'r Of,
+    of: Words<'r>,
 }
 
-impl Row {
-    /// Where the target was predicted, mm.
-    pub(super) fn predicted_mm(&self) -> [f64; 3] {
-        std::array::from_fn(|axis| self.attained_mm[axis] - self.error_mm[axis])
-    }
-
-    /// Its numbers, at its station's time.
-    pub(super) fn numbers<'r>(&self, of: &'r Of, ns: u64) -> Numbers<'r> {
-        Numbers {
+impl<'r> Numbers<'r> {
+    /// The numbers of a row, at its station's time.
+    pub(super) fn new(row: &ResidualRow, of: &'r Of, ns: u64) -> Self {
+        Self {
             timestamp: Time::of(ns),
-            station: self.station,
-            error_mm: self.norm_mm,
-            error_vector_mm: self.error_mm.into(),
-            attained_mm: self.attained_mm.into(),
-            used_for_refit: self.used_for_refit,
-            fold: self.fold,
+            station: row.station,
+            error_mm: row.residual_mm,
+            error_vector_mm: row.residual.into(),
+            attained_mm: row.at.into(),
+            used_for_refit: row.used_for_refit,
+            fold: row.fold,
             moment: of.moment(),
-            of,
+            of: of.words(),
         }
     }
 }
 
-/// All rows of the table, by what they are of.
-pub(super) fn rows(table: &Table) -> BTreeMap<Of, Vec<Row>> {
-    let mut rows: BTreeMap<Of, Vec<Row>> = BTreeMap::new();
-    for row in 0..table.rows() {
-        rows.entry(of(table, row))
-            .or_default()
-            .push(self::row(table, row));
-    }
-    rows
+/// Where the target was predicted, base frame, mm.
+pub(super) fn predicted_mm(row: &ResidualRow) -> [f64; 3] {
+    std::array::from_fn(|axis| row.at[axis] - row.residual[axis])
 }
 
-fn of(table: &Table, row: usize) -> Of {
-    let text = |column: &str| table.text(column).value(row).to_owned();
-    Of {
-        session: text("of_session"),
-        split: text("split"),
-        model: text("model"),
-        angles: text("angles"),
-        base_refit: text("base_refit"),
-        role: text("role"),
+/// All rows of the table, by what they are of, in the alphabet of the words.
+pub(super) fn rows(table: &Table) -> Vec<(Of, Vec<ResidualRow>)> {
+    let mut sets: Vec<(Of, Vec<ResidualRow>)> = Vec::new();
+    for row in ResidualRow::read(table) {
+        let of = Of {
+            subject: row.subject(),
+            role: row.role,
+        };
+        match sets.iter_mut().find(|(own, _)| *own == of) {
+            Some((_, rows)) => rows.push(row),
+            None => sets.push((of, vec![row])),
+        }
     }
-}
-
-fn row(table: &Table, row: usize) -> Row {
-    let numbers = |columns: [&str; 3]| columns.map(|column| table.f64(column).value(row));
-    let folds = table.i64("fold");
-    Row {
-        station: table.i64("station").value(row),
-        fold: folds.is_valid(row).then(|| folds.value(row)),
-        used_for_refit: table.bool("used_for_refit").value(row),
-        attained_mm: numbers(["x_mm", "y_mm", "z_mm"]),
-        error_mm: numbers(["residual_x_mm", "residual_y_mm", "residual_z_mm"]),
-        norm_mm: table.f64("residual_mm").value(row),
-    }
+    sets.sort_by(|(a, _), (b, _)| a.words().cmp(&b.words()));
+    sets
 }

@@ -4,7 +4,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
 use super::ARROW_SCALE;
-use super::rows::{Of, Row, Xyz};
+use super::rows::{Of, Xyz, predicted_mm};
+use crate::io::tables::residuals::ResidualRow;
 use crate::units::MM_PER_M;
 
 /// The schema, as far as these messages go.
@@ -121,7 +122,7 @@ impl Color {
 /// An error vector at its station's time.
 pub(super) struct Arrow<'a> {
     pub(super) of: &'a Of,
-    pub(super) row: &'a Row,
+    pub(super) row: &'a ResidualRow,
     pub(super) ns: u64,
 }
 
@@ -134,7 +135,7 @@ impl Arrow<'_> {
             frame_id: "base",
             metadata: [
                 entry("station", station.clone()),
-                entry("error_mm", self.row.norm_mm.to_string()),
+                entry("error_mm", self.row.residual_mm.to_string()),
                 entry("arrow_scale", ARROW_SCALE.to_string()),
             ],
             id: station,
@@ -153,22 +154,18 @@ impl Arrow<'_> {
     }
 
     fn shape(&self) -> Shape {
-        let long_m = ARROW_SCALE * self.row.norm_mm / MM_PER_M;
+        let long_m = ARROW_SCALE * self.row.residual_mm / MM_PER_M;
         let shaft_diameter = (SHAFT_WIDTH * long_m).min(WIDEST_SHAFT_M);
         Shape {
             pose: Pose {
-                position: self.row.predicted_mm().map(|x| x / MM_PER_M).into(),
-                orientation: along(&Vector3::from(self.row.error_mm)),
+                position: predicted_mm(self.row).map(|x| x / MM_PER_M).into(),
+                orientation: along(&Vector3::from(self.row.residual)),
             },
             shaft_length: (1.0 - HEAD) * long_m,
             shaft_diameter,
             head_length: HEAD * long_m,
             head_diameter: 2.0 * shaft_diameter,
-            color: if self.of.moment() == "before" {
-                BEFORE
-            } else {
-                AFTER
-            },
+            color: if self.of.is_before() { BEFORE } else { AFTER },
         }
     }
 }

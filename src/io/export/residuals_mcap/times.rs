@@ -3,16 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use super::ExportError;
-use crate::io::common::Common;
+use super::{ExportError, ExportErrorKind};
+use crate::io::common;
 use crate::io::lake::{Lake, read_given};
 use crate::io::schema;
-use crate::io::table::Table;
+use crate::io::table::{Row as _, Table};
+use crate::io::tables::stations::StationRow;
 use crate::manifest::RunKey;
 
 /// The first stationary moment of each station, ns, by session and number.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) struct Times(BTreeMap<(String, i64), i64>);
+pub(super) struct Times(BTreeMap<(String, usize), i64>);
 
 impl Times {
     /// Reads the tables of all sessions: from `files`, or without any from the lake that `residuals` stands in.
@@ -24,37 +25,32 @@ impl Times {
     ) -> Result<Self, ExportError> {
         let mut times = Self::default();
         for file in files {
-            times.add(&of_run(file, key)?);
+            let (session, stations) = of_run(file, key)?;
+            times.add(&session, &stations);
         }
         if files.is_empty() {
             let lake = lake(residuals)?;
             let sessions: BTreeSet<&str> = sessions.collect();
             for session in sessions {
                 let read = lake.read("stations", &key.of_session(session));
-                times.add(&read.map_err(|source| ExportError::NoTimes {
+                let stations = read.map_err(|source| ExportError::NoTimes {
                     session: session.to_owned(),
                     source: Box::new(source),
-                })?);
+                })?;
+                times.add(session, &stations);
             }
         }
         Ok(times)
     }
 
-    fn add(&mut self, stations: &Table) {
-        let columns = (
-            stations.text("session"),
-            stations.i64("station"),
-            stations.i64("start_ns"),
-        );
-        for row in 0..stations.rows() {
-            let session = columns.0.value(row).to_owned();
-            let station = columns.1.value(row);
-            self.0.insert((session, station), columns.2.value(row));
-        }
+    fn add(&mut self, session: &str, stations: &Table) {
+        let stations = StationRow::read(stations).into_iter();
+        let times = stations.map(|row| ((session.to_owned(), row.station), row.start_ns));
+        self.0.extend(times);
     }
 
     /// When a station was measured, ns.
-    pub(super) fn of(&self, session: &str, station: i64) -> Result<u64, ExportError> {
+    pub(super) fn of(&self, session: &str, station: usize) -> Result<u64, ExportError> {
         let unknown = || ExportError::NoTime {
             session: session.to_owned(),
             station,
@@ -74,7 +70,7 @@ impl Times {
 /// The lake that a file `TABLE/ROBOT/SESSION/RUN.parquet` stands in.
 fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     let root = residuals.ancestors().nth(4);
-    let root = root.ok_or_else(|| ExportError::NoLake(residuals.to_owned()))?;
+    let root = root.ok_or_else(|| ExportErrorKind::NoLake.at(residuals))?;
     Ok(Lake::new(if root == Path::new("") {
         Path::new(".")
     } else {
@@ -82,24 +78,17 @@ fn lake(residuals: &Path) -> Result<Lake, ExportError> {
     }))
 }
 
-/// A table of stations that the same run wrote.
-fn of_run(file: &Path, key: &RunKey) -> Result<Table, ExportError> {
+/// The session of a table of stations that the same run wrote, and the table.
+fn of_run(file: &Path, key: &RunKey) -> Result<(String, Table), ExportError> {
     let table = read_given(file, schema::find("stations")?)?;
     if table.rows() == 0 {
-        return Err(ExportError::Empty(file.to_owned()));
+        return Err(ExportErrorKind::Empty.at(file));
     }
-    let common = Common {
-        path: file,
-        table: &table,
-    };
-    let found = common.key()?;
+    let found = common::key(file, &table)?;
     if (&found.robot, &found.run) == (&key.robot, &key.run) {
-        Ok(table)
+        Ok((found.session, table))
     } else {
-        Err(ExportError::OtherRun {
-            path: file.to_owned(),
-            found: found.run,
-            expected: key.run.clone(),
-        })
+        let (found, expected) = (found.run, key.run.clone());
+        Err(ExportErrorKind::OtherRun { found, expected }.at(file))
     }
 }

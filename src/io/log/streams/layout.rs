@@ -4,7 +4,7 @@ use super::Stream;
 use crate::ingest::{
     AngleFields, JointFields, Mapping, PoseFields, StampField, TimeSource, TimeUnit,
 };
-use crate::io::message::{FieldPath, MessageSchema, Plan, SchemaError, ros2msg};
+use crate::io::message::{FieldPath, FieldReader, MessageSchema, SchemaError, ros2msg};
 
 /// The values that a type of message is decoded into.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -161,7 +161,7 @@ pub(super) struct Recipe {
     pub(super) frame: Option<String>,
     pub(super) meaning: Meaning,
     pub(super) paths: Vec<FieldPath>,
-    pub(super) plan: Plan,
+    pub(super) reader: FieldReader,
 }
 
 /// The statements of the pipeline file about a stream's messages.
@@ -211,11 +211,11 @@ fn common(name: &str) -> Option<&'static Common> {
 /// The values that can be read from messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
-    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; `None` where it is in
-    /// none of the usual places.
-    pub stamp: Option<Plan>,
-    /// The array of joint names of the common types; `None` for others.
-    pub joint_names: Option<Plan>,
+    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; where it is in one of the
+    /// usual places.
+    pub stamp: Option<FieldReader>,
+    /// The array of joint names, of the common types.
+    pub joint_names: Option<FieldReader>,
 }
 
 impl Glance {
@@ -228,12 +228,12 @@ impl Glance {
             let usual = STAMPS.into_iter().find(|stamp| has_time(schema, stamp));
             let path = FieldPath::parse(common.map(|common| common.stamp).or(usual)?).ok()?;
             let (_, paths) = time_at(&path, schema).ok()?;
-            schema.plan(&paths).ok()
+            schema.reader(&paths).ok()
         };
         let names = |schema: &MessageSchema| {
             let joints = common.filter(|common| common.layout == Layout::Joints)?;
             schema
-                .plan(&[FieldPath::parse(joints.fields[0]).ok()?])
+                .reader(&[FieldPath::parse(joints.fields[0]).ok()?])
                 .ok()
         };
         Self {
@@ -307,7 +307,7 @@ impl Recipe {
             stamp,
             frame: said.frame.map(str::to_owned),
             meaning,
-            plan: schema.plan(&paths)?,
+            reader: schema.reader(&paths)?,
             paths,
         }))
     }

@@ -116,7 +116,7 @@ impl Reader {
     ) -> Result<(), RowFault> {
         let recipe = &self.recipe;
         let row = &mut part.rows[self.stream as usize];
-        recipe.plan.read(message.payload, row)?;
+        recipe.reader.read(message.payload, row)?;
         let values = Values {
             row,
             payload: message.payload,

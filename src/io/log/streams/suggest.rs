@@ -217,9 +217,9 @@ impl Leaves<'_> {
         let single: Vec<_> = self.sound().filter(|path| !path.contains("[]")).collect();
         let paths = single.iter().map(|path| FieldPath::parse(path));
         let schema = MessageSchema::Json(JsonSchema::default());
-        let plan = schema.plan(&paths.collect::<Result<Vec<_>, _>>().ok()?);
+        let reader = schema.reader(&paths.collect::<Result<Vec<_>, _>>().ok()?);
         let mut row = Row::default();
-        plan.ok()?.read(message, &mut row).ok()?;
+        reader.ok()?.read(message, &mut row).ok()?;
         let is_date_time = |slot: &usize| match row.value(message, *slot) {
             Value::Text(text) => text.date_time_ns().is_some(),
             _ => false,

@@ -20,8 +20,8 @@ const PADDING: usize = 3;
 /// The bytes that determine the layout of a message.
 #[derive(Debug, Clone, Default)]
 pub struct Layout {
-    /// The plan that read it; `None` where the next message has to be walked.
-    plan: Option<Arc<()>>,
+    /// The reader that read it; `None` where the next message has to be walked.
+    reader: Option<Arc<()>>,
     length: usize,
     header: [u8; HEADER],
     /// Counts, and the texts between them: their places, and their bytes one after another.
@@ -37,7 +37,7 @@ pub struct Layout {
 impl Layout {
     /// Forgets the layout: the next message has to be walked.
     pub fn forget(&mut self) {
-        self.plan = None;
+        self.reader = None;
         self.stretches.clear();
         self.numbers.clear();
         self.is_other = false;
@@ -74,11 +74,11 @@ impl Layout {
         self.is_other = true;
     }
 
-    /// Keeps the layout of a message that `plan` walked to its end.
-    pub fn keep(&mut self, plan: &Arc<()>, message: &[u8], big_endian: bool) {
+    /// A message was walked to its end by `reader`, and all that was noted is of it.
+    pub fn keep(&mut self, reader: &Arc<()>, message: &[u8], big_endian: bool) {
         let header = message.first_chunk().filter(|_| !self.is_other);
         if let Some(header) = header {
-            self.plan = Some(Arc::clone(plan));
+            self.reader = Some(Arc::clone(reader));
             self.length = message.len();
             self.header = *header;
             self.big_endian = big_endian;
@@ -89,9 +89,9 @@ impl Layout {
         }
     }
 
-    /// Whether `message` has this layout for `plan`.
+    /// Whether `message` is laid out alike for `reader`.
     #[inline]
-    pub fn is_of(&self, plan: &Arc<()>, message: &[u8]) -> bool {
+    pub fn is_of(&self, reader: &Arc<()>, message: &[u8]) -> bool {
         let mut same = self.same.as_slice();
         let mut is_same = |stretch: &Range<usize>| {
             let known = same.split_off(..stretch.len());
@@ -100,7 +100,9 @@ impl Layout {
                 .zip(found)
                 .is_some_and(|(known, found)| alike(known, found))
         };
-        self.plan.as_ref().is_some_and(|of| Arc::ptr_eq(of, plan))
+        self.reader
+            .as_ref()
+            .is_some_and(|of| Arc::ptr_eq(of, reader))
             && message.len() == self.length
             && message.starts_with(&self.header)
             && self.stretches.iter().all(&mut is_same)

@@ -1,15 +1,15 @@
 //! A message's bytes → the wanted values.
 
 use super::scan::{MOST_LEVELS, Scan};
-use super::{JsonPlan, Node, number, unescaped};
+use super::{JsonReader, Node, number, unescaped};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
 /// Some writers put this byte order mark before a text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
-impl JsonPlan {
-    /// Puts the wanted values of one message into the row, in the order they were asked for.
+impl JsonReader {
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {

@@ -1,13 +1,13 @@
 //! A message's bytes → the wanted values.
 
 use super::descriptor::Kind;
-use super::plan::{Action, Entry, Messages, Node, ProtobufPlan, Target};
+use super::reader::{Action, Entry, Messages, Node, ProtobufReader, Target};
 use super::wire::{Wire, wire_type};
 use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
-impl ProtobufPlan {
-    /// Puts the wanted values of one message into the row, in the order they were asked for.
+impl ProtobufReader {
+    /// Takes the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {

@@ -13,14 +13,15 @@ use crate::fit::full::{FullModel, FullSettings};
 use crate::fit::model::Spread;
 use crate::fit::scale::{FittedScale, FreeScale, SessionScale};
 use crate::fit::{
-    self, At, Blocks, Calibration, ErrorFrame, FitSettings, Frames, Freedom, Gap, Models, Noise,
-    Observation, PoseModel, Prediction, ToolErrors, TrackerUncertainty, TrainingSettings,
+    self, At, Blocks, Calibration, ErrorBase, ErrorFrame, FitSettings, Frames, Freedom, Gap,
+    Models, Noise, Observation, PoseModel, Prediction, Source, SourceId, ToolErrors,
+    TrackerUncertainty, TrainingSettings,
 };
 use crate::geometry::{Transform, isometry_from_rpy};
 use crate::grid::{self, GridInput, GridSettings, GridStation, Grids, Reach, Tolerance, Verdict};
 use crate::ingest::{LogReject, LossKind, SpanClock};
 use crate::io::tables::outcome::{JoinedSession, Outcome};
-use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, Station};
+use crate::join::{ClockEstimate, Found, JoinReject, Joined, ReadingCounts, ReadingKind, Station};
 use crate::kinematics::{Arm, RobotFile};
 use crate::progress::Quiet;
 use crate::report::iso_9283::{Characteristic, Figure, Iso9283};
@@ -189,8 +190,11 @@ impl PoseModel for Identified {
         self.0.predict(at)
     }
 
-    fn spread(&self, session: usize, _: &Prediction) -> Spread {
-        let base = self.0.frames[session].tracker_from_base.isometry().rotation;
+    fn spread(&self, session: usize, source: SourceId, _: &Prediction) -> Spread {
+        let base = self.0.frames[session]
+            .tracker_from_base(source)
+            .isometry()
+            .rotation;
         let covariance = Spread::Of(Matrix3::from_diagonal(&Vector3::new(1e-4, 2e-4, 3e-4)));
         Spread::Of(covariance.seen_from(&base))
     }
@@ -202,18 +206,20 @@ impl PoseModel for Identified {
 
 /// The stations of the session as fits take them.
 fn observations(session: &JoinedSession) -> Vec<Observation> {
-    let noise = Noise {
-        tracker: TrackerUncertainty {
-            range_um: 10.0,
-            range_um_per_m: 0.3,
-            transverse_um: 15.0,
-            transverse_um_per_m: 6.0,
-            divisor: 2.0,
-            orientation_rad: None,
+    let noise = Noise::of_one(
+        Source {
+            reads: ReadingKind::Point,
+            uncertainty: TrackerUncertainty {
+                range_um: 10.0,
+                range_um_per_m: 0.3,
+                transverse_um: 15.0,
+                transverse_um_per_m: 6.0,
+                divisor: 2.0,
+                orientation_rad: None,
+            },
         },
-        repeatability_mm: 0.03,
-        orientations: false,
-    };
+        0.03,
+    );
     let mut observations = fit::observations(0, &session.joined.stations, &ARM, &noise);
     for observation in &mut observations {
         observation
@@ -246,11 +252,11 @@ fn outcome() -> Outcome<'static> {
         &observations,
         &geometric.frames,
         &geometric.geometry,
-        FIT.prior(),
+        &FIT.prior(),
         &FULL,
         Some(Vector3::z_axis()),
     );
-    let error_frame = ErrorFrame::new(&ARM, base_target.frames[0], None, false);
+    let error_frame = ErrorFrame::new(&ARM, base_target.frames[0].one().unwrap(), None, false);
     let grids = grids(&session.joined.stations, &error_frame, &geometric);
     let samples = samples(&session.joined.stations, &error_frame);
     Outcome {
@@ -260,6 +266,7 @@ fn outcome() -> Outcome<'static> {
             SESSION,
             &accuracy(false),
             &grids.choice.words,
+            None,
             &TOLERANCE,
         )]),
         scales: vec![scale()],
@@ -279,6 +286,7 @@ fn outcome() -> Outcome<'static> {
         best: Model::Full,
         training: vec![session],
         test: Vec::new(),
+        base: ErrorBase::Fitted,
         error_frame,
         grids,
     }
@@ -289,7 +297,7 @@ fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSampl
         Some(ErrorSample {
             joints: station.joints.clone(),
             position: error_frame.nominal_target(&station.joints),
-            error: error_frame.target_error(&station.joints, station.attained.as_ref()?),
+            error: error_frame.target_error(&station.joints, station.one_reading()?)?,
         })
     };
     stations.iter().filter_map(sample).collect()
@@ -297,7 +305,10 @@ fn samples(stations: &[Station], error_frame: &ErrorFrame<'_>) -> Vec<ErrorSampl
 
 fn grids(stations: &[Station], error_frame: &ErrorFrame<'_>, calibration: &Calibration) -> Grids {
     let reach = Reach::new(&ARM, *error_frame.flange_from_tool());
-    let attained: Vec<_> = stations.iter().filter(|s| s.attained.is_some()).collect();
+    let attained: Vec<_> = stations
+        .iter()
+        .filter(|s| s.one_reading().is_some())
+        .collect();
     let tools: Vec<_> = attained
         .iter()
         .map(|s| error_frame.nominal_tool(&s.joints))
@@ -350,7 +361,7 @@ fn residuals(stations: &[Station], error_frame: &ErrorFrame<'_>) -> ResidualSet 
             fold: Some(0),
             used_for_refit: false,
             predicted: error_frame.nominal_target(&station.joints),
-            residual: error_frame.target_error(&station.joints, station.attained.as_ref()?),
+            residual: error_frame.target_error(&station.joints, station.one_reading()?)?,
             covariance: Some(Matrix3::identity() * 0.25),
             weight: None,
             turn: None,

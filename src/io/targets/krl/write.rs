@@ -7,6 +7,7 @@ use super::super::spread::length;
 use super::lines::{CORRECTED, REFUSED};
 use super::{DataList, MARK, Point};
 use crate::compensation::{Corrected, Exception, Refused};
+use crate::io::table::Word as _;
 
 impl DataList {
     /// The list with the command of each target, and a comment in place of each that has none.
@@ -108,7 +109,7 @@ fn head(outcomes: &[Result<Corrected, Refused>], table_id: &str) -> String {
     let mut allowed = BTreeMap::<&str, usize>::new();
     for name in done
         .clone()
-        .filter_map(|done| done.allowed.map(Exception::name))
+        .filter_map(|done| done.allowed.map(Exception::word))
     {
         *allowed.entry(name).or_default() += 1;
     }

@@ -1,6 +1,6 @@
-//! The plan: a pipeline file with everything resolved and checked that can be known before a log is opened.
+//! The configuration: a pipeline file with everything resolved and checked that can be known before a log is opened.
 //!
-//! Input is the path of a pipeline file and what the command line says besides; output is a [`Plan`]. Steps:
+//! Input is the path of a pipeline file and what the command line says besides; output is a [`Configuration`]. Steps:
 //! 1. the file is parsed ([`super::file`]); paths in it are relative to it;
 //! 2. the robot file becomes an arm;
 //! 3. numbers are checked (`checks`);
@@ -19,9 +19,10 @@ use std::path::{Component, Path, PathBuf};
 use nalgebra::{Isometry3, Point3, UnitVector3, Vector3};
 
 use super::file::{PipelineFile, TipFrame, ToolTip, TrackerFromBase};
-use super::stages::{RawCommandBase, StageSettings};
+use super::stages::StageSettings;
 use crate::compensation::Conditions;
 use crate::fit::commanded::CommandFrames;
+use crate::fit::{ErrorBase, SurveyedBase};
 use crate::geometry::Placement;
 use crate::ingest::Mapping;
 use crate::io::input::{self, Bound};
@@ -32,14 +33,14 @@ use crate::kinematics::{Arm, RobotFile};
 use crate::manifest;
 use crate::report::evaluate::RefitSettings;
 
-pub use error::PlanError;
+pub use error::ConfigurationError;
 pub use files::Files;
 pub use sessions::{LeftOut, POOLED, SessionFiles, SetAside, Why, WorkPiece};
 pub use tree::Tree;
 
 /// A checked pipeline: what to do, on which files, with which settings.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct Configuration {
     /// The pipeline file's name without its ending.
     pub pipeline: String,
     /// The robot's name in the tables; absent where the logs' metadata has to say it.
@@ -95,9 +96,9 @@ pub struct Overrides {
     pub lake: Option<PathBuf>,
 }
 
-impl Plan {
+impl Configuration {
     /// Reads and checks the pipeline file at `path`.
-    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, PlanError> {
+    pub fn load(path: &Path, overrides: &Overrides) -> Result<Self, ConfigurationError> {
         let Files {
             file,
             base,
@@ -143,18 +144,18 @@ impl Plan {
     }
 }
 
-fn read(path: &Path) -> Result<PipelineFile, PlanError> {
-    let text = input::text(path, Bound::SETTINGS).map_err(|source| PlanError::Read {
+fn read(path: &Path) -> Result<PipelineFile, ConfigurationError> {
+    let text = input::text(path, Bound::SETTINGS).map_err(|source| ConfigurationError::Read {
         path: path.to_owned(),
         source,
     })?;
-    let wrong = |source| PlanError::Parse {
+    let wrong = |source| ConfigurationError::Parse {
         path: path.to_owned(),
         source: Box::new(source),
     };
     let values: toml::Table = toml::from_str(&text).map_err(wrong)?;
     if let Some((key, found)) = checks::not_a_number(&toml::Value::Table(values)) {
-        return Err(PlanError::Setting {
+        return Err(ConfigurationError::Setting {
             path: path.to_owned(),
             key,
             found: found.to_string(),
@@ -165,16 +166,18 @@ fn read(path: &Path) -> Result<PipelineFile, PlanError> {
 }
 
 /// The folder that paths in a pipeline file are relative to, without symbolic links.
-fn folder_of(path: &Path) -> Result<PathBuf, PlanError> {
-    let real = path.canonicalize().map_err(|source| PlanError::Read {
-        path: path.to_owned(),
-        source,
-    })?;
+fn folder_of(path: &Path) -> Result<PathBuf, ConfigurationError> {
+    let real = path
+        .canonicalize()
+        .map_err(|source| ConfigurationError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
     Ok(real.parent().unwrap_or(Path::new("/")).to_owned())
 }
 
 /// The lake that the command line names, or else the file's, if this program can use it.
-pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, PlanError> {
+pub(super) fn usable(named: Option<&Path>, of_file: Place) -> Result<Place, ConfigurationError> {
     let lake = named.map_or(of_file, Place::of);
     store::at(&lake)?;
     Ok(lake)
@@ -203,17 +206,18 @@ fn resolved(base: &Path, path: &Path) -> PathBuf {
     whole
 }
 
-fn read_arm(path: &Path, robot: &Path) -> Result<Arm, PlanError> {
-    let text = input::text(robot, Bound::SETTINGS).map_err(|source| PlanError::Robot {
+fn read_arm(path: &Path, robot: &Path) -> Result<Arm, ConfigurationError> {
+    let text = input::text(robot, Bound::SETTINGS).map_err(|source| ConfigurationError::Robot {
         path: path.to_owned(),
         robot: robot.to_owned(),
         source,
     })?;
-    let file: RobotFile = toml::from_str(&text).map_err(|source| PlanError::RobotParse {
-        robot: robot.to_owned(),
-        source: Box::new(source),
-    })?;
-    file.arm().map_err(|source| PlanError::Arm {
+    let file: RobotFile =
+        toml::from_str(&text).map_err(|source| ConfigurationError::RobotParse {
+            robot: robot.to_owned(),
+            source: Box::new(source),
+        })?;
+    file.arm().map_err(|source| ConfigurationError::Arm {
         robot: robot.to_owned(),
         source,
     })
@@ -240,13 +244,14 @@ fn stages(file: &PipelineFile, placed: &Placed) -> StageSettings {
     StageSettings {
         noise: file.noise(),
         fit: fit.clone(),
-        full: file.fit.full.clone().measured_by(&file.noise().tracker),
+        full: file.fit.full.clone().measured_by(&file.tracker.uncertainty),
         up: placed.up,
         flange_from_tool: placed.flange_from_tool,
         base_from_command: placed
             .command_frames
             .map_or_else(Isometry3::identity, |frames| frames.base_from_command),
-        raw_command: placed.raw_command,
+        base: placed.base,
+        target_is_tool: placed.target_is_tool,
         similarity: file.similarity.clone(),
         grid: file.grid.clone(),
         tolerance: file.tolerance,
@@ -265,6 +270,11 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
         .as_ref()
         .map(|section| section.target_is_tool);
     let based = file.tracker.tracker_from_base.is_some();
+    let survey = match &file.tracker.tracker_from_base {
+        Some(TrackerFromBase::Surveyed(survey)) => Some(survey),
+        Some(TrackerFromBase::Fitted) | None => None,
+    };
+    let surveyed = survey.is_some();
     let remarks = [
         (
             file.robot.up.is_none() && file.fit.full.enabled && file.fit.full.gravity,
@@ -275,8 +285,13 @@ fn remarks(file: &PipelineFile) -> Vec<&'static str> {
             "there is no [commanded], so there are no errors against the command",
         ),
         (
-            one_point == Some(false) && based,
-            "[tracker] tracker_from_base is not used: command and measured target are not one point",
+            one_point == Some(false) && surveyed && file.fit.geometric.target.is_none(),
+            "[fit] target is not given: the tool's place beside the measured target is that of the fit, which the arm's errors are in too; \
+             state it with its sd_mm, so that the verdict counts it",
+        ),
+        (
+            survey.is_some_and(|survey| survey.sd_mm.is_none() || survey.sd_deg.is_none()),
+            "[tracker] tracker_from_base.surveyed has no sd_mm and sd_deg: the verdict supposes that the survey has no error",
         ),
         (
             one_point == Some(true) && !based,
@@ -297,27 +312,34 @@ struct Placed {
     command_frames: Option<CommandFrames>,
     /// The controller's tool, which commands are for. It may be meant to be the target; where the target sits is measured.
     flange_from_tool: Option<Isometry3<f64>>,
-    raw_command: Option<RawCommandBase>,
+    base: Option<ErrorBase>,
+    /// Whether the commanded point is the measured target; `None` without commands.
+    target_is_tool: Option<bool>,
     /// Where the tool tip is at the flange, mm.
     tool_tip: Option<Vector3<f64>>,
 }
 
 impl Placed {
-    fn new(path: &Path, file: &PipelineFile) -> Result<Self, PlanError> {
+    fn new(path: &Path, file: &PipelineFile) -> Result<Self, ConfigurationError> {
         let isometry = |key, placement: &Placement| placed(path, key, placement);
         let base = match &file.tracker.tracker_from_base {
-            Some(TrackerFromBase::Surveyed(placement)) => Some(RawCommandBase::Surveyed(isometry(
-                "[tracker] tracker_from_base",
-                placement,
-            )?)),
-            Some(TrackerFromBase::Fitted) => Some(RawCommandBase::Fitted),
+            Some(TrackerFromBase::Surveyed(survey)) => Some(ErrorBase::Surveyed(SurveyedBase {
+                tracker_from_base: isometry("[tracker] tracker_from_base", &survey.placement())?,
+                sd_mm: survey.sd_mm,
+                sd_rad: survey.sd_deg.map(f64::to_radians),
+            })),
+            Some(TrackerFromBase::Fitted) => Some(ErrorBase::Fitted),
             None => None,
         };
         let mut placed = Self {
             up: file.robot.up.map(|up| upwards(path, up)).transpose()?,
             command_frames: None,
             flange_from_tool: None,
-            raw_command: None,
+            base,
+            target_is_tool: file
+                .commanded
+                .as_ref()
+                .map(|commanded| commanded.target_is_tool),
             tool_tip: None,
         };
         let tip = file.report.tool_tip.as_ref();
@@ -340,9 +362,7 @@ impl Placed {
         placed.tool_tip = tip
             .map(|tip| tip_at_flange(path, tip, tool.as_ref()))
             .transpose()?;
-        if section.target_is_tool {
-            placed.raw_command = base;
-        } else if tool.is_none() {
+        if !section.target_is_tool && tool.is_none() {
             return Err(no_tool(path));
         }
         Ok(placed)
@@ -354,12 +374,14 @@ pub(super) fn placed(
     path: &Path,
     key: &'static str,
     placement: &Placement,
-) -> Result<Isometry3<f64>, PlanError> {
-    placement.isometry().map_err(|source| PlanError::Placement {
-        path: path.to_owned(),
-        key,
-        source,
-    })
+) -> Result<Isometry3<f64>, ConfigurationError> {
+    placement
+        .isometry()
+        .map_err(|source| ConfigurationError::Placement {
+            path: path.to_owned(),
+            key,
+            source,
+        })
 }
 
 /// The tool tip along the flange's axes, mm.
@@ -367,14 +389,14 @@ fn tip_at_flange(
     path: &Path,
     tip: &ToolTip,
     flange_from_tool: Option<&Isometry3<f64>>,
-) -> Result<Vector3<f64>, PlanError> {
+) -> Result<Vector3<f64>, ConfigurationError> {
     let [x, y, z] = tip.xyz_mm;
     match (tip.frame, flange_from_tool) {
         (TipFrame::Flange, _) => Ok(Vector3::new(x, y, z)),
         (TipFrame::Tool, Some(flange_from_tool)) => {
             Ok((flange_from_tool * Point3::new(x, y, z)).coords)
         }
-        (TipFrame::Tool, None) => Err(PlanError::Missing {
+        (TipFrame::Tool, None) => Err(ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[commanded] flange_from_tool",
             reason: "[report] tool_tip is stated in the frame of the controller's tool; state where that is, or the tip with \
@@ -383,8 +405,8 @@ fn tip_at_flange(
     }
 }
 
-fn no_tool(path: &Path) -> PlanError {
-    PlanError::Missing {
+fn no_tool(path: &Path) -> ConfigurationError {
+    ConfigurationError::Missing {
         path: path.to_owned(),
         key: "[commanded] flange_from_tool",
         reason: "target_is_tool = false says that the commanded point is not the measured target, so nothing else \
@@ -396,13 +418,13 @@ fn no_tool(path: &Path) -> PlanError {
 const UNIT: f64 = 0.01;
 
 /// Against gravity in the base frame, as a direction.
-pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, PlanError> {
+pub(super) fn upwards(path: &Path, up: [f64; 3]) -> Result<UnitVector3<f64>, ConfigurationError> {
     let vector = Vector3::from(up);
     let (direction, norm) = UnitVector3::new_and_get(vector);
     if (norm - 1.0).abs() <= UNIT {
         return Ok(direction);
     }
-    Err(PlanError::Setting {
+    Err(ConfigurationError::Setting {
         path: path.to_owned(),
         key: "[robot] up".to_owned(),
         found: format!("{up:?}, which has length {norm}"),

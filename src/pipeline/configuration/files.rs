@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PlanError, checks, folder_of, placed_at, read_arm, resolved};
+use super::{ConfigurationError, checks, folder_of, placed_at, read_arm, resolved};
 use crate::io::store::Place;
 use crate::kinematics::Arm;
 use crate::pipeline::file::PipelineFile;
@@ -23,7 +23,7 @@ pub struct Files {
 }
 
 /// Reads the pipeline file at `path`.
-pub fn read(path: &Path) -> Result<Files, PlanError> {
+pub fn read(path: &Path) -> Result<Files, ConfigurationError> {
     let file = super::read(path)?;
     let base = folder_of(path)?;
     let robot_file = resolved(&base, &file.robot.file);

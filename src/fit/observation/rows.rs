@@ -1,19 +1,21 @@
 //! Whitened residuals and Jacobian rows of a block of stations at a time, column by column.
 //!
-//! 1. The stations of a session stand as columns: axis variables, measured positions, whitening `L⁻¹` of `L Lᵀ`.
+//! 1. The readings that one source has of one target in a session stand as columns: axis variables, measured positions, whitening
+//!    `L⁻¹` of `L Lᵀ`.
 //! 2. A block of them passes the batched chain, which gives the predicted target and its motion per unknown.
 //! 3. Residual and columns are whitened, times the root of the station's weight; a block's end is filled with zero rows,
 //!    which say nothing.
 
-use nalgebra::{
-    DMatrix, DMatrixView, Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3,
-};
+use nalgebra::{DMatrix, DMatrixView, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::{Observation, residual};
-use crate::kinematics::BatchColumns;
+use super::measured::widest;
+use super::{Measured, MeasuredPoint, Observation};
+use crate::fit::frames::Channel;
+use crate::join::ReadingKind;
 use crate::kinematics::batch::{BLOCK, Block, Column};
+use crate::kinematics::{BatchChain, BatchColumns};
 
-/// The stations of one session as columns.
+/// The readings of one channel as columns.
 #[derive(Debug)]
 pub struct Stations {
     /// Where each station stands among the problem's observations.
@@ -23,11 +25,11 @@ pub struct Stations {
     measured: [Vec<f64>; 3],
     /// The lower triangle of `L⁻¹`, row by row.
     whitening: [Vec<f64>; 6],
-    /// Whether any orientation was measured.
-    pub turned: bool,
+    /// The kind with the most rows among them.
+    kind: ReadingKind,
 }
 
-/// Whitened rows of a block: one column for each unknown of its session, and the residual behind them.
+/// Whitened rows of a block: one column for each unknown of its channel, and the residual behind them.
 #[derive(Debug, Clone, Default)]
 pub struct BlockRows {
     unknowns: Vec<usize>,
@@ -39,33 +41,73 @@ pub struct BlockRows {
 }
 
 impl Stations {
-    /// Those of `observations` that belong to `session`.
-    pub fn of(session: usize, observations: &[Observation], axes: usize) -> Self {
-        let own = |(_, o): &(usize, &Observation)| o.session == session;
+    /// Those of `observations` that belong to `channel`.
+    pub fn of(channel: Channel, observations: &[Observation], axes: usize) -> Self {
+        let own = |(_, o): &(usize, &Observation)| o.channel() == channel;
         let own: Vec<_> = observations.iter().enumerate().filter(own).collect();
         let column = |pick: &dyn Fn(&Observation) -> f64| -> Vec<f64> {
             own.iter()
                 .map(|(_, observation)| pick(observation))
                 .collect()
         };
-        let whitening: Vec<Matrix3<f64>> = own.iter().map(|(_, o)| whitening(o)).collect();
+        let point = |observation: &Observation| match observation.measured {
+            Measured::Point(point) | Measured::Pose(point, _) => point,
+        };
+        let whitening = own.iter().map(|(_, o)| whitening(&point(o)));
+        let whitening: Vec<Matrix3<f64>> = whitening.collect();
         let entry = |(row, column)| whitening.iter().map(|w| w[(row, column)]).collect();
         Self {
             places: own.iter().map(|(place, _)| *place).collect(),
             axes: (0..axes).map(|axis| column(&|o| o.axes[axis])).collect(),
-            measured: [0, 1, 2].map(|row| column(&|o| o.position[row])),
+            measured: [0, 1, 2].map(|row| column(&|o| point(o).position[row])),
             whitening: [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)].map(entry),
-            turned: own.iter().any(|(_, o)| o.orientation.is_some()),
+            kind: widest(own.iter().map(|(_, o)| &o.measured)),
+        }
+    }
+
+    /// Squared norm of the whitened residual of each station, predicted by `chain`.
+    pub fn squared_norms(&self, chain: &BatchChain, observations: &[Observation]) -> Vec<f64> {
+        let count = self.places.len();
+        match self.kind {
+            ReadingKind::Point => {
+                let [x, y, z] = chain.positions(&self.axes);
+                let end = |i: usize| Vector3::new(x[i], y[i], z[i]);
+                let squared = |i: usize| self.whitened(i, end(i)).norm_squared();
+                (0..count).map(squared).collect()
+            }
+            ReadingKind::Pose => {
+                let poses = chain.poses(&self.axes);
+                let squared = |i: usize| {
+                    let end = poses.isometry(i);
+                    let position = self.whitened(i, end.translation.vector);
+                    let turn = observations[self.places[i]].measured.turn();
+                    let turn = turn.map_or(0.0, |turn| {
+                        (turn.residual(&end.rotation) / turn.sd_rad).norm_squared()
+                    });
+                    position.norm_squared() + turn
+                };
+                (0..count).map(squared).collect()
+            }
+        }
+    }
+
+    /// Sum of squared distances between measured and predicted positions, mm², added to `sum` in order.
+    pub fn add_squares(&self, chain: &BatchChain, sum: &mut f64) {
+        let [x, y, z] = chain.positions(&self.axes);
+        for i in 0..self.places.len() {
+            let predicted = Vector3::new(x[i], y[i], z[i]);
+            let measured = Vector3::from_fn(|row, _| self.measured[row][i]);
+            *sum += (measured - predicted).norm_squared();
         }
     }
 
     /// Whitened position residual of station i of these, predicted at `end`.
-    pub fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
+    fn whitened(&self, i: usize, end: Vector3<f64>) -> Vector3<f64> {
         self.whiten(i, Vector3::from_fn(|row, _| self.measured[row][i]) - end)
     }
 
     /// `L⁻¹` of station i times a vector.
-    pub fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
+    fn whiten(&self, i: usize, vector: Vector3<f64>) -> Vector3<f64> {
         let w = |entry: usize| self.whitening[entry][i];
         Vector3::new(
             w(0) * vector.x,
@@ -75,9 +117,9 @@ impl Stations {
     }
 }
 
-fn whitening(observation: &Observation) -> Matrix3<f64> {
-    observation
-        .position_factor
+fn whitening(point: &MeasuredPoint) -> Matrix3<f64> {
+    point
+        .factor
         .solve_lower_triangular(&Matrix3::identity())
         .expect("a Cholesky factor has a positive diagonal")
 }
@@ -95,7 +137,7 @@ impl BlockRows {
         let (axes, end) = chain.block(&stations.axes, first, &mut self.columns);
         self.unknowns.clear();
         self.unknowns.extend_from_slice(chain.unknowns());
-        self.rows = if stations.turned { 6 } else { 3 } * BLOCK;
+        self.rows = stations.kind.rows() * BLOCK;
         self.values.clear();
         self.values
             .resize(self.rows * (self.unknowns.len() + 1), 0.0);
@@ -119,9 +161,12 @@ impl BlockRows {
             .next()
             .expect("the residual stands behind the unknowns");
         whiten(&whitening, &away, out);
-        if stations.turned {
-            let stations = places.iter().map(|&place| &observations[place]);
-            self.fill_turns(stations, &axes, &roots);
+        match stations.kind {
+            ReadingKind::Point => {}
+            ReadingKind::Pose => {
+                let stations = places.iter().map(|&place| &observations[place]);
+                self.fill_turns(stations, &axes, &roots);
+            }
         }
     }
 
@@ -135,12 +180,11 @@ impl BlockRows {
         let residual_column = self.rows * self.unknowns.len();
         let mut precision = [0.0; BLOCK];
         for (i, observation) in observations.enumerate() {
-            let Some((_, sd)) = observation.orientation else {
+            let Some(measured) = observation.measured.turn() else {
                 continue;
             };
-            precision[i] = roots[i] / sd;
-            let turned = residual(observation, &turned_only(axes, i)).rotation;
-            let turn = turned.expect("an orientation was measured") * precision[i];
+            precision[i] = roots[i] / measured.sd_rad;
+            let turn = measured.residual(&turned_only(axes, i)) * precision[i];
             for row in 0..3 {
                 self.values[residual_column + (3 + row) * BLOCK + i] = turn[row];
             }
@@ -196,14 +240,10 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     rest + sums.iter().sum::<f64>()
 }
 
-/// The end at pose i of a block as far as its orientation goes.
-fn turned_only(axes: &[[Block; 3]; 3], i: usize) -> Isometry3<f64> {
+/// How the end is turned at pose i of a block.
+fn turned_only(axes: &[[Block; 3]; 3], i: usize) -> UnitQuaternion<f64> {
     let rotation = Matrix3::from_fn(|row, column| axes[column][row][i]);
-    let rotation = Rotation3::from_matrix_unchecked(rotation);
-    Isometry3::from_parts(
-        Translation3::identity(),
-        UnitQuaternion::from_rotation_matrix(&rotation),
-    )
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
 }
 
 fn whiten(w: &[Block; 6], [x, y, z]: &[Block; 3], out: &mut [f64]) {

@@ -11,9 +11,9 @@ use crate::join::JoinError;
 use crate::kinematics::ArmError;
 use crate::manifest::ManifestError;
 
-/// Why a pipeline file makes no plan.
+/// Why a pipeline file makes no configuration.
 #[derive(Debug, Error)]
-pub enum PlanError {
+pub enum ConfigurationError {
     /// The pipeline file cannot be read.
     #[error("cannot read the pipeline file {}: {source}; give the path of a TOML file like pipelines/quickstart.toml", path.display())]
     Read {
@@ -162,7 +162,7 @@ fn besides(left_out: &[String]) -> String {
     }
 }
 
-impl PlanError {
+impl ConfigurationError {
     /// Whether the same may go well another time: nothing is wrong with the pipeline file.
     pub const fn is_worth_a_retry(&self) -> bool {
         matches!(self, Self::Store(error) if error.is_worth_a_retry())

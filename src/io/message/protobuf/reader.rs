@@ -9,14 +9,14 @@ use crate::io::message::{FieldPath, SchemaError};
 
 /// The actions that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ProtobufPlan {
+pub struct ProtobufReader {
     /// The first one is the message itself.
     pub(super) nodes: Vec<Node>,
     /// Wanted elements of repeated numbers and strings: slot of the list, index, slot of the value.
     pub(super) picks: Vec<(usize, usize, usize)>,
     /// Slots of the row: the wanted ones and those needed on the way.
     pub(super) slots: usize,
-    /// Identity of the plan: it shows whether a message was read by this plan.
+    /// Tells whether a message was read by this reader.
     pub(super) identity: Arc<()>,
 }
 
@@ -77,16 +77,16 @@ pub(super) enum Target {
 struct Resolving<'d> {
     descriptors: &'d Descriptors,
     wanted: &'d [FieldPath],
-    plan: ProtobufPlan,
+    reader: ProtobufReader,
 }
 
-impl ProtobufPlan {
-    /// The plan that takes the fields at `wanted`, in that order.
+impl ProtobufReader {
+    /// The reader that takes the fields at `wanted`, in that order.
     pub fn resolve(descriptors: &Descriptors, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
         let mut resolving = Resolving {
             descriptors,
             wanted,
-            plan: Self {
+            reader: Self {
                 nodes: Vec::new(),
                 picks: Vec::new(),
                 slots: wanted.len(),
@@ -98,7 +98,7 @@ impl ProtobufPlan {
             .enumerate()
             .map(|(slot, path)| path.want(slot));
         resolving.node(descriptors.root, &wants.collect::<Vec<_>>())?;
-        Ok(resolving.plan)
+        Ok(resolving.reader)
     }
 }
 
@@ -115,8 +115,8 @@ impl Resolving<'_> {
                 fields: self.descriptors.leaves().join(", "),
             });
         }
-        let place = self.plan.nodes.len();
-        self.plan.nodes.push(Node::default());
+        let place = self.reader.nodes.len();
+        self.reader.nodes.push(Node::default());
         let mut node = Node::default();
         // Members of oneofs with their wanted values, which the other members remove.
         let mut members = Vec::new();
@@ -149,7 +149,7 @@ impl Resolving<'_> {
         }
         node.entries
             .retain(|entry| entry.action != Action::Skip || !entry.ousts.is_empty());
-        self.plan.nodes[place] = node;
+        self.reader.nodes[place] = node;
         Ok(place)
     }
 
@@ -197,7 +197,7 @@ impl Resolving<'_> {
         for want in wants {
             match want.rest {
                 [Segment::Element(index)] if !want.each => {
-                    self.plan.picks.push((list, *index, want.slot));
+                    self.reader.picks.push((list, *index, want.slot));
                 }
                 _ => return Err(self.wrong_type(want, "an array")),
             }
@@ -237,8 +237,8 @@ impl Resolving<'_> {
     }
 
     fn new_slot(&mut self) -> usize {
-        self.plan.slots += 1;
-        self.plan.slots - 1
+        self.reader.slots += 1;
+        self.reader.slots - 1
     }
 
     fn wrong_type(&self, want: &Want<'_>, found: &str) -> SchemaError {

@@ -5,7 +5,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use super::PlanError;
+use super::ConfigurationError;
 use crate::fit::full::FullSettings;
 use crate::fit::{FitSettings, Loss, TrackerUncertainty};
 use crate::grid::{GridSettings, Lattice, Tolerance, WorkBox};
@@ -13,7 +13,7 @@ use crate::ingest::WrongFields;
 use crate::io::lake;
 use crate::io::log::Limits;
 use crate::io::message;
-use crate::pipeline::file::PipelineFile;
+use crate::pipeline::file::{PipelineFile, TrackerFromBase};
 use crate::similarity::SimilaritySettings;
 
 /// A key whose value cannot be.
@@ -27,14 +27,20 @@ pub(in crate::pipeline) struct Wrong {
 pub(in crate::pipeline) type Check = Result<(), Wrong>;
 
 /// Checks everything that needs no other file than this one; `joints` is how many the arm has.
-pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(), PlanError> {
+pub(super) fn check(
+    path: &Path,
+    file: &PipelineFile,
+    joints: usize,
+) -> Result<(), ConfigurationError> {
     numbers(file, joints).map_err(|wrong| told(path, wrong))?;
-    file.join.check().map_err(|source| PlanError::Join {
-        path: path.to_owned(),
-        source: Box::new(source),
-    })?;
+    file.join
+        .check()
+        .map_err(|source| ConfigurationError::Join {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
     if file.fit.geometric.orientations && file.tracker.uncertainty.orientation_rad.is_none() {
-        return Err(PlanError::Missing {
+        return Err(ConfigurationError::Missing {
             path: path.to_owned(),
             key: "[tracker] uncertainty.orientation_rad",
             reason: "[fit] orientations = true weighs orientations by it; state it, or leave orientations out",
@@ -44,8 +50,8 @@ pub(super) fn check(path: &Path, file: &PipelineFile, joints: usize) -> Result<(
 }
 
 /// What is wrong with the file at `path`.
-pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> PlanError {
-    PlanError::Setting {
+pub(in crate::pipeline) fn told(path: &Path, wrong: Wrong) -> ConfigurationError {
+    ConfigurationError::Setting {
         path: path.to_owned(),
         key: wrong.key,
         found: wrong.found,
@@ -80,6 +86,7 @@ fn numbers(file: &PipelineFile, joints: usize) -> Check {
     }
     mapping(file, joints)?;
     uncertainty(&file.tracker.uncertainty)?;
+    survey(file.tracker.tracker_from_base.as_ref())?;
     geometric(&file.fit.geometric)?;
     full(&file.fit.full)?;
     similarity(&file.similarity, joints)?;
@@ -137,6 +144,16 @@ fn uncertainty(u: &TrackerUncertainty) -> Check {
     positive(key("divisor"), u.divisor)?;
     u.orientation_rad
         .map_or(Ok(()), |rad| positive(key("orientation_rad"), rad))
+}
+
+fn survey(base: Option<&TrackerFromBase>) -> Check {
+    let Some(TrackerFromBase::Surveyed(survey)) = base else {
+        return Ok(());
+    };
+    let key = |key: &str| format!("[tracker] tracker_from_base.surveyed.{key}");
+    let sizes = [("sd_mm", survey.sd_mm), ("sd_deg", survey.sd_deg)];
+    let stated = sizes.into_iter().filter_map(|(name, sd)| Some((name, sd?)));
+    each(stated, |(name, sd)| not_negative(key(name), sd))
 }
 
 fn geometric(fit: &FitSettings) -> Check {
@@ -228,7 +245,7 @@ fn grid(grid: &GridSettings) -> Check {
         return Err(wrong("[grid] steps_mm", steps[place], "given once"));
     }
     if let Some(bounds) = &grid.bounds {
-        work_box(bounds, steps)?;
+        work_box(bounds)?;
     }
     if let Some(quaternion) = grid.orientation_xyzw {
         let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -258,29 +275,19 @@ fn grid(grid: &GridSettings) -> Check {
         "[]",
         "\"measured\", \"model\" or both",
     )?;
-    positive("[grid] idw_power", grid.idw_power)
+    positive("[grid] idw_power", grid.idw_power)?;
+    not_negative("[grid] within", grid.within)
 }
 
-fn work_box(bounds: &WorkBox, steps: &[f64]) -> Check {
+fn work_box(bounds: &WorkBox) -> Check {
     let sizes = [0, 1, 2].map(|axis| bounds.size(axis));
     let [x, y, z] = sizes.map(|size| format!("{size}"));
     wrong_unless(
-        sizes.iter().all(|size| *size > 0.0),
+        Lattice::of_cells(bounds, [1; 3]).is_ok(),
         "[grid] box",
         format!("{x} × {y} × {z} mm"),
-        "a box whose high_mm is above its low_mm along each axis",
-    )?;
-    each(steps.iter().copied(), |step| {
-        wrong_unless(
-            Lattice::new(bounds, [step; 3]).is_some(),
-            "[grid] steps_mm",
-            step,
-            format!(
-                "a step that fits into the box of {x} × {y} × {z} mm at least once along each axis (and fewer than a \
-                 million times): choose another step or a larger box"
-            ),
-        )
-    })
+        "a box whose high_mm is above its low_mm along each axis, by a millimetre at least",
+    )
 }
 
 fn tolerance(tolerance: &Tolerance) -> Check {

@@ -20,14 +20,14 @@ const MOST_LEVELS: usize = 32;
 
 /// The steps that read the wanted values of one message type.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CdrPlan {
+pub struct CdrReader {
     pub(super) plain: Vec<Step>,
     /// For encodings in which each message and nested message begins with its length.
     pub(super) delimited: Vec<Step>,
     /// Some field is a wide string.
     pub(super) wide: bool,
     pub(super) wanted: usize,
-    /// Identity of the plan: it shows whether a message was read by this plan.
+    /// Tells whether a message was read by this reader.
     pub(super) identity: Arc<()>,
 }
 
@@ -92,8 +92,8 @@ struct Unfolding<'d> {
     level: usize,
 }
 
-impl CdrPlan {
-    /// The plan that takes the fields at `wanted` (paths such as `pose.position.x`), in that order.
+impl CdrReader {
+    /// The reader that takes the fields at `wanted` (paths such as `pose.position.x`), in that order.
     pub fn resolve(definition: &Definition, wanted: &[FieldPath]) -> Result<Self, SchemaError> {
         if let Some(mutable) = mutable(definition) {
             return Err(SchemaError::Mutable {

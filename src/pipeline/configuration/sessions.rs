@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::tree::Tree;
-use super::{Overrides, PlanError, logs};
+use super::{ConfigurationError, Overrides, logs};
 use crate::io::log::{Limits, SessionLogs};
 use crate::pipeline::file::{InputSection, LogNames, Pool, SESSION_PLACE, SessionsBy};
 use found::{Found, Session};
@@ -103,18 +103,19 @@ pub(super) fn list(
     input: &InputSection,
     limits: Limits,
     overrides: &Overrides,
-) -> Result<Listed, PlanError> {
+) -> Result<Listed, ConfigurationError> {
     for (key, names) in [
         ("controller", &input.controller),
         ("tracker", &input.tracker),
     ] {
         name_sessions(path, key, names, input.sessions_by)?;
     }
-    let found = Found::look(tree, folder, input, limits).map_err(|source| PlanError::Folder {
-        path: path.to_owned(),
-        folder: folder.to_owned(),
-        source,
-    })?;
+    let found =
+        Found::look(tree, folder, input, limits).map_err(|source| ConfigurationError::Folder {
+            path: path.to_owned(),
+            folder: folder.to_owned(),
+            source,
+        })?;
     let given = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
     let test = given(&overrides.test).unwrap_or_else(|| input.test.clone());
     let named = given(&overrides.sessions).or_else(|| input.sessions.clone());
@@ -144,7 +145,7 @@ fn name_sessions(
     key: &str,
     names: &LogNames,
     by: SessionsBy,
-) -> Result<(), PlanError> {
+) -> Result<(), ConfigurationError> {
     let wanted = match by {
         SessionsBy::FileName => {
             "names with one {session} in their last part, as sessions_by = \"file_name\" asks"
@@ -167,7 +168,7 @@ fn name_sessions(
     {
         return Ok(());
     }
-    Err(PlanError::Setting {
+    Err(ConfigurationError::Setting {
         path: path.to_owned(),
         key: format!("[input] {key}"),
         found: format!("{:?}", names.to_string()),
@@ -250,7 +251,7 @@ impl SetAside {
     }
 }
 
-fn named_once(names: &[String], test: &[String]) -> Result<(), PlanError> {
+fn named_once(names: &[String], test: &[String]) -> Result<(), ConfigurationError> {
     let mut seen = BTreeSet::new();
     for name in names {
         let how = if !seen.insert(name) {
@@ -260,7 +261,7 @@ fn named_once(names: &[String], test: &[String]) -> Result<(), PlanError> {
         } else {
             continue;
         };
-        return Err(PlanError::NamedTwice {
+        return Err(ConfigurationError::NamedTwice {
             session: name.clone(),
             how,
         });
@@ -275,13 +276,13 @@ fn nothing(
     found: &Found<'_>,
     training: &[Session],
     judges: &[Session],
-) -> PlanError {
+) -> ConfigurationError {
     let bad = training.iter().chain(judges).find_map(|session| {
         let why = session.files().err()?;
         Some((session.name.clone(), why.reason().to_owned()))
     });
     if let Some((session, reason)) = bad {
-        return PlanError::Session {
+        return ConfigurationError::Session {
             session,
             reason,
             folder: folder.to_owned(),
@@ -289,7 +290,7 @@ fn nothing(
         };
     }
     let left = found.left_out.iter();
-    PlanError::NoSessions {
+    ConfigurationError::NoSessions {
         folder: folder.to_owned(),
         wanted: input.sessions_by.of(&input.controller, &input.tracker),
         left_out: left

@@ -1,0 +1,190 @@
+//! What a fit takes of a reading, by its kind: how many rows its residual has, what the residual is, how it moves with the target,
+//! and its covariance.
+//!
+//! A kind of reading (a distance, say) is a variant of [`crate::join::ReadingKind`] and [`crate::join::Value`], and of [`Measured`]
+//! here, with its rows one at a time in this file and in blocks in [`super::rows`]: the compiler names each of these places, and
+//! nothing else in the fit asks for the kind.
+
+use nalgebra::{DMatrix, Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+
+use super::Source;
+use crate::join::{MeanOrientation, MeanPoint, Reading, ReadingKind, Value};
+use crate::kinematics::Twist;
+
+/// What was measured at a station, and how well; in the source's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Measured {
+    /// The target's position.
+    Point(MeasuredPoint),
+    /// The target's position and orientation.
+    Pose(MeasuredPoint, MeasuredOrientation),
+}
+
+/// A measured position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredPoint {
+    /// Where the target was seen, mm.
+    pub position: Point3<f64>,
+    /// Covariance of the position without the arm's share: instrument and scatter of the mean, mm².
+    pub instrument: Matrix3<f64>,
+    /// Lower triangle L of the position's whole covariance `L Lᵀ`, repeatability included, mm.
+    pub factor: Matrix3<f64>,
+}
+
+/// A measured orientation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredOrientation {
+    /// How the target was turned.
+    pub orientation: UnitQuaternion<f64>,
+    /// Standard uncertainty per axis, rad.
+    pub sd_rad: f64,
+}
+
+impl Measured {
+    /// What a fit takes of a reading of `source`: no orientation of a source that is asked for points alone, or of which nobody
+    /// says how well it knows orientations.
+    pub(super) fn of(reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
+        let point = |point: &MeanPoint| MeasuredPoint::of(point, reading, source, repeatability_mm);
+        match (&reading.value, source.reads) {
+            (Value::Point(of) | Value::Pose(of, _), ReadingKind::Point)
+            | (Value::Point(of), ReadingKind::Pose) => Self::Point(point(of)),
+            (Value::Pose(of, turn), ReadingKind::Pose) => {
+                match MeasuredOrientation::of(turn, reading, source) {
+                    None => Self::Point(point(of)),
+                    Some(turn) => Self::Pose(point(of), turn),
+                }
+            }
+        }
+    }
+
+    /// Which kind of reading it is.
+    pub const fn kind(&self) -> ReadingKind {
+        match self {
+            Self::Point(_) => ReadingKind::Point,
+            Self::Pose(..) => ReadingKind::Pose,
+        }
+    }
+
+    /// The position, where one was measured.
+    pub const fn point(&self) -> Option<&MeasuredPoint> {
+        match self {
+            Self::Point(point) | Self::Pose(point, _) => Some(point),
+        }
+    }
+
+    /// The position, to be changed, where one was measured.
+    pub const fn point_mut(&mut self) -> Option<&mut MeasuredPoint> {
+        match self {
+            Self::Point(point) | Self::Pose(point, _) => Some(point),
+        }
+    }
+
+    /// The orientation, where one was measured.
+    pub const fn turn(&self) -> Option<&MeasuredOrientation> {
+        match self {
+            Self::Point(_) => None,
+            Self::Pose(_, turn) => Some(turn),
+        }
+    }
+
+    /// The same measurement without its orientation.
+    #[must_use]
+    pub const fn without_turn(self) -> Self {
+        match self {
+            Self::Point(point) | Self::Pose(point, _) => Self::Point(point),
+        }
+    }
+
+    /// Measured minus `predicted`, the target's pose in the source's frame: one number a row.
+    pub fn residual(&self, predicted: &Isometry3<f64>) -> Vec<f64> {
+        let away = |point: &MeasuredPoint| point.position.coords - predicted.translation.vector;
+        let mut rows = Vec::with_capacity(self.kind().rows());
+        match self {
+            Self::Point(point) => rows.extend(away(point).iter()),
+            Self::Pose(point, turn) => {
+                rows.extend(away(point).iter());
+                rows.extend(turn.residual(&predicted.rotation).iter());
+            }
+        }
+        rows
+    }
+
+    /// The instrument's covariance of the rows, mm² and rad².
+    pub fn instrument(&self) -> DMatrix<f64> {
+        let rows = self.kind().rows();
+        let mut covariance = DMatrix::zeros(rows, rows);
+        let mut put = |point: &MeasuredPoint| {
+            let mut own = covariance.fixed_view_mut::<3, 3>(0, 0);
+            own.copy_from(&point.instrument);
+        };
+        match self {
+            Self::Point(point) => put(point),
+            Self::Pose(point, MeasuredOrientation { sd_rad: sd, .. }) => {
+                put(point);
+                (3..6).for_each(|axis| covariance[(axis, axis)] = sd * sd);
+            }
+        }
+        covariance
+    }
+}
+
+/// How the rows of a reading move by `amount` of a motion of the target, into `rows`, which are as many.
+pub(in crate::fit) fn moved(kind: ReadingKind, twist: &Twist, amount: f64, rows: &mut [f64]) {
+    match kind {
+        ReadingKind::Point => put(&(twist.linear * amount), rows),
+        ReadingKind::Pose => {
+            let (position, turn) = rows.split_at_mut(3);
+            put(&(twist.linear * amount), position);
+            put(&(twist.angular * amount), turn);
+        }
+    }
+}
+
+fn put(vector: &Vector3<f64>, rows: &mut [f64]) {
+    rows.copy_from_slice(vector.as_slice());
+}
+
+/// Whether any orientation is measured: the kind whose rows hold those of all others.
+pub(in crate::fit) fn widest<'m>(all: impl IntoIterator<Item = &'m Measured>) -> ReadingKind {
+    let kinds = all.into_iter().map(Measured::kind);
+    kinds
+        .max_by_key(|kind| kind.rows())
+        .unwrap_or(ReadingKind::Point)
+}
+
+impl MeasuredPoint {
+    fn of(point: &MeanPoint, reading: &Reading, source: &Source, repeatability_mm: f64) -> Self {
+        let mut instrument = point.stated_covariance.map_or_else(
+            || source.uncertainty.covariance(&point.position),
+            |[xx, xy, xz, yy, yz, zz]| Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
+        );
+        for axis in 0..3 {
+            instrument[(axis, axis)] += point.scatter_mm[axis].powi(2) / reading.kept.max(1) as f64;
+        }
+        let covariance = instrument + Matrix3::identity() * repeatability_mm.powi(2);
+        let isotropic = || Matrix3::identity() * repeatability_mm.max(1e-3);
+        Self {
+            position: point.position,
+            instrument,
+            factor: covariance
+                .cholesky()
+                .map_or_else(isotropic, |factor| factor.l()),
+        }
+    }
+}
+
+impl MeasuredOrientation {
+    fn of(turn: &MeanOrientation, reading: &Reading, source: &Source) -> Option<Self> {
+        let instrument = source.uncertainty.orientation_rad?;
+        let of_mean = turn.scatter_rad.powi(2) / reading.kept.max(1) as f64;
+        Some(Self {
+            orientation: turn.orientation,
+            sd_rad: instrument.mul_add(instrument, of_mean).sqrt(),
+        })
+    }
+
+    /// Measured minus predicted as a rotation vector, rad.
+    pub(super) fn residual(&self, predicted: &UnitQuaternion<f64>) -> Vector3<f64> {
+        (self.orientation * predicted.inverse()).scaled_axis()
+    }
+}

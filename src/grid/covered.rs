@@ -1,0 +1,83 @@
+//! What a table answers for: the share of the measured stations, and of the box.
+
+use super::lattice::Lattice;
+use super::node::GridStation;
+use super::settings::GridPlan;
+
+/// A table that answers for a smaller share of the stations like it is chosen only where none answers for more.
+pub(super) const ENOUGH: f64 = 0.95;
+
+/// What a table answers for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Covered {
+    /// Stations that it answers for.
+    pub stations: usize,
+    /// Stations like it: of its arm configuration, and turned from its orientation by no more than the tolerance.
+    pub like: usize,
+    /// All measured stations.
+    pub measured: usize,
+    /// Share of the box's volume in cells that can serve, 0 to 1.
+    pub of_box: f64,
+}
+
+impl Covered {
+    /// What the nodes of `lattice` answer for; `serves` says whether a cell of these vertices has values.
+    pub(super) fn of(
+        lattice: &Lattice,
+        plan: &GridPlan,
+        stations: &[GridStation],
+        serves: impl Fn(&[usize; 8]) -> bool,
+    ) -> Self {
+        let like = || stations.iter().filter(|station| plan.is_like(station));
+        let answers = |station: &&GridStation| {
+            let cell = lattice.locate(&station.position);
+            cell.is_some_and(|cell| serves(&cell.vertices))
+        };
+        let serving = lattice
+            .cells()
+            .filter(|index| serves(&lattice.vertices(*index)));
+        let volume: f64 = serving
+            .map(|index| lattice.volume_in(&plan.bounds, index))
+            .sum();
+        let whole: f64 = (0..3).map(|axis| plan.bounds.size(axis)).product();
+        Self {
+            stations: like().filter(answers).count(),
+            like: like().count(),
+            measured: stations.len(),
+            of_box: (volume / whole).min(1.0),
+        }
+    }
+
+    /// Share of all measured stations; 0 without any.
+    pub fn of_stations(&self) -> f64 {
+        self.stations as f64 / self.measured.max(1) as f64
+    }
+
+    /// Share of the stations like the table; `None` where there is none.
+    pub fn of_like(&self) -> Option<f64> {
+        (self.like > 0).then(|| self.stations as f64 / self.like as f64)
+    }
+
+    /// Whether it answers for so many of the stations like it that it may be chosen before others.
+    pub(super) fn is_enough(&self) -> bool {
+        self.of_like().is_none_or(|share| share >= ENOUGH)
+    }
+
+    /// What it answers for, in words.
+    pub fn words(&self) -> String {
+        let of = if self.like == self.measured {
+            "measured stations".to_owned()
+        } else {
+            format!(
+                "stations of its orientation and configuration ({} measured in all)",
+                self.measured
+            )
+        };
+        format!(
+            "it answers for {} of {} {of} and {:.1} % of the box",
+            self.stations,
+            self.like,
+            100.0 * self.of_box
+        )
+    }
+}

@@ -1,0 +1,54 @@
+//! The base that a table's errors are stated in, as its rows say.
+
+use super::words::placement;
+use crate::fit::ErrorBase;
+use crate::io::table::words;
+use crate::io::tables::outcome::Outcome;
+
+/// The base that errors are stated in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ErrorFrameName {
+    /// As base + target fit it: the program's base has to be set to it.
+    Fitted,
+    /// Surveyed: where the program's base is.
+    Surveyed,
+}
+
+words! {
+    ErrorFrameName { Fitted: "fitted", Surveyed: "surveyed" }
+}
+
+/// Values of the columns `error_frame` and those that begin so.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ErrorFrameOf {
+    pub name: ErrorFrameName,
+    /// Origin of the base in the tracker's frame, mm, and its orientation, x y z w.
+    pub base: ([f64; 3], [f64; 4]),
+    /// The measured target in the flange's frame, mm.
+    pub target: [f64; 3],
+    /// Standard deviation of a surveyed base's origin, mm.
+    pub sd_mm: Option<f64>,
+    /// Standard deviation of a surveyed base's rotation, degrees.
+    pub sd_deg: Option<f64>,
+}
+
+impl ErrorFrameOf {
+    pub(super) fn new(outcome: &Outcome<'_>) -> Self {
+        let frames = outcome.error_frame.frames();
+        let (name, sd_mm, sd_deg) = match &outcome.base {
+            ErrorBase::Fitted => (ErrorFrameName::Fitted, None, None),
+            ErrorBase::Surveyed(base) => (
+                ErrorFrameName::Surveyed,
+                base.sd_mm,
+                base.sd_rad.map(f64::to_degrees),
+            ),
+        };
+        Self {
+            name,
+            base: placement(frames.tracker_from_base.isometry()),
+            target: placement(frames.flange_from_target.isometry()).0,
+            sd_mm,
+            sd_deg,
+        }
+    }
+}

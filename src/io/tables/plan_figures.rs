@@ -1,0 +1,240 @@
+//! `plan_figures`: accuracy over simulated robots, from which a plan follows.
+
+use crate::grid::{Interpolation, Source};
+use crate::io::table::{row, words};
+use crate::plan::compare::Expected;
+use crate::plan::influence::Study;
+use crate::plan::outcomes::RobotFigures;
+use crate::plan::session::KIND;
+use crate::plan::{Kind, Outcomes, PlanSettings, Purpose, SamplingPlan};
+
+row! {
+    /// Accuracy after compensation over many simulated robots, for one setting of one study.
+    pub struct FigureRow of "plan_figures" {
+        /// What is varied.
+        study: FigureStudy,
+        /// How far it is varied, in the unit of the study; `None` where the step or the design is varied.
+        value: Option<f64>,
+        /// Choice of the measured poses.
+        design: Kind,
+        /// What is subtracted from commands.
+        source: CorrectedBy,
+        /// Interpolation inside a cell; `None` without a grid.
+        interpolation: Option<Interpolation>,
+        /// Step of the grid, mm; `None` without a grid.
+        step_mm: Option<f64>,
+        /// Poses measured.
+        poses: usize,
+        /// Nodes or poses asked for that the arm does not reach.
+        not_reached: usize,
+        /// Robots drawn.
+        robots: usize,
+        /// Robots whose session could not be fitted; they do not meet the tolerance.
+        no_fit: usize,
+        /// Robots with enough fresh poses for a bound.
+        judged: usize,
+        /// Fresh poses in a cell that cannot serve, all robots together.
+        refused: usize,
+        /// Fresh poses outside the grid, all robots together.
+        outside: usize,
+        /// Mean over robots of the mean error, mm; `None` without a robot that was judged, as the next three.
+        mean_mm: Option<f64>,
+        /// Mean over robots of the 95th percentile, mm.
+        p95_mm: Option<f64>,
+        /// Mean over robots of the 99th percentile, mm.
+        p99_mm: Option<f64>,
+        /// Mean over robots of the largest error, mm.
+        max_mm: Option<f64>,
+        /// Mean error that the error model expects, mm; `None` for poses that it did not choose, as the next.
+        expected_mean_mm: Option<f64>,
+        /// Error that the tolerance's share of errors stays below, as the error model expects, mm.
+        expected_share_mm: Option<f64>,
+        /// Mean error that the asked share of robots stays below, mm; `None` with too few robots.
+        mean_bound_mm: Option<f64>,
+        /// Bound that the asked share of robots stays below, mm; `None` with too few robots.
+        bound_mm: Option<f64>,
+        /// Robots whose bound is within the tolerance.
+        meet: usize,
+        /// Least share of such robots, with the asked confidence.
+        share_at_least: f64,
+        /// Share of robots that has to meet the tolerance.
+        share_asked: f64,
+        /// Confidence of shares and bounds over robots.
+        confidence: f64,
+        /// The tolerance, mm.
+        tolerance_mm: f64,
+        /// Whether the plan is this row, or the step of the influences is.
+        chosen: bool,
+    }
+}
+
+/// Studies of a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FigureStudy {
+    /// The step of a uniform grid.
+    Step,
+    /// The place of the grid, as a share of its step.
+    GridShift,
+    /// The turn of the tool away from the table's orientation, degrees.
+    OrientationMismatch,
+    /// The share of nodes measured with the wrist flipped.
+    MixedConfiguration,
+    /// The least singularity factor of fresh poses, lower edge.
+    SingularityDistance,
+    /// The design and its number of poses.
+    Design,
+    /// The plan itself, on robots that took no part in choosing it.
+    Promise,
+}
+
+/// What corrects commands in a study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CorrectedBy {
+    /// Node values as measured.
+    Measured,
+    /// Node values of the geometric model.
+    Model,
+    /// Predictions of the identified arm, without a grid.
+    IdentifiedArm,
+}
+
+words! {
+    FigureStudy {
+        Step: "step",
+        GridShift: "grid_shift",
+        OrientationMismatch: "orientation_mismatch",
+        MixedConfiguration: "mixed_configuration",
+        SingularityDistance: "singularity_distance",
+        Design: "design",
+        Promise: "promise",
+    }
+    CorrectedBy { Measured: "measured", Model: "model", IdentifiedArm: "identified_arm" }
+}
+
+impl From<Study> for FigureStudy {
+    fn from(study: Study) -> Self {
+        match study {
+            Study::Shift(_) => Self::GridShift,
+            Study::Turn(_) => Self::OrientationMismatch,
+            Study::Flipped(_) => Self::MixedConfiguration,
+            Study::Singularity(..) => Self::SingularityDistance,
+        }
+    }
+}
+
+impl From<Source> for CorrectedBy {
+    fn from(source: Source) -> Self {
+        match source {
+            Source::Measured => Self::Measured,
+            Source::Model => Self::Model,
+        }
+    }
+}
+
+impl FigureRow {
+    /// Whether the asked share of robots is shown to meet the tolerance.
+    pub fn holds(&self) -> bool {
+        self.share_at_least >= self.share_asked
+    }
+}
+
+/// The figures of every step, influence and design, and of the plan itself.
+pub fn rows(plan: &SamplingPlan, settings: &PlanSettings) -> Vec<FigureRow> {
+    let steps = plan.steps.iter().enumerate().map(|(place, row)| FigureRow {
+        source: row.source.into(),
+        interpolation: Some(row.interpolation),
+        step_mm: Some(row.step_mm),
+        not_reached: row.refused_nodes.values().sum(),
+        chosen: plan.step == Some(place),
+        ..figures(
+            FigureStudy::Step,
+            Kind::UniformGrid,
+            row.poses,
+            &row.outcomes,
+            settings,
+        )
+    });
+    let influences = plan.influences.iter().map(|row| FigureRow {
+        value: Some(row.study.value()),
+        source: row.source.into(),
+        interpolation: Some(row.interpolation),
+        step_mm: Some(row.step_mm),
+        not_reached: row.not_reached,
+        ..figures(
+            row.study.into(),
+            Kind::UniformGrid,
+            row.poses,
+            &row.outcomes,
+            settings,
+        )
+    });
+    let chosen = plan.session.count(|purpose| purpose == Purpose::Identify);
+    let designs = plan.designs.iter().map(|row| FigureRow {
+        expected_mean_mm: row.expected.map(|Expected { mean_mm, .. }| mean_mm),
+        expected_share_mm: row.expected.map(|Expected { share_mm, .. }| share_mm),
+        chosen: row.kind == KIND && row.poses == chosen,
+        ..figures(
+            FigureStudy::Design,
+            row.kind,
+            row.poses,
+            &row.outcomes,
+            settings,
+        )
+    });
+    let measured = plan.session.count(|purpose| purpose != Purpose::Verify);
+    let promise = FigureRow {
+        chosen: true,
+        ..figures(
+            FigureStudy::Promise,
+            KIND,
+            measured,
+            &plan.promise,
+            settings,
+        )
+    };
+    steps
+        .chain(influences)
+        .chain(designs)
+        .chain([promise])
+        .collect()
+}
+
+/// Figures over robots that were corrected by the identified arm, without a grid.
+fn figures(
+    study: FigureStudy,
+    design: Kind,
+    poses: usize,
+    outcomes: &Outcomes,
+    settings: &PlanSettings,
+) -> FigureRow {
+    let mean = |of: fn(&RobotFigures) -> f64| outcomes.mean.as_ref().map(of);
+    FigureRow {
+        study,
+        value: None,
+        design,
+        source: CorrectedBy::IdentifiedArm,
+        interpolation: None,
+        step_mm: None,
+        poses,
+        not_reached: 0,
+        robots: outcomes.robots,
+        no_fit: outcomes.no_fit,
+        judged: outcomes.judged,
+        refused: outcomes.refused.values().sum(),
+        outside: outcomes.outside,
+        mean_mm: mean(|own| own.mean),
+        p95_mm: mean(|own| own.p95),
+        p99_mm: mean(|own| own.p99),
+        max_mm: mean(|own| own.max),
+        expected_mean_mm: None,
+        expected_share_mm: None,
+        mean_bound_mm: outcomes.mean_bound_mm,
+        bound_mm: outcomes.bound_mm,
+        meet: outcomes.meet,
+        share_at_least: outcomes.share_at_least,
+        share_asked: outcomes.share_asked,
+        confidence: settings.robots_meet.confidence,
+        tolerance_mm: settings.tolerance.mm,
+        chosen: false,
+    }
+}

@@ -1,0 +1,61 @@
+//! The error reference frame that a session's errors are stated in, as the pipeline file says where the base is.
+//!
+//! - Surveyed: the base is where the survey says, so a corrected command brings the tool to where the program wants it in that frame.
+//! - Fitted: the base is where base + target put it, so the program's base has to be set to it.
+//!
+//! Where the commanded point is the measured target, an error is that of the measured point: no lever stands between the two, and
+//! nothing of the tool's error is lost in a target that was fitted. Otherwise the lever comes from `[fit] target` in a surveyed
+//! frame, where it is stated, and from the fitted target elsewhere.
+
+use nalgebra::{Isometry3, Translation3, Vector3};
+
+use super::StageSettings;
+use crate::fit::{ErrorFrame, FramePair, SurveyedBase};
+use crate::geometry::Transform;
+use crate::kinematics::Arm;
+
+/// The error reference frame of a session with the `fitted` frames of base + target.
+pub(super) fn error_frame<'a>(
+    arm: &'a Arm,
+    fitted: &FramePair,
+    settings: &StageSettings,
+) -> ErrorFrame<'a> {
+    let base = settings.surveyed();
+    let frames = FramePair {
+        tracker_from_base: base.map_or(fitted.tracker_from_base, |base| {
+            Transform::claim(base.tracker_from_base)
+        }),
+        flange_from_target: Transform::claim(target(fitted, settings)),
+        ..*fitted
+    };
+    let oriented = settings.noise.takes_orientations();
+    ErrorFrame::new(arm, frames, settings.flange_from_tool, oriented)
+}
+
+/// The measured target at the flange: its place as stated where it is, its orientation as fitted.
+fn target(fitted: &FramePair, settings: &StageSettings) -> Isometry3<f64> {
+    let fitted = fitted.flange_from_target.isometry();
+    let is_tool = settings.target_is_tool == Some(true);
+    let tool = settings.flange_from_tool.filter(|_| is_tool);
+    let known = settings
+        .fit
+        .target
+        .filter(|_| settings.surveyed().is_some());
+    let place = tool
+        .map(|tool| tool.translation.vector)
+        .or_else(|| known.map(|known| Vector3::from(known.xyz_mm)))
+        .unwrap_or(fitted.translation.vector);
+    Isometry3::from_parts(Translation3::from(place), fitted.rotation)
+}
+
+/// Expanded uncertainty (k = 2) that the survey of the base, and of the lever from target to tool, leave at a point so far from the
+/// base's origin, mm; 0 where the base is fitted.
+pub(super) fn expanded_uncertainty_mm(settings: &StageSettings, distance_mm: f64) -> f64 {
+    let survey = |base: &SurveyedBase| base.expanded_uncertainty_mm(distance_mm);
+    let Some(of_base) = settings.surveyed().map(survey) else {
+        return 0.0;
+    };
+    let is_tool = settings.target_is_tool == Some(true);
+    let known = settings.fit.target.filter(|_| !is_tool);
+    of_base.hypot(2.0 * known.map_or(0.0, |known| known.sd_mm))
+}
