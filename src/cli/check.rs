@@ -22,7 +22,7 @@ pub struct CheckArgs {
     pub pipeline: PathBuf,
 }
 
-/// The plan of a pipeline file, in words.
+/// The plan of a pipeline file, as text.
 pub fn check(args: &CheckArgs) -> Result<String, ConfigurationError> {
     Configuration::load(&args.pipeline, &Overrides::default())
         .map(|configuration| described(&configuration))
@@ -156,7 +156,7 @@ fn arm(arm: &Arm) -> String {
     text
 }
 
-/// What no log states.
+/// The conventions that no log states: name and value.
 fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
     let topic = |topic: &str, time, unit: &str| format!("{topic} in {unit}, time: {time}");
     let controller = &configuration.mapping.controller;

@@ -94,7 +94,7 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     batch(&configuration, args, bars)
 }
 
-/// What is worth knowing before the work.
+/// Logs what a person should know before the work starts.
 fn tell(configuration: &Configuration) {
     for left in &configuration.left_out {
         tracing::warn!("{} is no session: {}", Printable(&left.name), left.reason);

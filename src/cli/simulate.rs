@@ -98,7 +98,7 @@ pub enum SimulateFileError {
         "target {target:?} has no joint angles; give q1_deg, q2_deg, …, as `posegrid plan --csv` writes them"
     )]
     NoJoints {
-        /// The target.
+        /// Name of the target.
         target: String,
     },
     /// The folder or the disk refused.

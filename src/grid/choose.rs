@@ -18,16 +18,16 @@ use crate::figures::{Counted, Coverage, least_count};
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerance {
-    /// What a position error may be, mm.
+    /// Largest allowed position error, mm.
     pub mm: f64,
     /// Share of positions that have to be within it.
     pub share: f64,
-    /// How sure one has to be of that.
+    /// Confidence of that.
     pub confidence: f64,
 }
 
 impl Tolerance {
-    /// The coverage that bounds are asked for.
+    /// The share and confidence of bounds.
     pub const fn coverage(&self) -> Coverage {
         Coverage {
             share: self.share,
@@ -35,7 +35,7 @@ impl Tolerance {
         }
     }
 
-    /// The verdict of a bound on as many poses: `bound + guard ≤ tolerance`.
+    /// The verdict on a bound that counts so many poses: `bound + guard ≤ tolerance`.
     ///
     /// ```
     /// use posegrid::figures::PoseErrors;
@@ -68,7 +68,7 @@ impl Tolerance {
 /// What a rule chose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picked {
-    /// Place among the judged rows.
+    /// Index among the judged rows.
     pub row: usize,
     /// Whether the tolerance is met by it, and shown to be.
     pub verdict: Verdict,
@@ -76,14 +76,14 @@ pub struct Picked {
     pub words: String,
 }
 
-/// Which row was chosen, and why.
+/// The chosen row, and the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// Place of the published table among the judged rows; `None` where no step gives a table.
     pub row: Option<usize>,
     /// Whether the tolerance is met, and shown to be.
     pub verdict: Verdict,
-    /// The choice in words.
+    /// The choice as text.
     pub words: String,
     /// What [`Rule::Within`] chooses; `None` where no step gives a table.
     pub within: Option<Picked>,

@@ -215,7 +215,7 @@ pub(super) fn session_row(
     }
 }
 
-/// What names a row.
+/// The columns that identify a row.
 #[derive(Clone, Copy)]
 struct Row {
     step_mm: f64,

@@ -18,20 +18,21 @@ use crate::kinematics::Configuration;
 pub struct GridSettings {
     /// Steps to judge, mm.
     pub steps_mm: Vec<f64>,
-    /// The box in the base frame. Absent: the box around the stations that are like the table.
+    /// The box in the base frame. Absent: the box around the stations with the table's configuration and about its
+    /// orientation.
     #[serde(default, rename = "box", skip_serializing_if = "Option::is_none")]
     pub bounds: Option<WorkBox>,
     /// The tool's orientation in the base frame as a quaternion x y z w. Absent: the mean of the most frequent
     /// configuration's stations.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orientation_xyzw: Option<[f64; 4]>,
-    /// A target's orientation may differ from the table's by this much, degrees.
+    /// Largest difference of a target's orientation from the table's, degrees.
     #[serde(default = "default_orientation_tolerance")]
     pub orientation_tolerance_deg: f64,
-    /// Ways to interpolate inside a cell.
+    /// Interpolations inside a cell.
     #[serde(default = "default_interpolations")]
     pub interpolations: Vec<Interpolation>,
-    /// Where node values may come from.
+    /// Sources of node values.
     #[serde(default = "default_sources")]
     pub sources: Vec<Source>,
     /// The power p of `idw`.
@@ -91,7 +92,7 @@ pub struct GridPlan {
 }
 
 impl GridSettings {
-    /// Settles what the section leaves to the stations.
+    /// Derives from the stations the values that the section does not give.
     pub fn plan(&self, stations: &[GridStation]) -> Result<GridPlan, GridError> {
         if stations.is_empty() {
             return Err(GridError::NoStations);
@@ -117,7 +118,8 @@ impl GridSettings {
                     .collect::<Vec<_>>(),
             )
         };
-        // A session of many orientations has few stations near any one: its box is around all of the configuration.
+        // A session of many orientations has few stations near any one: then its box is around all stations of the
+        // configuration.
         let alike: Vec<&GridStation> = own.iter().filter(near).copied().collect();
         let alike = if 2 * alike.len() >= own.len() {
             alike
@@ -138,7 +140,7 @@ impl GridSettings {
 }
 
 impl GridPlan {
-    /// Whether the table claims to serve a station: its configuration, and its orientation within the tolerance.
+    /// Whether the table covers a station: its configuration, and its orientation within the tolerance.
     pub(super) fn is_like(&self, station: &GridStation) -> bool {
         station.configuration == self.configuration
             && station.orientation.angle_to(&self.orientation) <= self.tolerance_rad
@@ -186,7 +188,7 @@ impl NotJudged {
     }
 }
 
-/// The configuration of most stations; the first in order where several are as frequent.
+/// The configuration of most stations; of equally frequent ones the first in order.
 fn most_frequent(stations: &[GridStation]) -> Option<Configuration> {
     let mut counts: BTreeMap<Option<Configuration>, usize> = BTreeMap::new();
     for station in stations {

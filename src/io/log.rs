@@ -6,9 +6,9 @@
 //! 1. Frames: where each record lies (`frames`); damage becomes rejects with byte ranges.
 //! 2. Blocks: chunks decompressed and checked in parallel, in bounded memory (`scan`, `block`).
 //! 3. Streams: the messages of the wanted topics decoded by a reader into columns (`streams`).
-//! 4. Sides: the files of a split recording are read one behind the other (`session`).
-//! 5. Order: the samples of each stream come out in order of time (`ordered`, [`crate::ingest`]).
-//! 6. Replay: they go into the detector of dwells or to disk, for [`crate::join::join`] ([`read_session`]).
+//! 4. Sides: the files of a split recording are read one after another (`session`).
+//! 5. Order: the samples of each stream are emitted in order of time (`ordered`, [`crate::ingest`]).
+//! 6. Replay: the samples go into the detector of dwells or to disk, for [`crate::join::join`] ([`read_session`]).
 
 mod block;
 mod chunk;

@@ -44,7 +44,7 @@ pub use write_json::write_json;
 pub use super::tables::words::Form;
 
 impl Form {
-    /// The form that a file's name says.
+    /// The form for a file's extension.
     pub fn of(path: &Path) -> Result<Self, TargetsError> {
         let extension = path
             .extension()

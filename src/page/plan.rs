@@ -1,4 +1,4 @@
-//! The page of a plan: what it published → one HTML file, as a run's page is.
+//! The page of a plan: its published rows → one HTML file, like a run's page.
 //!
 //! Input is [`Content`], rows of `sampling_plan` and `plan_figures` as they are published; output is the text of the page. It
 //! is a pure function: the same rows give the same bytes. Sections, the verdict first:
@@ -28,7 +28,7 @@ const SECTIONS: [Maker<Content>; 6] = [
     ("designs", "Better designs", designs::section),
     (
         "influences",
-        "What else the grid depends on",
+        "Other influences on the grid",
         influences::section,
     ),
     ("session", "The session", session::section),
@@ -38,7 +38,7 @@ const SECTIONS: [Maker<Content>; 6] = [
     }),
 ];
 
-/// The page.
+/// The page as HTML text.
 pub fn html(content: &Content) -> String {
     shell::page(&Shell {
         title: format!("Plan · {}", content.robot),

@@ -127,7 +127,7 @@ pub(super) fn purpose(purpose: VisitPurpose) -> &'static str {
     }
 }
 
-/// A table's word with its underscores as spaces; a sentence stays as it is.
+/// A table's word with spaces for underscores; a sentence is unchanged.
 pub(super) fn plain(word: &str) -> String {
     let is_word = !word.contains(' ');
     if is_word {

@@ -6,7 +6,7 @@
 //! 1. each station's command is matched with the target near it ([`matched`]): nearer than any other by half, so that a
 //!    command corrected wrongly is still assigned to its target;
 //! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);
-//! 3. [`application()`] tells from the errors how the corrections were applied;
+//! 3. [`application()`] finds from the errors how the corrections were applied;
 //! 4. the promised bound is held against the stations that judge ([`PromiseKept`]).
 
 mod application;
@@ -186,8 +186,8 @@ fn turns(
     without_constant(&turns, |place| place < first)
 }
 
-/// Holds a promise against the stations that judge; `None` without any. A pose is one of them however often it was visited, and
-/// is within the promised bound where its worst visit is.
+/// Compares a promise with the stations that judge; `None` without any. A pose counts once however often it was visited,
+/// and is within the promised bound where its worst visit is.
 pub fn kept(promise: Promise, after: &ResidualSet) -> Option<PromiseKept> {
     let norms: Vec<f64> = after.judged().map(|r| r.residual.norm()).collect();
     let figures = Figures::of(&norms)?;

@@ -102,7 +102,7 @@ pub fn unseen_session(
         else {
             continue;
         };
-        // An unseen session is predicted with the frames of the first.
+        // An unseen session is predicted with the frames of the first session.
         let trained = it.frames()[0].one()?;
         let to_base = trained.tracker_from_base.isometry().inverse();
         let placed = predictions.iter().map(|p| placed(&p.target, &to_base));

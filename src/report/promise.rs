@@ -27,15 +27,15 @@ pub struct Promise {
 /// What a plan promised, and the poses that verify it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPromise {
-    /// The plan's id.
+    /// Id of the plan.
     pub plan: String,
-    /// Joint angles of the poses that verify, rad.
+    /// Joint angles of the verification poses, rad.
     pub verify: Vec<Vec<f64>>,
     /// The promise.
     pub promise: Promise,
 }
 
-/// A station with the error that a model which did not see it leaves there.
+/// A station with the error that a model that did not see it leaves there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verified {
     /// Reported joint angles, rad.
@@ -116,7 +116,7 @@ impl PlanPromise {
         PromiseKept::new(self.promise, &by_pose, Figures::of(&by_pose.worst()))
     }
 
-    /// The comparison in a line that a person reads.
+    /// The comparison in one line for a person.
     pub fn words(&self, kept: &PromiseKept) -> String {
         let promise = &self.promise;
         let mm = |value: Option<f64>| value.map_or("–".to_owned(), |mm| format!("{mm:.3} mm"));
@@ -129,12 +129,12 @@ impl PlanPromise {
         );
         let Some(figures) = kept.figures else {
             return format!(
-                "{head}; none of its {} poses that verify was measured: nothing to hold it against",
+                "{head}; none of its {} verification poses was measured: nothing to compare it with",
                 self.verify.len()
             );
         };
         format!(
-            "{head}; found, with measurement noise, on {} of {} poses that verify: mean {:.3} mm, largest {:.3} mm, {} within \
+            "{head}; found, with measurement noise, on {} of {} verification poses: mean {:.3} mm, largest {:.3} mm, {} within \
              the bound ({}): {}",
             kept.counted.poses,
             self.verify.len(),
@@ -246,7 +246,7 @@ mod tests {
             !kept.is_broken()
                 && promise()
                     .words(&kept)
-                    .contains("nothing to hold it against")
+                    .contains("nothing to compare it with")
         );
     }
 }

@@ -214,7 +214,7 @@ fn with_covered(words: String, covered: Option<&Covered>) -> String {
     }
 }
 
-/// What a figure is of, its bound against the tolerance, and what the bound counts.
+/// The subject of a figure, its bound compared with the tolerance, and the number of poses that the bound counts.
 fn figure(of: &Accuracy, tolerance: &Tolerance) -> String {
     let mut what = of.subject.model.name_at(of.subject.angles);
     if of.subject.model == Model::Table {

@@ -14,7 +14,7 @@ use crate::grid::Verdict;
 use crate::pipeline::configuration::{Configuration, SessionFiles, SetAside, Why};
 use crate::pipeline::run::Done;
 
-/// The pieces of work in words.
+/// The pieces of work as text.
 pub fn work(configuration: &Configuration) -> String {
     let names = |sessions: &[SessionFiles]| {
         let names: Vec<_> = sessions

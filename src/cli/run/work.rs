@@ -70,7 +70,7 @@ pub fn all(
     (endings, without.concat())
 }
 
-/// Does one piece, again without each session that turns out to be bad, as long as others are left to learn from.
+/// Does one piece, and repeats it without each session that turns out to be bad, as long as others are left to learn from.
 fn pooled(
     configuration: &Configuration,
     place: usize,

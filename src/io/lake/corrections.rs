@@ -34,9 +34,9 @@ row! {
         targets_digest: String,
         /// BLAKE3 of the file written, hexadecimal.
         file_digest: String,
-        /// Targets read.
+        /// Number of targets read.
         targets: i64,
-        /// Targets that have a command.
+        /// Number of targets that have a command.
         corrected: i64,
         /// Targets that have none.
         refused: i64,
@@ -55,7 +55,7 @@ row! {
     }
 }
 
-/// Letters of a digest that name a file.
+/// Number of a digest's letters in a file's name.
 const NAME: usize = 32;
 
 /// Whether a key of a lake's store is that of a record of corrections.

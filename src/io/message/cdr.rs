@@ -38,7 +38,7 @@ struct Cursor<'m> {
 }
 
 impl CdrReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
+    /// Puts the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
@@ -407,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn both_byte_orders_lend_the_same_values() {
+    fn both_byte_orders_give_the_same_values() {
         let reader = reader(
             JOINTS,
             &["position", "name", "header.stamp.sec", "header.frame_id"],

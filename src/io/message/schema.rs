@@ -19,11 +19,11 @@ pub enum MessageSchema {
 /// The plan that reads the wanted values of one channel's messages.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FieldReader {
-    /// Of ROS 2 messages in CDR.
+    /// For ROS 2 messages in CDR.
     Cdr(CdrReader),
-    /// Of protobuf messages.
+    /// For protobuf messages.
     Protobuf(ProtobufReader),
-    /// Of JSON messages.
+    /// For JSON messages.
     Json(JsonReader),
 }
 
@@ -76,7 +76,7 @@ impl MessageSchema {
 }
 
 impl FieldReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
+    /// Puts the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {

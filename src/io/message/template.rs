@@ -22,7 +22,7 @@ const LONGEST_PAUSE: u32 = 32;
 pub(super) struct Template {
     /// The reader that read it; `None` where the next message has to be walked.
     reader: Option<Arc<()>>,
-    /// What stands around the slots, without them.
+    /// The bytes around the slots, without them.
     bytes: Vec<u8>,
     /// The bytes before each slot, and the slot.
     parts: Vec<Part>,

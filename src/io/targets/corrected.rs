@@ -166,16 +166,16 @@ impl From<&Gap> for RefusedFor {
     }
 }
 
-/// What corrected targets, as every row of the result says.
+/// The origin of a correction, repeated in every row of the result.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedBy<'a> {
     /// Key of the run.
     pub key: &'a RunKey,
     /// The run's name for targets corrected with it.
     pub table_id: &'a str,
-    /// The kind of table.
+    /// Name of the table: `compensation` or `calibrations`.
     pub table: CorrectingTable,
-    /// The joints in the order of joint angles; none where there are no joint angles.
+    /// The joints in the order of joint angles; empty where there are no joint angles.
     pub joint_names: &'a [String],
 }
 

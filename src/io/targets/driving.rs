@@ -145,7 +145,7 @@ impl DrivingRow {
         }
     }
 
-    /// The row of a CSV file, its texts without what keeps spreadsheets from running them.
+    /// The row of a CSV file, its texts without the marks that keep spreadsheets from running them.
     fn unmarked(mut self) -> Self {
         let texts = [
             &mut self.robot,

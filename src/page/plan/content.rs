@@ -17,9 +17,9 @@ pub struct Content {
     pub figures: Vec<FigureRow>,
     /// `sampling_plan`, in the order of visits.
     pub visits: Vec<VisitRow>,
-    /// Candidates in and out.
+    /// Numbers of candidates read, kept and rejected.
     pub counts: Vec<Count>,
-    /// What the plan was made from.
+    /// Files, version and settings that the plan was made from.
     pub provenance: Provenance,
 }
 
@@ -28,7 +28,7 @@ pub struct Content {
 pub struct About<'a> {
     /// The work.
     pub work: &'a Work,
-    /// Candidates in and out.
+    /// Numbers of candidates read, kept and rejected.
     pub counts: &'a [StageCount],
     /// Tables written.
     pub written: &'a [Written],

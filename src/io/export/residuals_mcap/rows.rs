@@ -1,4 +1,4 @@
-//! Rows of table `residuals` by what they are of, and their numbers as a message.
+//! Rows of table `residuals` by subject, and their numbers as a message.
 
 use serde::Serialize;
 

@@ -211,10 +211,10 @@ fn common(name: &str) -> Option<&'static Common> {
 /// The values that can be read from messages without a pipeline file.
 #[derive(Debug)]
 pub struct Glance {
-    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; where it is in one of the
-    /// usual places.
+    /// Seconds and nanoseconds of the message's own stamp or, in JSON, its text in the third place; `None` where it is in
+    /// none of the usual places.
     pub stamp: Option<FieldReader>,
-    /// The array of joint names, of the common types.
+    /// The array of joint names of the common types; `None` for others.
     pub joint_names: Option<FieldReader>,
 }
 

@@ -7,7 +7,7 @@ use crate::io::message::cell::{Cell, Span};
 use crate::io::message::{MessageFault, Row, template};
 
 impl ProtobufReader {
-    /// Takes the wanted values of one message into the row, in the order they were asked for.
+    /// Puts the wanted values of one message into the row, in the order they were asked for.
     ///
     /// After a fault, the values in the row must not be used.
     pub fn read(&self, message: &[u8], row: &mut Row) -> Result<(), MessageFault> {
