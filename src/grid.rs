@@ -107,7 +107,7 @@ pub struct Judged {
     pub cells: usize,
     /// Number of refused cells, by reason.
     pub refused_cells: std::collections::BTreeMap<Refusal, usize>,
-    /// What its table answers for; `None` where it has no table.
+    /// The stations and the part of the box that its table covers; `None` where it has no table.
     pub covered: Option<Covered>,
     /// Remaining errors on held-out stations.
     pub held_out: HeldOut,

@@ -86,7 +86,7 @@ impl SamplingPlan {
 pub struct Trial<'t> {
     /// The nominal arm.
     pub arm: &'t Arm,
-    /// What places poses.
+    /// Places poses for the arm.
     pub placer: &'t Placer<'t>,
     /// The settings that the plan follows from.
     pub settings: &'t PlanSettings,

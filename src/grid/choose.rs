@@ -65,33 +65,33 @@ impl Tolerance {
     }
 }
 
-/// What a rule chose.
+/// The choice of a rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picked {
     /// Index among the judged rows.
     pub row: usize,
     /// Whether the tolerance is met by it, and shown to be.
     pub verdict: Verdict,
-    /// Why this row, in words.
+    /// The reason for this row, as text.
     pub words: String,
 }
 
 /// The chosen row, and the reason.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// Place of the published table among the judged rows; `None` where no step gives a table.
+    /// Index of the published table among the judged rows; `None` where no step gives a table.
     pub row: Option<usize>,
     /// Whether the tolerance is met, and shown to be.
     pub verdict: Verdict,
     /// The choice as text.
     pub words: String,
-    /// What [`Rule::Within`] chooses; `None` where no step gives a table.
+    /// The choice of [`Rule::Within`]; `None` where no step gives a table.
     pub within: Option<Picked>,
-    /// What [`Rule::FewestNodes`] chooses; `None` where no step gives a table.
+    /// The choice of [`Rule::FewestNodes`]; `None` where no step gives a table.
     pub fewest_nodes: Option<Picked>,
 }
 
-/// What both rules choose among the judged rows, and the row that is published.
+/// The choices of both rules among the judged rows, and the row that is published.
 pub(super) fn choose(judged: &[Judged], settings: &GridSettings) -> Choice {
     let within = rules::within(judged, settings.within);
     let fewest_nodes = rules::fewest_nodes(judged);

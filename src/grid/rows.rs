@@ -17,7 +17,7 @@ use crate::figures::{Coverage, Figures, PoseErrors};
 pub(super) struct Judging<'j> {
     /// Stations and models.
     pub(super) input: &'j GridInput<'j>,
-    /// What has to be met.
+    /// The tolerance: limit, share of positions and confidence.
     pub(super) tolerance: &'j Tolerance,
     /// `[grid]`.
     pub(super) settings: &'j GridSettings,

@@ -38,7 +38,7 @@ pub struct GridSettings {
     /// The power p of `idw`.
     #[serde(default = "default_power")]
     pub idw_power: f64,
-    /// How the published step is chosen.
+    /// The rule for choosing the published step.
     #[serde(default)]
     pub choose: Rule,
     /// A table of model nodes may have a bound above the model's own by this share of it, or by
@@ -47,12 +47,12 @@ pub struct GridSettings {
     pub within: f64,
 }
 
-/// How the published step is chosen among those that were judged.
+/// The rules for choosing the published step among the judged ones.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rule {
-    /// Model nodes, which cost nothing: the largest step whose bound is within `within` of the model's own. Measured nodes:
-    /// the largest step that holds. Of both, the one with the smaller bound.
+    /// Model nodes, which need no measurement: the largest step whose bound is within `within` of the model's own. Measured
+    /// nodes: the largest step that holds. Of both, the one with the smaller bound.
     #[default]
     Within,
     /// The largest step that holds with all smaller ones, whatever its nodes cost: the seed paper's rule.

@@ -33,12 +33,12 @@ pub enum ExportError {
     /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// What is wrong with what the file holds, or with writing it.
+    /// A fault in the content of the file, or in writing it.
     #[error("{}", kind.message(path))]
     At {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         kind: ExportErrorKind,
     },
     /// The table of nodes cannot be read.
@@ -102,7 +102,7 @@ pub enum ExportError {
     Json(#[from] serde_json::Error),
 }
 
-/// What is wrong with a file that is exported, or with the file that is made of it.
+/// The fault in a file that is exported, or in the file made from it.
 #[derive(Debug)]
 pub enum ExportErrorKind {
     /// The file holds another table.

@@ -110,9 +110,7 @@ pub fn words(session: &str, counts: &BTreeMap<String, u64>) -> Vec<String> {
             .get(&format!("{role}.files_cut"))
             .is_some_and(|files| *files > 0);
         cut.then(|| {
-            format!(
-                "{session}: {log} ends too early: what its recorder did not write is not known"
-            )
+            format!("{session}: {log} ends too early: what its recorder did not write is not known")
         })
     };
     let damaged = bytes(counts).filter(|loss| loss.lost > 0);

@@ -91,7 +91,7 @@ pub enum StageError {
     SeveralIn {
         /// The session's name.
         session: String,
-        /// How many of each.
+        /// Number of each.
         source: Several,
     },
     /// A model with several sources or targets.

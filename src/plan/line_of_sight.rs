@@ -150,9 +150,7 @@ pub enum Unsuitable {
         acceptance_deg: f64,
     },
     /// A part of the arm is in the beam.
-    #[error(
-        "{part} is in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed"
-    )]
+    #[error("{part} is in the beam: {distance_mm:.0} mm from it, {clearance_mm:.0} mm are needed")]
     BeamBlocked {
         /// The part that does; of several the one nearest to the base.
         part: Part,

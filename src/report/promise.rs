@@ -1,7 +1,8 @@
-//! A promise held against what was measured after: that of a plan against the session that was measured by it.
+//! A promise compared with errors measured after it: that of a plan with the session that was measured by it.
 //!
-//! Inputs: a [`PlanPromise`], the session's stations, and what a model that did not see them leaves on each. Output: a
-//! [`PromiseKept`], which the promise of a table is held by too ([`super::driven`]). Only visits that were planned to verify count; they are found by their joint angles.
+//! Inputs: a [`PlanPromise`], the session's stations, and the error that a model that did not see them leaves at each.
+//! Output: a [`PromiseKept`], which is also used for the promise of a table ([`super::driven`]). Only visits that were
+//! planned to verify count; they are found by their joint angles.
 
 use std::collections::BTreeSet;
 
@@ -11,12 +12,12 @@ use crate::figures::{Counted, Figures, PoseErrors, share_interval};
 /// is planned. [`crate::fit::visits`] finds which stations are visits of one pose.
 const SAME_POSE_RAD: f64 = 8.726_646_259_971_648e-3;
 
-/// What was promised of errors before they were measured.
+/// A promise of errors, made before they were measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Promise {
-    /// Mean error, mm; `None` where nothing is promised of it.
+    /// Promised mean error, mm; `None` where it is not promised.
     pub mean_mm: Option<f64>,
-    /// What `share` of errors stays below, mm; `None` where nothing is promised of it.
+    /// Bound that `share` of errors stays below, mm; `None` where it is not promised.
     pub bound_mm: Option<f64>,
     /// Share of errors below the bound.
     pub share: f64,
@@ -24,7 +25,7 @@ pub struct Promise {
     pub confidence: f64,
 }
 
-/// What a plan promised, and the poses that verify it.
+/// The promise of a plan, and the poses that verify it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanPromise {
     /// Id of the plan.
@@ -46,23 +47,23 @@ pub struct Verified {
     pub left_mm: f64,
 }
 
-/// A promise held against errors that were measured. A pose counts once however often it was visited, with its worst visit.
+/// A promise compared with measured errors. A pose counts once however often it was visited, with its worst visit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PromiseKept {
     /// The promise.
     pub promise: Promise,
     /// Figures of the errors, mm; `None` without any.
     pub figures: Option<Figures>,
-    /// The poses that were measured, and their visits.
+    /// Number of measured poses, and of their visits.
     pub counted: Counted,
-    /// Of these poses, how many are within the promised bound.
+    /// Number of these poses within the promised bound.
     pub within: usize,
     /// Limits of the share of all errors within the bound, two-sided at the promise's confidence.
     pub interval: (f64, f64),
 }
 
 impl PromiseKept {
-    /// Holds a promise against errors by pose, whose figures are these.
+    /// Compares a promise with errors by pose, whose figures are given.
     pub fn new(promise: Promise, by_pose: &PoseErrors, figures: Option<Figures>) -> Self {
         let bound_mm = promise.bound_mm.unwrap_or(0.0);
         let worst = by_pose.worst();
@@ -82,7 +83,7 @@ impl PromiseKept {
         self.interval.1 < self.promise.share
     }
 
-    /// What became of the promise, in two words.
+    /// The outcome of the promise, in two words.
     pub fn verdict(&self) -> &'static str {
         if self.is_broken() {
             "not kept"
@@ -91,7 +92,7 @@ impl PromiseKept {
         }
     }
 
-    /// The share of all errors that may be within the bound.
+    /// The share of all errors that may be within the bound, as text.
     pub fn possible(&self) -> String {
         format!(
             "{:.1} to {:.1} % of all with {} % confidence",
@@ -103,7 +104,7 @@ impl PromiseKept {
 }
 
 impl PlanPromise {
-    /// Holds the promise against stations that stand at the poses that verify.
+    /// Compares the promise with stations at the verification poses.
     pub fn held_against(&self, stations: &[Verified]) -> PromiseKept {
         let visited = self.verify.iter().filter_map(|pose| at(pose, stations));
         let visited: BTreeSet<usize> = visited.collect();

@@ -8,11 +8,12 @@ use super::Picked;
 use crate::grid::covered::ENOUGH;
 use crate::grid::{Interpolation, Judged, Judgement, Source, Verdict};
 
-/// A bound may be above the model's own by so much even where the share of it is less, mm: no instrument shows it.
+/// A bound may exceed the model's own by this, mm, even where the share of it is less: no instrument shows the difference.
 pub const WITHIN_MM: f64 = 0.005;
 
-/// What [`Rule::Within`](super::Rule) chooses: by model nodes the largest step whose bound is within this share of the model's own,
-/// by measured nodes the largest that holds, and of both the one with the smaller bound. `None` where no row has a table.
+/// The choice of [`Rule::Within`](super::Rule): for model nodes the largest step whose bound is within this share of the
+/// model's own, for measured nodes the largest that holds, and of both the one with the smaller bound. `None` where no row
+/// has a table.
 pub(super) fn within(judged: &[Judged], share: f64) -> Option<Picked> {
     let pool = Pool::of(judged);
     let model = pool.only(Source::Model).near_the_model(share);
@@ -28,8 +29,8 @@ pub(super) fn within(judged: &[Judged], share: f64) -> Option<Picked> {
     Some(pool.with_cost(picked))
 }
 
-/// What [`Rule::FewestNodes`](super::Rule) chooses: the largest step whose bound, and that of all smaller steps of its source and
-/// interpolation, is within the tolerance. `None` where no row has a table.
+/// The choice of [`Rule::FewestNodes`](super::Rule): the largest step whose bound, and that of all smaller steps of its
+/// source and interpolation, is within the tolerance. `None` where no row has a table.
 pub(super) fn fewest_nodes(judged: &[Judged]) -> Option<Picked> {
     let pool = Pool::of(judged);
     Some(pool.with_cost(pool.largest()?))
@@ -105,7 +106,7 @@ impl<'j> Pool<'j> {
         let margin = |model: f64| (share * model).max(WITHIN_MM);
         let mut near = bounds.clone();
         near.retain(|(_, bound, model)| *bound <= model + margin(*model));
-        // Of several that are as near, one that meets the tolerance.
+        // Of several equally near ones, one that meets the tolerance.
         let meets = |place: &(usize, f64, f64)| self.judged[place.0].verdict == Verdict::Meets;
         if near.iter().any(meets) {
             near.retain(meets);
@@ -245,10 +246,10 @@ fn beside(judged: &[Judged], mut published: Picked, other: &Picked) -> Picked {
     published
 }
 
-/// What the grid costs beside the model without one, and whether it helps at all, in words.
+/// The error that the grid adds to that of the model without one, and whether it helps at all, as text.
 fn cost(row: &Judged) -> String {
     if row.held_out.is_no_help() {
-        return "; a grid does not help here: on held-out stations it leaves no less than was there".to_owned();
+        return "; a grid does not help here: on held-out stations the errors are no smaller with it".to_owned();
     }
     match row.held_out.excess() {
         Some((excess, error)) if excess > error => {

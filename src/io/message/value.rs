@@ -5,7 +5,7 @@ use chrono::DateTime;
 use super::Primitive;
 use super::cell::{Cell, List, number};
 
-/// What a reader lends out of one message for one wanted path.
+/// The value of one wanted path in one message.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Value<'m> {
     /// The message has no value there.

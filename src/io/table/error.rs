@@ -110,17 +110,17 @@ pub enum TableError {
     },
 }
 
-/// Why a file cannot be read as a table.
+/// The error of a file that cannot be read as a table.
 #[derive(Debug, Error)]
 #[error("{}", kind.message(path))]
 pub struct FileError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The fault in it.
     pub kind: FileErrorKind,
 }
 
-/// What is wrong with a file that is read as a table.
+/// The fault in a file that is read as a table.
 #[derive(Debug)]
 pub enum FileErrorKind {
     /// The file cannot be opened: the system's error.
@@ -134,13 +134,13 @@ pub enum FileErrorKind {
     },
     /// Not a Parquet file, or a damaged one: Parquet's error.
     Parquet(ParquetError),
-    /// A file so damaged that the Parquet reader gave up in the middle: the reader's message.
+    /// A file so damaged that the Parquet reader stopped in the middle: the reader's message.
     Damaged(String),
     /// Its values cannot be read: Arrow's error.
     Values(ArrowError),
     /// The file holds another table.
     OtherTable {
-        /// What the file holds by its own metadata.
+        /// The table that the file's own metadata states.
         found: String,
         /// Name of the table asked for.
         expected: String,
@@ -161,7 +161,7 @@ pub enum FileErrorKind {
         /// The digest that its metadata has.
         stated: String,
     },
-    /// Its lake says something else of it than the file itself: what differs.
+    /// The rows of its lake contradict the file: the difference.
     NotOfLake(String),
     /// The columns of the file break the table's contract.
     Content(TableError),

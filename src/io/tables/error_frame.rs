@@ -1,16 +1,16 @@
-//! The base that a table's errors are stated in, as its rows say.
+//! The base in which a table's errors are stated, in the form of its rows.
 
 use super::words::placement;
 use crate::fit::ErrorBase;
 use crate::io::table::words;
 use crate::io::tables::outcome::Outcome;
 
-/// The base that errors are stated in.
+/// The base in which errors are stated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorFrameName {
-    /// As base + target fit it: the program's base has to be set to it.
+    /// The base of base + target: the program's base has to be set to it.
     Fitted,
-    /// Surveyed: where the program's base is.
+    /// Surveyed: the program's own base.
     Surveyed,
 }
 
@@ -18,7 +18,7 @@ words! {
     ErrorFrameName { Fitted: "fitted", Surveyed: "surveyed" }
 }
 
-/// Values of the columns `error_frame` and those that begin so.
+/// Values of the columns `error_frame` and `error_frame_…`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ErrorFrameOf {
     pub name: ErrorFrameName,

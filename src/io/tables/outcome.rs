@@ -104,12 +104,12 @@ pub struct Outcome<'a> {
     pub iso_9283: Vec<Iso9283>,
 }
 
-/// What drove a session.
+/// The commands that drove a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DrivingFile {
     /// The run whose table corrected the targets.
     pub key: RunKey,
-    /// Which of its tables: `compensation` or `calibrations`.
+    /// Name of the table: `compensation` or `calibrations`.
     pub table: String,
     /// Targets with their commands, in the file's order.
     pub targets: Vec<CorrectedTarget>,

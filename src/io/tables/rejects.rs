@@ -15,7 +15,7 @@ row! {
         stage: Stage,
         /// Kind of item.
         kind: RejectKind,
-        /// How many bytes, messages, readings or dwells.
+        /// Number of bytes, messages, readings or dwells.
         number: u64,
         /// The reason, as a word or a sentence.
         reason: String,

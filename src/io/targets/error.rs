@@ -12,10 +12,10 @@ use super::names::NamesProblem;
 use crate::io::schema::SchemaError;
 use crate::io::table::FileError;
 
-/// Why a file of targets cannot be read.
+/// The reason why a file of targets cannot be read.
 #[derive(Debug, Error)]
 pub enum TargetsError {
-    /// What is wrong with the file.
+    /// A fault in the file.
     #[error("{}", kind.message(path))]
     File {
         /// Path of the file.
@@ -31,7 +31,7 @@ pub enum TargetsError {
     Schema(#[from] SchemaError),
 }
 
-/// What is wrong with a file of targets.
+/// The fault in a file of targets.
 #[derive(Debug)]
 pub enum TargetsErrorKind {
     /// The extension is none of the known forms.
@@ -40,7 +40,7 @@ pub enum TargetsErrorKind {
     Empty,
     /// A form that lacks what a session is judged by.
     NotDriving,
-    /// Corrections of a table that corrects nothing: the table's name in the file.
+    /// The corrections are by a table that corrects nothing: the table's name in the file.
     NotOfATable(String),
     /// A number that is not finite.
     NotANumber {
@@ -53,7 +53,7 @@ pub enum TargetsErrorKind {
     SeveralTables,
     /// Not a CSV file, or one that cannot be read: the reader's error.
     Csv(csv::Error),
-    /// Not a JSON text, or one of another shape: the reader's error.
+    /// Not a JSON text, or one of another structure: the reader's error.
     Json(serde_json::Error),
     /// A file that cannot be read, is none, or is too large.
     Read(io::Error),

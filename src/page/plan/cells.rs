@@ -1,4 +1,4 @@
-//! Cells of a plan's tables that several sections have.
+//! Cells of a plan's tables that several sections use.
 
 use maud::{Markup, html};
 

@@ -23,10 +23,10 @@ pub struct Content {
     pub provenance: Provenance,
 }
 
-/// What a plan says besides its tables.
+/// The statements of a plan that its tables do not have.
 #[derive(Debug, Clone, Copy)]
 pub struct About<'a> {
-    /// The work.
+    /// The inputs and settings of the plan.
     pub work: &'a Work,
     /// Numbers of candidates read, kept and rejected.
     pub counts: &'a [StageCount],

@@ -115,7 +115,7 @@ impl TableRun {
     }
 }
 
-/// What a run predicted of the commands that this model corrects, by stations that took no part.
+/// The accuracy that a run predicted for commands corrected by this model, from stations that took no part.
 fn promise(model: Model, figures: &[AccuracyRow]) -> Option<Promise> {
     let own: Vec<&AccuracyRow> = figures
         .iter()

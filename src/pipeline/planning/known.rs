@@ -65,15 +65,15 @@ pub enum KnownError {
     /// The lake cannot be read.
     #[error("[plan.known]: {0}")]
     Lake(#[from] LakeError),
-    /// The program does not know its own table.
+    /// A schema of the program is missing.
     #[error(transparent)]
     Schema(#[from] SchemaError),
-    /// A run with several sources or targets.
+    /// The run has several sources or targets.
     #[error("[plan.known]: {}: {source}", path.display())]
     Several {
         /// The table.
         path: PathBuf,
-        /// How many of each.
+        /// Number of each.
         source: Several,
     },
     /// The past session does not fit this plan.
@@ -81,12 +81,12 @@ pub enum KnownError {
     Misfit {
         /// The table.
         path: PathBuf,
-        /// What does not fit.
+        /// The mismatch.
         kind: KnownMisfit,
     },
 }
 
-/// Why the arm of a past session is not the one to plan for.
+/// The reason why the arm of a past session is not the one to plan for.
 #[derive(Debug)]
 pub enum KnownMisfit {
     /// The table is of another robot.

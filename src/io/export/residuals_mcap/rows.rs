@@ -8,7 +8,7 @@ use crate::io::tables::residuals::ResidualRow;
 use crate::io::tables::words::Role;
 use crate::report::{Model, Subject};
 
-/// What residuals are of, and the part that the stations had in the fit.
+/// The subject of residuals, and the part of the stations in the fit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Of {
     pub(super) subject: Subject,
