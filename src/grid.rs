@@ -7,9 +7,9 @@
 //! 2. nodes of each step over the whole box ([`lattice`]), placed by inverse kinematics; refused where the arm cannot serve
 //!    ([`node`]);
 //! 3. the session's own nodes, where it was measured on a grid ([`measured`]);
-//! 4. every step judged on stations that took no part ([`judge`]), with what its table answers for ([`covered`]);
-//! 5. of model nodes the largest step that is hardly worse than the model itself, of measured ones the largest whose bound, and
-//!    that of all smaller steps, is within the tolerance ([`choose`]).
+//! 4. every step judged on stations that took no part ([`judge`]), with the coverage of its table ([`covered`]);
+//! 5. for model nodes the largest step that is hardly worse than the model itself, for measured ones the largest whose
+//!    bound, and that of all smaller steps, is within the tolerance ([`choose`]).
 
 pub mod choose;
 pub mod covered;
@@ -208,8 +208,8 @@ impl Grids {
         Some(&self.judged[self.choice.row?])
     }
 
-    /// Judges the chosen table by a test session: by those of its stations that the table answers for. Its row is added to the
-    /// others; the choice stays as it is. Nothing is added where there is no table.
+    /// Judges the chosen table by a test session: by those of its stations that the table covers. Its row is added to the
+    /// others; the choice is unchanged. Nothing is added where there is no table.
     pub fn judge_by_session(
         &mut self,
         session: &str,

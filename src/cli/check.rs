@@ -174,7 +174,7 @@ fn conventions(configuration: &Configuration) -> Vec<(&'static str, String)> {
         let unit = format!("{:?}", commanded.unit).to_lowercase();
         named.push(("commanded", topic(&commanded.topic, commanded.time, &unit)));
     }
-    told.push((
+    named.push((
         "error frame",
         match configuration.stages.base {
             None => "base as base + target fit it; no errors against the raw command ([tracker] tracker_from_base is not given)",

@@ -88,8 +88,8 @@ pub fn run(args: &RunArgs, bars: &Bars) -> u8 {
     };
     tell(&configuration);
     if args.dry_run {
-        let told = messages::result(work(&configuration), bars);
-        return told.map_or_else(Undelivered::exit_code, |()| DONE);
+        let written = messages::result(work(&configuration), bars);
+        return written.map_or_else(Undelivered::exit_code, |()| DONE);
     }
     batch(&configuration, args, bars)
 }
@@ -129,7 +129,7 @@ fn batch(configuration: &Configuration, args: &RunArgs, bars: &Bars) -> u8 {
     let (endings, without) = work::all(configuration, args.jobs, bars, &stop);
     let mut set_aside = [configuration.set_aside.clone(), without].concat();
     set_aside.sort_by_key(|aside| aside.before);
-    let told = messages::result(summary::summary(configuration, &endings, &set_aside), bars);
+    let written = messages::result(summary::summary(configuration, &endings, &set_aside), bars);
     let code = summary::exit_code(&endings, &set_aside, &stop);
     after_summary(code, written, &stop)
 }

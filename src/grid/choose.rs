@@ -1,6 +1,6 @@
 //! The tolerance, the verdict of a step, and the choice among steps.
 //!
-//! Two rules choose, and both choices are told; `[grid] choose` says which of them is published:
+//! Two rules choose, and both choices are reported; `[grid] choose` sets which of them is published:
 //! - *within*: model nodes cost nothing, so the largest step that is hardly worse than the model itself;
 //! - *fewest-nodes*: the largest step that holds with all smaller ones, as where each node costs a measurement.
 

@@ -33,9 +33,10 @@ pub struct HeldOut {
     /// Norm of the errors that the model itself leaves on the same stations, without any grid, mm; empty for measured
     /// nodes.
     pub direct: Vec<f64>,
-    /// Norms by pose of what the model itself leaves there: what its bound counts; empty for measured nodes.
+    /// Norms by pose of the errors that the model itself leaves there, for its bound; empty for measured nodes.
     pub direct_by_pose: PoseErrors,
-    /// Norms by pose of what the model itself leaves there with between-session variation drawn anew; empty as `between_sessions` is.
+    /// Norms by pose of the errors that the model itself leaves there, with between-session variation; empty where
+    /// `between_sessions` is.
     pub direct_another_day: PoseErrors,
     /// Blocks of the stations: those of one block are not independent.
     pub blocks: BTreeSet<usize>,

@@ -179,7 +179,7 @@ pub(super) enum NotJudged {
 }
 
 impl NotJudged {
-    /// The pitches that the step comes to; `None` where it does not fit.
+    /// The pitches of the step along each axis, mm; `None` where it does not fit.
     pub(super) const fn pitch_mm(&self) -> Option<[f64; 3]> {
         match self {
             Self::NoLattice(_) => None,

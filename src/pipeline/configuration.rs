@@ -1,6 +1,6 @@
-//! The configuration: a pipeline file with everything resolved and checked that can be known before a log is opened.
+//! The configuration: a pipeline file, resolved and checked as far as possible before a log is opened.
 //!
-//! Input is the path of a pipeline file and what the command line says besides; output is a [`Configuration`]. Steps:
+//! Input is the path of a pipeline file and the options of the command line; output is a [`Configuration`]. Steps:
 //! 1. the file is parsed ([`super::file`]); paths in it are relative to it;
 //! 2. the robot file becomes an arm;
 //! 3. numbers are checked (`checks`);

@@ -259,7 +259,7 @@ pub struct TrackerSection {
     pub mapping: TrackerSettings,
     /// The instrument's uncertainty.
     pub uncertainty: TrackerUncertainty,
-    /// Where the arm's base stands in the tracker's frame: errors, table and verdict are stated in that base. Fitted where absent.
+    /// Pose of the arm's base in the tracker's frame: errors, table and verdict are stated in that base. Absent: fitted.
     pub tracker_from_base: Option<TrackerFromBase>,
 }
 

@@ -103,7 +103,7 @@ fn serpentine([nx, ny, nz]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     })
 }
 
-/// The steps that are judged, mm, in the order of the settings: of steps that come to the same pitches, the smallest.
+/// The steps that are judged, mm, in the order of the settings: of steps with the same pitches, the smallest.
 pub fn judged_steps(settings: &PlanSettings) -> Result<Vec<f64>, PlanError> {
     let steps = &settings.grid.steps_mm;
     let lattice = |&step_mm: &f64| Lattice::new(&settings.region.bounds, step_mm);
@@ -117,7 +117,7 @@ pub fn judged_steps(settings: &PlanSettings) -> Result<Vec<f64>, PlanError> {
     Ok(places.map(|place| steps[place]).collect())
 }
 
-/// Judges every step of the settings on the plan's robots, steps that come to the same pitches once.
+/// Judges every step of the settings on the plan's robots, steps with the same pitches once.
 pub fn judge(trial: &Trial<'_>, pool: &[Commanded]) -> Result<Vec<StepRow>, PlanError> {
     let (placer, settings) = (trial.placer, trial.settings);
     let grids: Vec<Grid> = judged_steps(settings)?

@@ -7,7 +7,7 @@
 //!    command corrected wrongly is still assigned to its target;
 //! 2. the base is found from the session's first stations and their targets, the others judge ([`measured`]);
 //! 3. [`application()`] finds from the errors how the corrections were applied;
-//! 4. the promised bound is held against the stations that judge ([`PromiseKept`]).
+//! 4. the promised bound is compared with the stations that judge ([`PromiseKept`]).
 
 mod application;
 mod base_motion;
@@ -195,7 +195,7 @@ pub fn kept(promise: Promise, after: &ResidualSet) -> Option<PromiseKept> {
     Some(PromiseKept::new(promise, &by_pose, Some(figures)))
 }
 
-/// The promise of a table held against a session that it drove, in a line that a person reads; `None` without a figure.
+/// The promise of a table compared with a session that it drove, in one line for a person; `None` without a figure.
 pub fn promise_words(kept: &PromiseKept) -> Option<String> {
     let (promise, figures) = (&kept.promise, kept.figures?);
     Some(format!(

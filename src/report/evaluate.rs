@@ -395,8 +395,8 @@ fn turn(
     }))
 }
 
-/// `tracker_from_base` in which a model's residual of an observation of a training session is stated: that of base + target for its own, and the
-/// geometry's for all others, so that they stand side by side.
+/// `tracker_from_base` in which a model's residual of an observation of a training session is stated: that of base + target
+/// for its own, and the geometry's for all others, so that these can be compared.
 fn stated_in(models: &Models, model: Model, observation: &Observation) -> Isometry3<f64> {
     let calibration = match model.about().corrects {
         Corrects::Frames => &models.base_target,

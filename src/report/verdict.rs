@@ -49,7 +49,7 @@ impl Judging {
 }
 
 impl Judge {
-    /// Held-out blocks of `session`: the figures of its table, the choice of its step in words, and what the table answers for.
+    /// Held-out blocks of `session`: the figures of its table, the choice of its step as text, and the table's coverage.
     pub fn blocks(
         session: &str,
         table: &Accuracy,
@@ -201,12 +201,12 @@ pub const fn word(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// [`figure`] with what a table answers for.
+/// The text of [`figure`] with the coverage of a table.
 fn figure_and_covered(of: &Accuracy, covered: Option<&Covered>, tolerance: &Tolerance) -> String {
     with_covered(figure(of, tolerance), covered)
 }
 
-/// Words with what a table answers for.
+/// A text with the coverage of a table.
 fn with_covered(words: String, covered: Option<&Covered>) -> String {
     match covered {
         Some(covered) => format!("{words}; {}", covered.words()),

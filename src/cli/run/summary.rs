@@ -1,7 +1,7 @@
 //! The summary of a batch: a line for each session, text for each new result, the totals, the exit code.
 //!
-//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds
-//! what it says; a name cannot break a line or begin one. Sessions stand in the order of the configuration.
+//! A line begins with how the session ended, in one word and always in the same columns, so that `grep '^failed'` finds it;
+//! a name cannot break a line or begin one. Sessions are in the order of the configuration.
 
 use std::fmt::Write as _;
 

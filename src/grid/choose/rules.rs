@@ -1,6 +1,6 @@
 //! The two rules that choose a step.
 //!
-//! Both choose among tables that answer for enough of the stations like them; among all tables only where none does.
+//! Both choose among tables that cover enough of the stations like them; among all tables only where none does.
 
 use std::cmp::Ordering;
 
@@ -39,14 +39,14 @@ pub(super) fn fewest_nodes(judged: &[Judged]) -> Option<Picked> {
 /// Rows of tables that a rule may choose from.
 struct Pool<'j> {
     judged: &'j [Judged],
-    /// Places among the judged rows.
+    /// Indices among the judged rows.
     rows: Vec<usize>,
-    /// Whether no table answers for enough of the stations like it.
+    /// Whether no table covers enough of the stations like it.
     is_short: bool,
 }
 
 impl<'j> Pool<'j> {
-    /// All tables that answer for enough stations; all there are where none does.
+    /// All tables that cover enough stations; all tables where none does.
     fn of(judged: &'j [Judged]) -> Self {
         let is_table = |row: &Judged| {
             row.judgement == Judgement::Table && row.of_test.is_none() && row.lattice.is_some()
@@ -196,8 +196,8 @@ impl<'j> Pool<'j> {
         })
     }
 
-    /// Orders rows by step, then by bound, the smaller one last, then by the mean error in local cells: stations that stand on
-    /// nodes tell interpolations not apart.
+    /// Orders rows by step, then by bound, the smaller one last, then by the mean error in local cells: stations on nodes
+    /// do not distinguish interpolations.
     fn by_size(&self, a: usize, b: usize) -> Ordering {
         let (one, other) = (&self.judged[a], &self.judged[b]);
         let bound = |row: &Judged| row.bound.unwrap_or(f64::INFINITY);
@@ -219,7 +219,7 @@ impl<'j> Pool<'j> {
         }
     }
 
-    /// Adds what the choice costs and what it answers for.
+    /// Adds the cost of the choice and its coverage.
     fn with_cost(&self, mut picked: Picked) -> Picked {
         let row = &self.judged[picked.row];
         picked.words += &cost(row);
@@ -278,8 +278,8 @@ fn families(judged: &[Judged]) -> Vec<(Source, Interpolation)> {
     families
 }
 
-/// The tables of a family that were judged, in the order of their steps. What is no multiple of a measured pitch, does not fit or
-/// comes to the pitches of another is no step of it: the others have to hold without gap.
+/// The judged tables of a family, in the order of their steps. A step that is no multiple of a measured pitch, does not fit
+/// or has the pitches of another is none of the family: the others have to hold without a gap.
 fn tables_of(judged: &[Judged], family: (Source, Interpolation)) -> Vec<usize> {
     let of_family = |row: &Judged| {
         row.judgement == Judgement::Table

@@ -69,7 +69,8 @@ impl Row {
         Ok(())
     }
 
-    /// Fills it from a message laid out as the one before, which the same reader read; tells whether it is.
+    /// Fills it from a message with the layout of the one before, which the same reader read; returns whether the layouts
+    /// agree.
     #[inline]
     pub(super) fn fill_as_before(&mut self, reader: &Arc<()>, message: &[u8]) -> bool {
         let alike = self.layout.is_of(reader, message);
@@ -79,7 +80,8 @@ impl Row {
         alike
     }
 
-    /// Fills it from a message worded as the one before, which the same reader read; tells whether it is.
+    /// Fills it from a message with the template of the one before, which the same reader read; returns whether the
+    /// templates agree.
     #[inline]
     pub(super) fn fill_as_worded_before(&mut self, reader: &Arc<()>, message: &[u8]) -> bool {
         let (cells, lists) = (&mut self.cells, &mut self.lists);

@@ -125,7 +125,7 @@ impl Template {
         }
     }
 
-    /// Reads the numbers and texts of a message worded alike for `reader`; tells whether it is.
+    /// Reads the numbers and texts of a message with this template for `reader`; returns whether the message has it.
     ///
     /// If it has not, some values may have been put into the row.
     #[inline]

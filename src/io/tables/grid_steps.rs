@@ -62,13 +62,13 @@ row! {
         held_out_outside: usize,
         /// Held-out stations of another orientation or configuration.
         held_out_unlike: usize,
-        /// Measured stations that the table answers for; `None` where there is no table.
+        /// Number of measured stations that the table covers; `None` where there is no table.
         stations_covered: Option<usize>,
         /// Their share of all measured stations.
         stations_covered_share: Option<f64>,
         /// Their share of the stations of the table's orientation and configuration.
         like_covered_share: Option<f64>,
-        /// The share of the box that the table answers for.
+        /// The share of the box that the table covers.
         box_covered_share: Option<f64>,
         /// Blocks that the poses come from.
         blocks: Option<usize>,

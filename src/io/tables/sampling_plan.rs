@@ -63,7 +63,7 @@ row! {
     }
 }
 
-/// Purposes of a visit; the visit that a drift check repeats stands in a column of its own.
+/// Purposes of a visit; the visit that a drift check repeats is in a column of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VisitPurpose {
     /// The arm is identified on it.

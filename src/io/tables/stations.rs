@@ -159,7 +159,7 @@ pub fn rows(session: &JoinedSession, arm: &Arm) -> Vec<StationRow> {
         .collect()
 }
 
-/// The dwell and its one reading, without its command: sessions with several sources or targets never come to be published.
+/// The dwell and its one reading, without its command: sessions with several sources or targets are never published.
 fn measured(station: &Station) -> StationRow {
     let reading = station.one_reading();
     let point = reading.and_then(|reading| reading.value.point());

@@ -1,4 +1,4 @@
-//! What a plan's page tells: the rows of its published tables, and what the plan says besides.
+//! The content of a plan's page: the rows of its published tables, and the plan's statements that no table has.
 
 use crate::io::tables::plan_figures::{FigureRow, FigureStudy};
 use crate::io::tables::sampling_plan::VisitRow;

@@ -39,7 +39,7 @@ impl Of {
         }
     }
 
-    /// Whether the robot is as it is without compensation.
+    /// Whether the robot is not compensated.
     pub(super) const fn is_before(&self) -> bool {
         matches!(self.subject.model, Model::RawCommand | Model::BaseTarget)
     }

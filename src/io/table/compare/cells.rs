@@ -156,7 +156,7 @@ pub(super) fn whole_text(array: &dyn Array, row: usize) -> String {
 }
 
 fn short(text: &str) -> String {
-    match text.char_indices().nth(TOLD) {
+    match text.char_indices().nth(SHOWN) {
         Some((end, _)) => format!("{}…", &text[..end]),
         None => text.to_owned(),
     }
@@ -210,6 +210,6 @@ mod tests {
     #[test]
     fn a_long_text_is_cut_between_letters() {
         let long = "ü".repeat(500);
-        assert_eq!(short(&long).chars().count(), TOLD + 1);
+        assert_eq!(short(&long).chars().count(), SHOWN + 1);
     }
 }
